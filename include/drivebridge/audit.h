@@ -66,9 +66,10 @@ struct db_audit_entry {
 	/* Who: a client as in struct db_client, port 0: the service itself. */
 	uint8_t address[16];
 	uint16_t port;
-	const char *login; /* user of a session's process, "" or null: no name */
-	const char *user;  /* for whom the session says it acts */
-	const char *from;  /* from where */
+	/* user of a session's process, or name of a client's certificate; "" or null: no name */
+	const char *login;
+	const char *user; /* for whom the session says it acts, or role of the certificate */
+	const char *from; /* from where */
 
 	/* What. */
 	const char *drive;

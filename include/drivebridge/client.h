@@ -24,14 +24,19 @@
 uint32_t db_client_number_after(uint32_t id);
 bool db_client_is_session(uint32_t id);
 
+struct db_role_config;
+
 /* The client that sent a request. Valid for the duration of the call. */
 struct db_client {
 	uint32_t id; /* number of this connection: unique while it lasts; none of those above */
 	/* IPv6, or IPv4 v4-mapped; of a session: db_client_address_of_session(); of a user of this
-	 * machine: db_client_address_of_user() */
+	 * machine: db_client_address_of_user(); over TLS: db_client_address_of_certificate() */
 	uint8_t address[16];
 	uint16_t port; /* not 0; for a session a number of its own, within 16 bits */
 	bool may_write;
+	/* What the role of its certificate allows; null: it has none, and no limits of that kind.
+	 * Not to be kept longer than the call. */
+	const struct db_role_config *role;
 	/* The request arrived at or after this time: a request that waited in a buffer is no sign
 	 * of life at present. 0: just now. */
 	db_time arrived;
@@ -66,18 +71,32 @@ void db_client_address_of_user(const uint8_t network[16], uint32_t user, uint8_t
 /* False: it is no such client's address. */
 bool db_client_user_of_address(const uint8_t address[16], uint32_t *user);
 
+/* A client with a verified certificate: its address and the certificate's number (see
+ * identity/certificates.h), not 0. Of an IPv6 address nothing is kept. */
+void db_client_address_of_certificate(const uint8_t network[16], uint32_t certificate,
+                                      uint8_t address[16]);
+/* False: it is no such client's address. */
+bool db_client_certificate_of_address(const uint8_t address[16], uint32_t *certificate);
+
+/* True if both are one client for ids, claims of control and watchdogs: the same address; or the
+ * same certificate, wherever it comes from. */
+bool db_client_same(const uint8_t a[16], const uint8_t b[16]);
+
 /* The address as people write it: "192.168.10.5", "fd00::5"; "127.0.0.1, user 1000"; "control, user
- * 1000". */
+ * 1000"; "192.168.10.5, certificate 3fa9c1b2". */
 void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MAX]);
 
 /* Names of users, terminated: those of this machine, and those for whom a session acts. */
 #define DB_CLIENT_PROCESS_USER_MAX 32
 #define DB_CLIENT_USER_MAX 33
 
+#define DB_CLIENT_WORDS_MAX 160
+
 /* A client in words. */
 struct db_client_words {
-	/* as above; "control, user anna", "127.0.0.1, user anna" where the name is known */
-	char address[DB_CLIENT_ADDRESS_MAX];
+	/* as above; "control, user anna", "127.0.0.1, user anna", "192.168.10.5, certificate
+	 * press-plc, role Operator" where the names are known */
+	char address[DB_CLIENT_WORDS_MAX];
 	/* the user for whom a session says it acts; "": not stated */
 	char user[DB_CLIENT_USER_MAX];
 };
@@ -86,8 +105,12 @@ struct db_client_words {
 void db_client_words_init(struct db_client_words *words, const uint8_t address[16],
                           const char *process_user, const char *user);
 
+/* The same for a client with a certificate: its name and role, "" where there is none or not known. */
+void db_client_words_init_certificate(struct db_client_words *words, const uint8_t address[16],
+                                      const char *name, const char *role);
+
 /* Both in one: "control, user drivebridge-web for anna". The first is confirmed by the kernel. */
-#define DB_CLIENT_TEXT_MAX (DB_CLIENT_ADDRESS_MAX + 5 + DB_CLIENT_USER_MAX)
+#define DB_CLIENT_TEXT_MAX (DB_CLIENT_WORDS_MAX + 5 + DB_CLIENT_USER_MAX)
 void db_client_words_join(const struct db_client_words *words, char text[DB_CLIENT_TEXT_MAX]);
 
 /* An IPv4 address as one number, the first byte highest; DB_CLIENT_IPV6 for other addresses. */

@@ -13,6 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <string.h>
 
 struct db_driver;
 struct db_source;
@@ -48,6 +49,40 @@ struct db_network {
 	uint8_t prefix; /* 0..128, of the v4-mapped form */
 };
 
+/* A choice of drives. */
+struct db_drive_set {
+	bool all;
+	char *names; /* one after the other, each with its zero byte, an empty one last; null: none */
+};
+
+static inline bool db_drive_set_has(const struct db_drive_set *set, const char *name)
+{
+	const char *listed = set->names;
+
+	while (listed && *listed && strcmp(listed, name) != 0)
+		listed += strlen(listed) + 1;
+	return set->all || (listed && *listed);
+}
+
+/* What clients may whose certificate has this role; see `secure_socket`. */
+struct db_role_config {
+	char *name;
+	struct db_drive_set read;  /* default all; those of `write` are always among them */
+	struct db_drive_set write; /* default none */
+	/* parameters = no (default) or yes: parameters, watchdog_ms, save_parameters, raw frames */
+	bool parameters;
+	/* control = no (default) or yes: claims of control, and the gateway's own registers, with
+	 * which group commands reach every drive */
+	bool control;
+};
+
+/* What clients of the network without a certificate may still do. */
+enum db_require_secure {
+	DB_SECURE_NOT_REQUIRED,
+	DB_SECURE_FOR_WRITES, /* they may only read */
+	DB_SECURE_FOR_ALL,    /* they may not connect */
+};
+
 struct db_modbus_config {
 	/* "ADDRESS:PORT", "[V6]:PORT"; default "127.0.0.1:502"; port 0 = any free one */
 	char *listen;
@@ -58,6 +93,11 @@ struct db_modbus_config {
 	/* local-writers = command-group (default) or everybody: users of this machine have the
 	 * rights that they have at the control socket, or those of their address alone */
 	bool everybody_writes_here;
+	/* secure-socket: where drivebridge-tls hands clients over; DB_NO_SOCKET (default) or null */
+	char *secure_socket;
+	enum db_require_secure require_secure; /* require-secure, default no */
+	struct db_role_config *roles;
+	size_t role_count;
 	bool low_word_first; /* word-order = high-first (default) or low-first */
 	unsigned confirm_ms; /* confirm-ms, 1..10000, default 40 or what the buses need */
 	bool accept_writes;  /* write-confirm = confirmed (default) or accepted */

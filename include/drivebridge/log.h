@@ -41,6 +41,8 @@ enum db_event {
 	DB_EVENT_THREAD_HANGS,
 	DB_EVENT_LOG_LOST,
 	DB_EVENT_CONTROL_FAILED, /* there is no control socket */
+	DB_EVENT_SECURE_FAILED,  /* there is no secure socket */
+	DB_EVENT_SECURE_CHANGED, /* drivebridge-tls is there, or gone */
 	/* its clients */
 	DB_EVENT_CLIENT_CONNECTED,
 	DB_EVENT_CLIENT_GONE,
@@ -129,7 +131,7 @@ struct db_log_line {
 	enum db_event event;
 	char bus[64]; /* "": none; also in the next two */
 	char drive[64];
-	char client[96];
+	char client[160];
 	char text[512]; /* without these names before it */
 };
 

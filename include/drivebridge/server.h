@@ -32,6 +32,9 @@ enum db_refusal {
 	DB_REFUSED_CONTROL,     /* write: another client has control of the drive */
 	DB_REFUSED_PACE,        /* request: more than max-requests-per-second, answered later */
 	DB_REFUSED_DESCRIPTORS, /* connection: the descriptors left are for buses and files */
+	DB_REFUSED_INSECURE,    /* connection or write: it has no certificate (require-secure) */
+	DB_REFUSED_NO_ROLE,     /* request: its certificate has no role of the configuration */
+	DB_REFUSED_ROLE,        /* request: its role does not allow that */
 	DB_REFUSAL_COUNT
 };
 
@@ -44,6 +47,10 @@ struct db_backend {
 	 * request's form.
 	 */
 	uint8_t (*unit)(void *context, uint8_t unit);
+
+	/* Whether the client's role allows it anything with this unit, which exists: 0, or exception
+	 * 01. Only called for clients that have one. */
+	uint8_t (*role)(void *context, const struct db_client *client, uint8_t unit);
 
 	/* Registers (HOLDING, INPUT): count values in host order. Bits (COILS, DISCRETE): count
 	 * values of 0 or 1. All of one call must come from one snapshot. */
@@ -157,6 +164,15 @@ void db_server_answer(struct db_server *server, struct db_write_token token, uin
  */
 struct db_rights;
 void db_server_set_rights(struct db_server *server, const struct db_rights *rights);
+
+/* The name and the role of the certificate with this address, "" where there is none or they are
+ * not known any more. False: it is no certificate's. The server may be null. */
+bool db_server_certificate(const struct db_server *server, const uint8_t address[16],
+                           const char **name, const char **role);
+
+/* How drivebridge-tls is, which hands clients with certificates over. False: it is not connected. */
+struct db_secure_status;
+bool db_server_secure_status(const struct db_server *server, struct db_secure_status *status);
 
 /* Refuses connections that would leave the process fewer than `count` file descriptors: other uses,
  * such as a bus that opens its port again, always find them. 0, the default, keeps none. */

@@ -18,6 +18,7 @@ foreach(source IN LISTS man_sources)
 			${PROJECT_VERSION} ${source} ${output}
 		DEPENDS ${source} ${man_scripts} docs/register-map.csv docs/commands.csv docs/config-keys.csv
 			docs/drivebridgectl.csv docs/mqtt-keys.csv docs/web-keys.csv docs/opcua-keys.csv
+			docs/tls-keys.csv
 		WORKING_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR}
 		COMMENT "Manual page ${page}"
 		VERBATIM)

@@ -32,7 +32,7 @@ struct sim_can_line {
 	bool listens;
 	uint8_t digit; /* of the configured rate */
 	uint8_t flags;
-	uint32_t arbitration_told; /* losses already reported by the flags */
+	uint32_t arbitration_reported; /* losses already reported by the flags */
 
 	/* Frames from an interface. */
 	uint8_t partial[FRAME];
@@ -123,13 +123,13 @@ static void send_frame(struct sim_can_line *line, const struct db_can_frame *fra
 	                                   .extended = frame->id & DB_CAN_EXTENDED });
 }
 
-static void tell_flags(struct sim_can_line *line)
+static void reply_flags(struct sim_can_line *line)
 {
 	const struct sim_can_stats *stats = sim_can_bus_stats(line->bus);
 
-	if (stats->arbitration_lost != line->arbitration_told)
+	if (stats->arbitration_lost != line->arbitration_reported)
 		line->flags |= SLCAN_ARBITRATION_LOST;
-	line->arbitration_told = stats->arbitration_lost;
+	line->arbitration_reported = stats->arbitration_lost;
 	if (sim_can_bus_is_cut(line->bus))
 		line->flags |= SLCAN_ERROR_PASSIVE | SLCAN_BUS_ERROR;
 	reply(line, &(struct slcan_reply){ .kind = SLCAN_REPLY_FLAGS, .flags = line->flags });
@@ -167,7 +167,7 @@ static void obey(struct sim_can_line *line, const struct slcan_command *command,
 		break;
 	case SLCAN_FLAGS:
 		if (line->open)
-			tell_flags(line);
+			reply_flags(line);
 		else
 			reply_kind(line, SLCAN_REPLY_REFUSED);
 		break;
@@ -186,7 +186,7 @@ static void obey(struct sim_can_line *line, const struct slcan_command *command,
 	}
 }
 
-static void hear_adapter(struct sim_can_line *line, uint8_t byte, db_time now)
+static void take_adapter_byte(struct sim_can_line *line, uint8_t byte, db_time now)
 {
 	struct slcan_command command;
 
@@ -208,7 +208,7 @@ static void hear_adapter(struct sim_can_line *line, uint8_t byte, db_time now)
 
 /* --- both kinds ------------------------------------------------------------------------------- */
 
-static void hear_frame(struct sim_can_line *line, uint8_t byte, db_time now)
+static void take_frame_byte(struct sim_can_line *line, uint8_t byte, db_time now)
 {
 	struct db_can_frame frame;
 
@@ -227,9 +227,9 @@ static void line_receive(void *wire, const uint8_t *bytes, size_t length, db_tim
 
 	for (size_t i = 0; i < length; i++) {
 		if (line->config.adapter)
-			hear_adapter(line, bytes[i], now);
+			take_adapter_byte(line, bytes[i], now);
 		else
-			hear_frame(line, bytes[i], now);
+			take_frame_byte(line, bytes[i], now);
 	}
 }
 

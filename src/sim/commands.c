@@ -65,11 +65,11 @@ static const char *do_power(struct request *request)
 		node->family->power(node, false, request->now);
 	if (on || cycle)
 		node->family->power(node, true, request->now);
-	sim_world_tell(request->world, node,
-	               cycle ? "power cycle" :
-	               on    ? "power on" :
-	                       "power off",
-	               request->now);
+	sim_world_report(request->world, node,
+	                 cycle ? "power cycle" :
+	                 on    ? "power on" :
+	                         "power off",
+	                 request->now);
 	return NULL;
 }
 
@@ -131,9 +131,9 @@ static const char *do_get(struct request *request)
 static const char *do_log(struct request *request)
 {
 	const struct sim_node *node = request->node;
-	uint32_t first = node->heard > SIM_LOG_LINES ? node->heard - SIM_LOG_LINES : 0;
+	uint32_t first = node->received > SIM_LOG_LINES ? node->received - SIM_LOG_LINES : 0;
 
-	for (uint32_t i = first; i < node->heard; i++) {
+	for (uint32_t i = first; i < node->received; i++) {
 		const struct sim_log_entry *entry = &node->log[i % SIM_LOG_LINES];
 
 		fprintf(request->out, "%" PRId64 " %s\n", entry->time / DB_NS_PER_US, entry->line);

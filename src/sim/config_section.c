@@ -242,26 +242,6 @@ static bool parse_flag(const char *text, bool *flag)
 	return false;
 }
 
-static void check_section(const struct db_reader *reader, size_t index,
-                          struct db_messages *messages)
-{
-	const struct db_reader_section *section = &reader->sections[index];
-
-	if (!find_keys(section->name))
-		db_messages_add_error(messages, section->line,
-		                      "no such option '%s'; known here: bus drive", section->name);
-	else if (section->title[0] == '\0')
-		db_messages_add_error(
-			messages, section->line,
-			"missing title for section '%s'; SECTION NAME { ... } is right",
-			section->name);
-	else if (db_reader_find_section(reader, section->name, section->title) != index)
-		db_messages_add_error(
-			messages, section->line,
-			"found duplicate title '%s'; every bus and drive needs a name of its own",
-			section->title);
-}
-
 static void check_type(const struct db_reader_key *given, const struct sim_key *key,
                        struct db_messages *messages)
 {
@@ -295,8 +275,25 @@ static void check_type(const struct db_reader_key *given, const struct sim_key *
 
 void sim_section_check_all(const struct db_reader *reader, struct db_messages *messages)
 {
-	for (size_t i = 0; i < reader->section_count; i++)
-		check_section(reader, i, messages);
+	for (size_t i = 0; i < reader->section_count; i++) {
+		const struct db_reader_section *section = &reader->sections[i];
+
+		if (!find_keys(section->name))
+			db_messages_add_error(messages, section->line,
+			                      "no such option '%s'; known here: bus drive",
+			                      section->name);
+		else if (section->title[0] == '\0')
+			db_messages_add_error(
+				messages, section->line,
+				"missing title for section '%s'; SECTION NAME { ... } is right",
+				section->name);
+		else if (db_reader_find_section(reader, section->name, section->title) != i)
+			db_messages_add_error(
+				messages, section->line,
+				"found duplicate title '%s'; every bus and drive needs a name of "
+				"its own",
+				section->title);
+	}
 	for (size_t i = 0; i < reader->key_count; i++) {
 		const struct db_reader_key *given = &reader->keys[i];
 		const struct sim_key *keys, *key;

@@ -305,7 +305,7 @@ static int simulate(const struct sim_config *config, const struct options *optio
 	if (announce(&loop, &world, control) == 0)
 		result = run(&loop, &world, control, options->busy);
 	if (result == 0 && options->replay) {
-		sim_replay_tell(world.buses[0].wire);
+		sim_replay_report(world.buses[0].wire);
 		result = sim_replay_is_complete(world.buses[0].wire) ? 0 : -1;
 	}
 out:

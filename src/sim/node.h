@@ -35,7 +35,7 @@ struct sim_node {
 	struct sim_faults faults;
 	/* a ring; the next entry is heard % SIM_LOG_LINES */
 	struct sim_log_entry log[SIM_LOG_LINES];
-	uint32_t heard; /* received lines, broadcasts included */
+	uint32_t received; /* received lines, broadcasts included */
 	/* on a serial line: in addition to the bus's latency, */
 	db_time latency;
 	db_time deaf;               /* and to its turnaround */

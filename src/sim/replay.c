@@ -14,7 +14,7 @@
 #define NOWHERE SIZE_MAX
 
 /* A line of the trace with bytes. */
-struct said {
+struct frame {
 	unsigned line;
 	bool question; /* else an answer to the last question before */
 	bool asked;    /* for a question: it has been asked in its turn */
@@ -26,20 +26,20 @@ struct said {
 /* On its way to the host. */
 struct answer {
 	db_time due;
-	size_t said;
+	size_t frame;
 	size_t sent; /* number of its bytes */
 };
 
 struct sim_replay {
-	FILE *told;
+	FILE *log;
 	const char *file;
 	sim_trace_fn *trace; /* null: none */
 	void *context;
-	struct said *said;
+	struct frame *frames;
 	size_t count;
 	uint8_t *bytes;
-	size_t next;    /* index of the expected question; `count`: no more */
-	size_t told_at; /* index where an unexpected question was reported */
+	size_t next;        /* index of the expected question; `count`: no more */
+	size_t reported_at; /* index where an unexpected question was reported */
 	unsigned in_turn;
 	unsigned out_of_turn;
 	unsigned unknown;
@@ -52,17 +52,17 @@ struct sim_replay {
 	struct sim_faults faults;
 };
 
-__attribute__((format(printf, 3, 4))) static void tell(const struct sim_replay *replay,
-                                                       unsigned line, const char *format, ...)
+__attribute__((format(printf, 3, 4))) static void report(const struct sim_replay *replay,
+                                                         unsigned line, const char *format, ...)
 {
 	va_list arguments;
 
-	fprintf(replay->told, "%s:%u: ", replay->file, line);
+	fprintf(replay->log, "%s:%u: ", replay->file, line);
 	va_start(arguments, format);
-	vfprintf(replay->told, format, arguments);
+	vfprintf(replay->log, format, arguments);
 	va_end(arguments);
-	fputc('\n', replay->told);
-	(void)fflush(replay->told);
+	fputc('\n', replay->log);
+	(void)fflush(replay->log);
 }
 
 /* --- the file --------------------------------------------------------------------------------- */
@@ -123,7 +123,7 @@ static const char *find_stroke(const char *text, const char *end)
 static const char *read_line(struct sim_replay *replay, unsigned line, const char *text,
                              const char *end, db_time *asked, uint8_t *store)
 {
-	struct said *said = &replay->said[replay->count];
+	struct frame *frame = &replay->frames[replay->count];
 	const char *stroke = find_stroke(text, end);
 	db_time time;
 	int length;
@@ -146,18 +146,18 @@ static const char *read_line(struct sim_replay *replay, unsigned line, const cha
 	/* Answers to questions from before the trace. */
 	if (direction == '<' && *asked < 0)
 		return NULL;
-	*said = (struct said){
+	*frame = (struct frame){
 		.line = line, .question = direction == '>', .length = (size_t)length, .bytes = store
 	};
-	if (said->question)
+	if (frame->question)
 		*asked = time;
 	else
-		said->after = time >= *asked ? time - *asked : time + 86400 * DB_NS_PER_S - *asked;
+		frame->after = time >= *asked ? time - *asked : time + 86400 * DB_NS_PER_S - *asked;
 	replay->count++;
 	return NULL;
 }
 
-struct sim_replay *sim_replay_parse(const char *text, const char *file, FILE *told)
+struct sim_replay *sim_replay_parse(const char *text, const char *file, FILE *log)
 {
 	struct sim_replay *replay = calloc(1, sizeof(*replay));
 	size_t size = strlen(text);
@@ -167,12 +167,12 @@ struct sim_replay *sim_replay_parse(const char *text, const char *file, FILE *to
 
 	if (!replay)
 		return NULL;
-	replay->told = told;
+	replay->log = log;
 	replay->file = file;
 	/* A line with a byte has more than twenty characters. */
-	replay->said = calloc(size / 20 + 1, sizeof(*replay->said));
+	replay->frames = calloc(size / 20 + 1, sizeof(*replay->frames));
 	replay->bytes = malloc(size / 2 + FRAME_MAX);
-	if (!replay->said || !replay->bytes)
+	if (!replay->frames || !replay->bytes)
 		goto fail;
 	for (const char *next; *text != '\0'; text = next, line++) {
 		const char *end = strchr(text, '\n');
@@ -184,25 +184,25 @@ struct sim_replay *sim_replay_parse(const char *text, const char *file, FILE *to
 			continue;
 		wrong = read_line(replay, line, text, end, &asked, replay->bytes + used);
 		if (wrong) {
-			tell(replay, line, "%s", wrong);
+			report(replay, line, "%s", wrong);
 			goto fail;
 		}
 		if (replay->count > 0)
-			used = (size_t)(replay->said[replay->count - 1].bytes - replay->bytes) +
-			       replay->said[replay->count - 1].length;
+			used = (size_t)(replay->frames[replay->count - 1].bytes - replay->bytes) +
+			       replay->frames[replay->count - 1].length;
 	}
 	if (replay->count == 0) {
-		tell(replay, line, "nothing is asked in this file");
+		report(replay, line, "nothing is asked in this file");
 		goto fail;
 	}
-	replay->told_at = NOWHERE;
+	replay->reported_at = NOWHERE;
 	return replay;
 fail:
 	sim_replay_free(replay);
 	return NULL;
 }
 
-struct sim_replay *sim_replay_load(const char *path, FILE *told)
+struct sim_replay *sim_replay_load(const char *path, FILE *log)
 {
 	struct sim_replay *replay = NULL;
 	FILE *file = fopen(path, "re");
@@ -211,9 +211,9 @@ struct sim_replay *sim_replay_load(const char *path, FILE *told)
 	ssize_t length = file ? getdelim(&text, &size, '\0', file) : -1;
 
 	if (length > 0 || (file && feof(file)))
-		replay = sim_replay_parse(length > 0 ? text : "", path, told);
+		replay = sim_replay_parse(length > 0 ? text : "", path, log);
 	else
-		fprintf(told, "%s: %s\n", path, strerror(errno));
+		fprintf(log, "%s: %s\n", path, strerror(errno));
 	free(text);
 	if (file)
 		(void)fclose(file);
@@ -226,11 +226,13 @@ void sim_replay_set_trace(struct sim_replay *replay, sim_trace_fn *trace, void *
 	replay->context = context;
 }
 
-void sim_replay_free(struct sim_replay *replay)
+void sim_replay_free(void *wire)
 {
+	struct sim_replay *replay = wire;
+
 	if (!replay)
 		return;
-	free(replay->said);
+	free(replay->frames);
 	free(replay->bytes);
 	free(replay);
 }
@@ -240,7 +242,7 @@ void sim_replay_free(struct sim_replay *replay)
 /* The first question at or after this index; `count` when there is none. */
 static size_t question_from(const struct sim_replay *replay, size_t at)
 {
-	while (at < replay->count && !replay->said[at].question)
+	while (at < replay->count && !replay->frames[at].question)
 		at++;
 	return at;
 }
@@ -248,17 +250,17 @@ static size_t question_from(const struct sim_replay *replay, size_t at)
 /* Marks the question as asked; the first one not yet asked is expected next. */
 static void end_turn(struct sim_replay *replay, size_t question)
 {
-	replay->said[question].asked = true;
-	while (replay->next < replay->count && replay->said[replay->next].asked)
+	replay->frames[question].asked = true;
+	while (replay->next < replay->count && replay->frames[replay->next].asked)
 		replay->next = question_from(replay, replay->next + 1);
 }
 
 static bool begins_with(const struct sim_replay *replay, size_t at)
 {
-	const struct said *said = &replay->said[at];
+	const struct frame *frame = &replay->frames[at];
 
-	return said->length <= replay->input_length &&
-	       memcmp(said->bytes, replay->input, said->length) == 0;
+	return frame->length <= replay->input_length &&
+	       memcmp(frame->bytes, replay->input, frame->length) == 0;
 }
 
 /* The same question elsewhere: the last one before the expected one, else the first one after
@@ -282,8 +284,8 @@ static bool may_go_on(const struct sim_replay *replay)
 {
 	for (size_t i = question_from(replay, 0); i < replay->count;
 	     i = question_from(replay, i + 1)) {
-		if (replay->said[i].length > replay->input_length &&
-		    memcmp(replay->said[i].bytes, replay->input, replay->input_length) == 0)
+		if (replay->frames[i].length > replay->input_length &&
+		    memcmp(replay->frames[i].bytes, replay->input, replay->input_length) == 0)
 			return true;
 	}
 	return false;
@@ -291,33 +293,35 @@ static bool may_go_on(const struct sim_replay *replay)
 
 static void answer(struct sim_replay *replay, size_t question, db_time now)
 {
-	for (size_t i = question + 1; i < replay->count && !replay->said[i].question; i++) {
+	for (size_t i = question + 1; i < replay->count && !replay->frames[i].question; i++) {
 		if (replay->answer_count == ANSWERS_MAX)
 			break;
 		replay->answers[replay->answer_count++] =
-			(struct answer){ .due = now + replay->said[i].after, .said = i };
+			(struct answer){ .due = now + replay->frames[i].after, .frame = i };
 	}
 }
 
 /* Reports an unexpected question, once for each expected one. */
-static void tell_instead(struct sim_replay *replay, bool known, const uint8_t *bytes, size_t length)
+static void report_mismatch(struct sim_replay *replay, bool known, const uint8_t *bytes,
+                            size_t length)
 {
 	bool over = replay->next >= replay->count;
 	char text[3 * 32 + 4];
 	size_t used = 0;
 
-	if (known && (over || replay->told_at == replay->next))
+	if (known && (over || replay->reported_at == replay->next))
 		return;
 	if (known)
-		replay->told_at = replay->next;
+		replay->reported_at = replay->next;
 	for (size_t i = 0; i < length && i < 32; i++)
 		used += (size_t)snprintf(text + used, sizeof(text) - used, " %02X", bytes[i]);
 	if (length > 32)
 		snprintf(text + used, sizeof(text) - used, "...");
-	tell(replay, over ? replay->said[replay->count - 1].line : replay->said[replay->next].line,
-	     known ? "another question came before:%s" :
-	             "a question came that is not in this file:%s",
-	     text);
+	report(replay,
+	       over ? replay->frames[replay->count - 1].line : replay->frames[replay->next].line,
+	       known ? "another question came before:%s" :
+	               "a question came that is not in this file:%s",
+	       text);
 }
 
 static void drop_input(struct sim_replay *replay, size_t length, db_time now)
@@ -338,22 +342,22 @@ static bool take_question(struct sim_replay *replay, db_time now)
 	if (replay->next < replay->count && begins_with(replay, replay->next)) {
 		answer(replay, replay->next, now);
 		replay->in_turn++;
-		drop_input(replay, replay->said[replay->next].length, now);
+		drop_input(replay, replay->frames[replay->next].length, now);
 		end_turn(replay, replay->next);
 		return true;
 	}
 	elsewhere = find_elsewhere(replay);
 	if (elsewhere != NOWHERE) {
-		tell_instead(replay, true, replay->input, replay->said[elsewhere].length);
+		report_mismatch(replay, true, replay->input, replay->frames[elsewhere].length);
 		answer(replay, elsewhere, now);
 		replay->out_of_turn++;
-		drop_input(replay, replay->said[elsewhere].length, now);
+		drop_input(replay, replay->frames[elsewhere].length, now);
 		end_turn(replay, elsewhere);
 		return true;
 	}
 	if (may_go_on(replay))
 		return false;
-	tell_instead(replay, false, replay->input, replay->input_length);
+	report_mismatch(replay, false, replay->input, replay->input_length);
 	replay->unknown++;
 	drop_input(replay, replay->input_length, now);
 	return false;
@@ -366,7 +370,7 @@ static void receive(void *wire, const uint8_t *bytes, size_t length, db_time now
 	struct sim_replay *replay = wire;
 
 	if (replay->input_length > 0 && now >= replay->input_until) {
-		tell_instead(replay, false, replay->input, replay->input_length);
+		report_mismatch(replay, false, replay->input, replay->input_length);
 		replay->unknown++;
 		drop_input(replay, replay->input_length, now);
 	}
@@ -393,17 +397,17 @@ static size_t run(void *wire, db_time now, uint8_t *out, size_t size)
 
 	for (size_t i = 0; i < replay->answer_count; i++) {
 		struct answer *due = &replay->answers[i];
-		const struct said *said = &replay->said[due->said];
-		size_t length = said->length - due->sent;
+		const struct frame *frame = &replay->frames[due->frame];
+		size_t length = frame->length - due->sent;
 
 		if (now < due->due)
 			continue;
 		length = length < size ? length : size;
-		memcpy(out, said->bytes + due->sent, length);
+		memcpy(out, frame->bytes + due->sent, length);
 		if (replay->trace)
 			replay->trace(replay->context, now, '<', out, length);
 		due->sent += length;
-		if (due->sent == said->length) {
+		if (due->sent == frame->length) {
 			replay->answer_count--;
 			memmove(due, due + 1, (replay->answer_count - i) * sizeof(*due));
 		}
@@ -437,18 +441,13 @@ static void describe(void *wire, char *text, size_t size)
 	         replay->out_of_turn, replay->unknown, sim_replay_is_complete(replay));
 }
 
-static void free_wire(void *wire)
-{
-	sim_replay_free(wire);
-}
-
 const struct sim_wire_ops sim_replay_ops = {
 	.receive = receive,
 	.run = run,
 	.next = next,
 	.faults = faults,
 	.describe = describe,
-	.free = free_wire,
+	.free = sim_replay_free,
 };
 
 /* --- results ---------------------------------------------------------------------------------- */
@@ -458,14 +457,14 @@ bool sim_replay_is_complete(const struct sim_replay *replay)
 	return replay->next == replay->count && replay->unknown == 0;
 }
 
-void sim_replay_tell(const struct sim_replay *replay)
+void sim_replay_report(const struct sim_replay *replay)
 {
-	fprintf(replay->told, "%s: %u questions in turn, %u out of turn, %u unknown; ",
-	        replay->file, replay->in_turn, replay->out_of_turn, replay->unknown);
+	fprintf(replay->log, "%s: %u questions in turn, %u out of turn, %u unknown; ", replay->file,
+	        replay->in_turn, replay->out_of_turn, replay->unknown);
 	if (replay->next < replay->count)
-		fprintf(replay->told, "line %u was not asked for\n",
-		        replay->said[replay->next].line);
+		fprintf(replay->log, "line %u was not asked for\n",
+		        replay->frames[replay->next].line);
 	else
-		fputs("all of it was replayed\n", replay->told);
-	(void)fflush(replay->told);
+		fputs("all of it was replayed\n", replay->log);
+	(void)fflush(replay->log);
 }

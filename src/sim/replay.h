@@ -19,21 +19,22 @@
 
 struct sim_replay;
 
-/* Parses the text of a trace. Null on failure, and the mistake is written to `told` as "file:line:
+/* Parses the text of a trace. Null on failure, and the mistake is written to `log` as "file:line:
  * ...". Reports during the replay are written there too; it must outlive the replay. */
-struct sim_replay *sim_replay_parse(const char *text, const char *file, FILE *told);
+struct sim_replay *sim_replay_parse(const char *text, const char *file, FILE *log);
 
 /* Records the traffic of the wire. */
 void sim_replay_set_trace(struct sim_replay *replay, sim_trace_fn *trace, void *context);
 
 /* The same from a file. */
-struct sim_replay *sim_replay_load(const char *path, FILE *told);
-void sim_replay_free(struct sim_replay *replay);
+struct sim_replay *sim_replay_load(const char *path, FILE *log);
+/* `wire` is a struct sim_replay, or null. */
+void sim_replay_free(void *wire);
 
 /* True if all of the file was asked in turn, and nothing else. */
 bool sim_replay_is_complete(const struct sim_replay *replay);
 /* Writes one line: how much of it was asked. */
-void sim_replay_tell(const struct sim_replay *replay);
+void sim_replay_report(const struct sim_replay *replay);
 
 /* For the world that owns the wire. */
 extern const struct sim_wire_ops sim_replay_ops;

@@ -80,9 +80,9 @@ struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_protocol *prot
 	return bus;
 }
 
-void sim_serial_bus_free(struct sim_serial_bus *bus)
+void sim_serial_bus_free(void *wire)
 {
-	free(bus);
+	free(wire);
 }
 
 bool sim_serial_bus_attach(struct sim_serial_bus *bus, struct sim_node *node)
@@ -93,8 +93,10 @@ bool sim_serial_bus_attach(struct sim_serial_bus *bus, struct sim_node *node)
 	return true;
 }
 
-struct sim_faults *sim_serial_bus_faults(struct sim_serial_bus *bus)
+struct sim_faults *sim_serial_bus_faults(void *wire)
 {
+	struct sim_serial_bus *bus = wire;
+
 	return &bus->faults;
 }
 
@@ -187,7 +189,7 @@ static void end_request(struct sim_serial_bus *bus, db_time now)
 	if (!bus->input_overflow)
 		echo_bytes(bus, bus->input_start);
 	if (bus->input_overflow || bus->line_count == LINES_MAX) {
-		bus->stats.unheard++;
+		bus->stats.missed++;
 	} else {
 		line = &bus->lines[(bus->first_line + bus->line_count++) % LINES_MAX];
 		line->start = bus->input_start;
@@ -226,13 +228,14 @@ static void take_byte(struct sim_serial_bus *bus, uint8_t byte, db_time now)
 		bus->input_length--;
 }
 
-void sim_serial_bus_receive(struct sim_serial_bus *bus, const uint8_t *bytes, size_t length,
-                            db_time now)
+void sim_serial_bus_receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
 {
+	struct sim_serial_bus *bus = wire;
+
 	if (bus->protocol->patience > 0 && bus->input_length > 0 &&
 	    now - bus->input_newest > bus->protocol->patience) {
 		bus->input_length = 0;
-		bus->stats.unheard++;
+		bus->stats.missed++;
 	}
 	for (size_t i = 0; i < length; i++)
 		take_byte(bus, bytes[i], now);
@@ -262,12 +265,12 @@ bool sim_serial_bus_connects(const struct sim_serial_bus *bus, const struct sim_
 size_t sim_serial_bus_missed(struct sim_serial_bus *bus, const struct sim_node *node,
                              const struct sim_serial_request *request)
 {
-	db_time hears = bus->reply_end + bus->config.line_hold;
+	db_time listens_from = bus->reply_end + bus->config.line_hold;
 	size_t missed = 0;
 
-	if (hears < node->deaf_until)
-		hears = node->deaf_until;
-	while (missed < request->length && request->start + wire_time(bus, missed) < hears)
+	if (listens_from < node->deaf_until)
+		listens_from = node->deaf_until;
+	while (missed < request->length && request->start + wire_time(bus, missed) < listens_from)
 		missed++;
 	return missed;
 }
@@ -280,7 +283,7 @@ bool sim_serial_bus_take(struct sim_serial_bus *bus, struct sim_node *node, enum
 void sim_serial_bus_log(struct sim_node *node, const struct sim_serial_request *request,
                         const char *text, size_t length)
 {
-	struct sim_log_entry *entry = &node->log[node->heard++ % SIM_LOG_LINES];
+	struct sim_log_entry *entry = &node->log[node->received++ % SIM_LOG_LINES];
 
 	if (length >= SIM_LOG_LENGTH)
 		length = SIM_LOG_LENGTH - 1;
@@ -292,9 +295,9 @@ void sim_serial_bus_log(struct sim_node *node, const struct sim_serial_request *
 
 void sim_serial_bus_testify(const struct sim_node *node, bool obeyed)
 {
-	const struct sim_log_entry *entry = &node->log[(node->heard - 1) % SIM_LOG_LINES];
+	const struct sim_log_entry *entry = &node->log[(node->received - 1) % SIM_LOG_LINES];
 
-	sim_witness_tell(&node->witness, entry->time, entry->line, obeyed);
+	sim_witness_report(&node->witness, entry->time, entry->line, obeyed);
 }
 
 static void insert_garbage(struct sim_serial_bus *bus, struct sim_burst *burst, size_t place)
@@ -408,8 +411,9 @@ static db_time burst_due(const struct sim_serial_bus *bus, const struct sim_burs
 	return start + wire_time(bus, next_chunk(burst));
 }
 
-db_time sim_serial_bus_next(struct sim_serial_bus *bus)
+db_time sim_serial_bus_next(void *wire)
 {
+	struct sim_serial_bus *bus = wire;
 	const struct sim_burst *burst = next_burst(bus);
 	db_time next = burst ? burst_due(bus, burst) : DB_TIME_NEVER;
 
@@ -447,8 +451,9 @@ static size_t emit_bytes(struct sim_serial_bus *bus, struct sim_burst *burst, ui
 	return count;
 }
 
-size_t sim_serial_bus_run(struct sim_serial_bus *bus, db_time now, uint8_t *out, size_t size)
+size_t sim_serial_bus_run(void *wire, db_time now, uint8_t *out, size_t size)
 {
+	struct sim_serial_bus *bus = wire;
 	size_t written = 0;
 
 	while (written < size && sim_serial_bus_next(bus) <= now) {
@@ -476,26 +481,6 @@ size_t sim_serial_bus_run(struct sim_serial_bus *bus, db_time now, uint8_t *out,
 
 /* --- for the world ---------------------------------------------------------------------------- */
 
-static void wire_receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
-{
-	sim_serial_bus_receive(wire, bytes, length, now);
-}
-
-static size_t wire_run(void *wire, db_time now, uint8_t *out, size_t size)
-{
-	return sim_serial_bus_run(wire, now, out, size);
-}
-
-static db_time wire_next(void *wire)
-{
-	return sim_serial_bus_next(wire);
-}
-
-static struct sim_faults *wire_faults(void *wire)
-{
-	return sim_serial_bus_faults(wire);
-}
-
 static void wire_describe(void *wire, char *text, size_t size)
 {
 	const struct sim_serial_stats *stats = sim_serial_bus_stats(wire);
@@ -503,20 +488,14 @@ static void wire_describe(void *wire, char *text, size_t size)
 	snprintf(text, size,
 	         "requests=%" PRIu32 " replies=%" PRIu32 " collisions=%" PRIu32 " unheard=%" PRIu32
 	         " foreign=%" PRIu32,
-	         stats->requests, stats->replies, stats->collisions, stats->unheard,
-	         stats->foreign);
-}
-
-static void wire_free(void *wire)
-{
-	sim_serial_bus_free(wire);
+	         stats->requests, stats->replies, stats->collisions, stats->missed, stats->foreign);
 }
 
 const struct sim_wire_ops sim_serial_bus_ops = {
-	.receive = wire_receive,
-	.run = wire_run,
-	.next = wire_next,
-	.faults = wire_faults,
+	.receive = sim_serial_bus_receive,
+	.run = sim_serial_bus_run,
+	.next = sim_serial_bus_next,
+	.faults = sim_serial_bus_faults,
 	.describe = wire_describe,
-	.free = wire_free,
+	.free = sim_serial_bus_free,
 };

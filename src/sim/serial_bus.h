@@ -49,7 +49,7 @@ struct sim_serial_stats {
 	uint32_t requests;
 	uint32_t replies;
 	uint32_t collisions; /* requests that began while a reply was on the wire */
-	uint32_t unheard;    /* whole or in part; too long, too many, or received by no drive */
+	uint32_t missed;     /* whole or in part; too long, too many, or received by no drive */
 	uint32_t foreign;    /* for no drive here */
 };
 
@@ -78,27 +78,27 @@ struct sim_serial_protocol {
 struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_protocol *protocol,
                                           const struct sim_serial_config *config,
                                           sim_trace_fn *trace, void *context);
-void sim_serial_bus_free(struct sim_serial_bus *bus);
+/* As the next ones a member of struct sim_wire_ops: `wire` is a struct sim_serial_bus. */
+void sim_serial_bus_free(void *wire);
 
 /* The node must outlive the bus. False when the bus is full. */
 bool sim_serial_bus_attach(struct sim_serial_bus *bus, struct sim_node *node);
 
-void sim_serial_bus_receive(struct sim_serial_bus *bus, const uint8_t *bytes, size_t length,
-                            db_time now);
+void sim_serial_bus_receive(void *wire, const uint8_t *bytes, size_t length, db_time now);
 
 /*
  * Does all that is due and writes the bytes that have arrived at the host by `now` to `out`;
  * returns their number. Call again while it returns `size`.
  */
-size_t sim_serial_bus_run(struct sim_serial_bus *bus, db_time now, uint8_t *out, size_t size);
+size_t sim_serial_bus_run(void *wire, db_time now, uint8_t *out, size_t size);
 
 /* When sim_serial_bus_run() has to be called next; DB_TIME_NEVER when nothing is under way. */
-db_time sim_serial_bus_next(struct sim_serial_bus *bus);
+db_time sim_serial_bus_next(void *wire);
 
 /* The functions above, for the world. */
 extern const struct sim_wire_ops sim_serial_bus_ops;
 
-struct sim_faults *sim_serial_bus_faults(struct sim_serial_bus *bus);
+struct sim_faults *sim_serial_bus_faults(void *wire);
 const struct sim_serial_stats *sim_serial_bus_stats(const struct sim_serial_bus *bus);
 void sim_serial_bus_set_baud(struct sim_serial_bus *bus, unsigned baud);
 

@@ -2,7 +2,7 @@
 #include "sim/family.h"
 
 #include "sim/can_line.h"
-#include "sim/servo_view.h"
+#include "sim/servo_drive.h"
 #include "sim/sim_private.h"
 
 #include <inttypes.h>
@@ -97,7 +97,7 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	        " setpoint_us=%" PRId64,
 	        sim_servo_position(drive), sim_servo_speed(drive), sim_servo_current(drive),
 	        servo_can_mode_name((unsigned)sim_servo_mode(drive)), sim_servo_enabled(drive),
-	        sim_servo_powered(drive), servo->address, servo->heard, servo->unknown,
+	        sim_servo_powered(drive), servo->address, servo->received, servo->unknown,
 	        sim_servo_moves(drive), sim_servo_setpoint_at(drive) / DB_NS_PER_US);
 	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
 		fprintf(out, " %s=%" PRIu32, counted[i].name,

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/servo_can_node.h"
-#include "sim/servo_view.h"
+#include "sim/servo_drive.h"
 
 #include <string.h>
 
@@ -54,15 +54,15 @@ static bool enqueue_stray(struct sim_servo_node *node, const struct servo_can_me
 	return enqueue(node, &stray, due);
 }
 
-static void tell_witness(const struct sim_servo_node *node, const struct db_can_frame *frame,
-                         enum servo_can_kind kind, bool known, db_time now)
+static void report_to_witness(const struct sim_servo_node *node, const struct db_can_frame *frame,
+                              enum servo_can_kind kind, bool known, db_time now)
 {
 	char text[SIM_CAN_TEXT_MAX];
 
 	if (kind == SERVO_CAN_READ || !sim_servo_powered(node->drive))
 		return;
 	(void)sim_can_text(frame, text);
-	sim_witness_tell(&node->witness, now, text, known);
+	sim_witness_report(&node->witness, now, text, known);
 }
 
 static bool is_for(const struct sim_servo_node *node, const struct servo_can_message *message)
@@ -72,9 +72,9 @@ static bool is_for(const struct sim_servo_node *node, const struct servo_can_mes
 	return message->node == SERVO_CAN_BROADCAST && !sim_servo_ignores_broadcast(node->drive);
 }
 
-void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_frame *frame,
-                            db_time now)
+void sim_servo_node_receive(void *self, const struct db_can_frame *frame, db_time now)
 {
+	struct sim_servo_node *node = self;
 	struct servo_can_message replies[SIM_SERVO_REPLIES];
 	struct servo_can_message message;
 	enum servo_can_error error;
@@ -86,24 +86,25 @@ void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_fra
 		return;
 	if (!is_for(node, &message))
 		return;
-	node->heard++;
+	node->received++;
 	/* A drive's answer to an unknown frame is not documented: none here. */
 	if (error != SERVO_CAN_OK) {
 		node->unknown++;
-		tell_witness(node, frame, message.kind, false, now);
+		report_to_witness(node, frame, message.kind, false, now);
 		return;
 	}
 	count = sim_servo_execute(node->drive, &message, &node->layout, now, replies);
 	due = now + node->latency + (message.kind == SERVO_CAN_READ ? 0 : node->ack_latency);
-	tell_witness(node, frame, message.kind, true, now);
+	report_to_witness(node, frame, message.kind, true, now);
 	if (node->stray_acks && count > 0 && replies[0].kind == SERVO_CAN_ACK)
 		node->answers += enqueue_stray(node, &replies[0], due);
 	for (size_t i = 0; i < count; i++)
 		node->answers += enqueue(node, &replies[i], due);
 }
 
-db_time sim_servo_node_next(const struct sim_servo_node *node)
+db_time sim_servo_node_next(void *self)
 {
+	const struct sim_servo_node *node = self;
 	db_time next = sim_servo_next(node->drive);
 
 	for (unsigned i = 0; i < node->queued; i++) {
@@ -113,8 +114,9 @@ db_time sim_servo_node_next(const struct sim_servo_node *node)
 	return next;
 }
 
-bool sim_servo_node_send(struct sim_servo_node *node, db_time now, struct db_can_frame *frame)
+bool sim_servo_node_send(void *self, db_time now, struct db_can_frame *frame)
 {
+	struct sim_servo_node *node = self;
 	struct servo_can_message report;
 
 	if (!sim_servo_powered(node->drive))
@@ -135,11 +137,6 @@ bool sim_servo_node_send(struct sim_servo_node *node, db_time now, struct db_can
 
 /* --- as a station ----------------------------------------------------------------------------- */
 
-static void station_receive(void *self, const struct db_can_frame *frame, db_time now)
-{
-	sim_servo_node_receive(self, frame, now);
-}
-
 static bool station_wants(void *self, const struct db_can_frame *frame)
 {
 	const struct sim_servo_node *node = self;
@@ -152,23 +149,13 @@ static bool station_wants(void *self, const struct db_can_frame *frame)
 	return is_for(node, &message);
 }
 
-static db_time station_next(void *self)
-{
-	return sim_servo_node_next(self);
-}
-
-static bool station_send(void *self, db_time now, struct db_can_frame *frame)
-{
-	return sim_servo_node_send(self, now, frame);
-}
-
 struct sim_can_station sim_servo_node_station(struct sim_servo_node *node)
 {
 	return (struct sim_can_station){
 		.self = node,
-		.receive = station_receive,
-		.next = station_next,
-		.send = station_send,
+		.receive = sim_servo_node_receive,
+		.next = sim_servo_node_next,
+		.send = sim_servo_node_send,
 		.wants = station_wants,
 		.faults = &node->faults,
 	};

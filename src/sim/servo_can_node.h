@@ -45,9 +45,9 @@ struct sim_servo_node {
 	} queue[SIM_SERVO_QUEUE]; /* in the order in which they arose */
 	unsigned queued;
 
-	uint32_t heard;   /* frames for this drive, broadcasts and sync included */
-	uint32_t unknown; /* of these, frames that the drive does not understand */
-	uint32_t answers; /* put in the queue */
+	uint32_t received; /* frames for this drive, broadcasts and sync included */
+	uint32_t unknown;  /* of these, frames that the drive does not understand */
+	uint32_t answers;  /* put in the queue */
 	uint32_t reports;
 	uint32_t lost; /* for which the queue had no room */
 };
@@ -59,14 +59,15 @@ void sim_servo_node_init(struct sim_servo_node *node, const char *name, struct s
 /* Its end of the bus. */
 struct sim_can_station sim_servo_node_station(struct sim_servo_node *node);
 
-/* A frame was on the bus; its end is `now`. Frames for others, and of others, are ignored. */
-void sim_servo_node_receive(struct sim_servo_node *node, const struct db_can_frame *frame,
-                            db_time now);
+/* The next ones are members of struct sim_can_station: `self` is a struct sim_servo_node.
+ *
+ * A frame was on the bus; its end is `now`. Frames for others, and of others, are ignored. */
+void sim_servo_node_receive(void *self, const struct db_can_frame *frame, db_time now);
 
 /* When its next frame is due; DB_TIME_NEVER without one. */
-db_time sim_servo_node_next(const struct sim_servo_node *node);
+db_time sim_servo_node_next(void *self);
 
 /* The next due frame. False when there is none. Call again until false. */
-bool sim_servo_node_send(struct sim_servo_node *node, db_time now, struct db_can_frame *frame);
+bool sim_servo_node_send(void *self, db_time now, struct db_can_frame *frame);
 
 #endif

@@ -514,13 +514,6 @@ static size_t answer(const struct sim_servo *drive, const struct servo_can_messa
 	return (size_t)(reply - replies);
 }
 
-static bool is_deaf_to(const struct sim_servo *drive, enum servo_can_kind kind)
-{
-	return drive->config.temper.deaf_to_setpoints &&
-	       ((kind == SERVO_CAN_SPEED && drive->mode != SERVO_CAN_MODE_SPEED) ||
-	        (kind == SERVO_CAN_CURRENT && drive->mode != SERVO_CAN_MODE_CURRENT));
-}
-
 size_t sim_servo_execute(struct sim_servo *drive, const struct servo_can_message *message,
                          const struct servo_can_layout *layout, db_time now,
                          struct servo_can_message replies[SIM_SERVO_REPLIES])
@@ -529,7 +522,9 @@ size_t sim_servo_execute(struct sim_servo *drive, const struct servo_can_message
 		return 0;
 	sim_servo_advance(drive, now);
 	drive->counts[message->kind]++;
-	if (is_deaf_to(drive, message->kind))
+	if (drive->config.temper.deaf_to_setpoints &&
+	    ((message->kind == SERVO_CAN_SPEED && drive->mode != SERVO_CAN_MODE_SPEED) ||
+	     (message->kind == SERVO_CAN_CURRENT && drive->mode != SERVO_CAN_MODE_CURRENT)))
 		return 0;
 	if (message->kind == SERVO_CAN_READ)
 		return answer(drive, message, replies);
@@ -624,4 +619,73 @@ void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now)
 bool sim_servo_moving(const struct sim_servo *drive)
 {
 	return !has_settled(drive);
+}
+
+/* --- what tests and the control socket see and set -------------------------------------------- */
+
+void sim_servo_force_status(struct sim_servo *drive, uint16_t bits)
+{
+	drive->forced = bits;
+}
+
+void sim_servo_set_health(struct sim_servo *drive, uint16_t voltage, uint16_t temperature)
+{
+	drive->voltage = voltage;
+	drive->temperature = temperature;
+}
+
+void sim_servo_set_inputs(struct sim_servo *drive, uint8_t inputs, uint16_t analogue)
+{
+	drive->inputs = inputs;
+	drive->analogue = analogue;
+}
+
+bool sim_servo_ignores_broadcast(const struct sim_servo *drive)
+{
+	return drive->config.temper.ignores_broadcast;
+}
+
+bool sim_servo_powered(const struct sim_servo *drive)
+{
+	return drive->powered;
+}
+
+enum servo_can_mode sim_servo_mode(const struct sim_servo *drive)
+{
+	return drive->mode;
+}
+
+bool sim_servo_enabled(const struct sim_servo *drive)
+{
+	return drive->enabled;
+}
+
+double sim_servo_position(const struct sim_servo *drive)
+{
+	return drive->position;
+}
+
+double sim_servo_speed(const struct sim_servo *drive)
+{
+	return drive->rpm;
+}
+
+double sim_servo_current(const struct sim_servo *drive)
+{
+	return drive->amperes;
+}
+
+db_time sim_servo_setpoint_at(const struct sim_servo *drive)
+{
+	return drive->setpoint_at;
+}
+
+uint32_t sim_servo_count(const struct sim_servo *drive, enum servo_can_kind kind)
+{
+	return drive->counts[kind];
+}
+
+uint32_t sim_servo_moves(const struct sim_servo *drive)
+{
+	return drive->moves;
 }

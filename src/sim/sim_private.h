@@ -23,11 +23,7 @@ int sim_flash_write(const char *path, const char *text, size_t length);
  */
 int sim_flash_read(const char *path, char *text, size_t size);
 
-/* --- vsmd_flash.c ----------------------------------------------------------------------------- */
-
-/*
- * The flash of a simulated VSMD drive: "name=value name=value ...".
- */
+/* The flash of a simulated VSMD drive: "name=value name=value ...". */
 
 /* 0 or a negative errno, as from sim_flash_write(). */
 int sim_vsmd_flash_write(const char *path, const union db_value values[VSMD_PARAM_COUNT]);

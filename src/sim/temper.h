@@ -25,6 +25,16 @@ struct sim_late_bit {
 };
 
 /* The shown value, `delay` later than the real one. */
-bool sim_late_bit_follow(struct sim_late_bit *bit, bool real, db_time delay, db_time now);
+static inline bool sim_late_bit_follow(struct sim_late_bit *bit, bool real, db_time delay,
+                                       db_time now)
+{
+	if (real != bit->real) {
+		bit->real = real;
+		bit->since = now;
+	}
+	if (now - bit->since >= delay)
+		bit->shown = real;
+	return bit->shown;
+}
 
 #endif

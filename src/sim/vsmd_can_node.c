@@ -38,7 +38,7 @@ static void follow_power(struct sim_vsmd_can_node *node)
 /* "00080381#01", as other tools print it. */
 static void write_log(struct sim_node *node, const struct db_can_frame *frame, db_time now)
 {
-	struct sim_log_entry *entry = &node->log[node->heard++ % SIM_LOG_LINES];
+	struct sim_log_entry *entry = &node->log[node->received++ % SIM_LOG_LINES];
 	bool extended = frame->id & DB_CAN_EXTENDED;
 	int length = snprintf(entry->line, sizeof(entry->line), extended ? "%08X#" : "%03X#",
 	                      frame->id & DB_CAN_ID_MASK);
@@ -133,8 +133,8 @@ static void read_status(struct sim_vsmd_can_node *node, uint16_t host, unsigned 
 	struct vsmd_status status;
 	char identity[VSMD_CAN_IDENTITY_MAX + 1];
 
-	sim_vsmd_hear(drive, first >= VSMD_CAN_IDENTITY, now);
-	sim_vsmd_tell_status(drive, true, now, &status);
+	sim_vsmd_note_request(drive, first >= VSMD_CAN_IDENTITY, now);
+	sim_vsmd_report_status(drive, true, now, &status);
 	vsmd_can_put_status(&status, values);
 	snprintf(identity, sizeof(identity), "%s", sim_vsmd_identity(drive));
 	(void)vsmd_can_put_identity(identity, &values[VSMD_CAN_IDENTITY]);
@@ -273,7 +273,7 @@ static enum vsmd_verb verb_of(enum vsmd_can_code code)
 
 static void act(struct sim_vsmd_can_node *node, const struct vsmd_can_command *command, db_time now)
 {
-	struct vsmd_command said = {
+	struct vsmd_command order = {
 		.verb = verb_of(command->code),
 		.has_value = command->code == VSMD_CAN_STP || command->has_position,
 		.has_velocity = command->has_velocity,
@@ -283,9 +283,9 @@ static void act(struct sim_vsmd_can_node *node, const struct vsmd_can_command *c
 		.value = command->value,
 	};
 
-	if (said.verb == VSMD_STP && sim_faults_take(&node->node->faults, SIM_FAULT_RUNAWAY))
+	if (order.verb == VSMD_STP && sim_faults_take(&node->node->faults, SIM_FAULT_RUNAWAY))
 		return;
-	(void)sim_vsmd_execute(node->node->drive, &said, now);
+	(void)sim_vsmd_execute(node->node->drive, &order, now);
 }
 
 static void obey(struct sim_vsmd_can_node *node, const struct vsmd_can_message *message,
@@ -318,12 +318,6 @@ static void obey(struct sim_vsmd_can_node *node, const struct vsmd_can_message *
 	}
 }
 
-static bool is_read(const struct vsmd_can_id *id, const struct vsmd_can_message *message)
-{
-	return id->control == VSMD_CAN_COMMAND && (message->command.code == VSMD_CAN_READ_STATUS ||
-	                                           message->command.code == VSMD_CAN_READ_DATA);
-}
-
 static bool is_for(const struct sim_vsmd_can_node *node, const struct vsmd_can_id *id)
 {
 	if (id->control != VSMD_CAN_COMMAND && id->control != VSMD_CAN_DATA_WRITE)
@@ -354,7 +348,7 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 	    !is_for(node, &id))
 		return;
 	write_log(node->node, frame, now);
-	sim_vsmd_hear(drive, false, now);
+	sim_vsmd_note_request(drive, false, now);
 	refusals = sim_vsmd_refusals(drive);
 	error = vsmd_can_decode(&node->style, frame, &message);
 	if (error != VSMD_OK)
@@ -365,12 +359,14 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 		for (unsigned i = 0; i < message.count; i++)
 			write_register(node, id.reg + i, message.values[i], now);
 	}
-	if (error != VSMD_OK || !is_read(&id, &message)) {
+	if (error != VSMD_OK ||
+	    !(id.control == VSMD_CAN_COMMAND && (message.command.code == VSMD_CAN_READ_STATUS ||
+	                                         message.command.code == VSMD_CAN_READ_DATA))) {
 		const struct sim_node *sim = node->node;
 
-		sim_witness_tell(&sim->witness, now,
-		                 sim->log[(sim->heard - 1) % SIM_LOG_LINES].line,
-		                 sim_vsmd_refusals(sim->drive) == refusals);
+		sim_witness_report(&sim->witness, now,
+		                   sim->log[(sim->received - 1) % SIM_LOG_LINES].line,
+		                   sim_vsmd_refusals(sim->drive) == refusals);
 	}
 }
 
@@ -410,7 +406,7 @@ static void queue_report(struct sim_vsmd_can_node *node)
 	struct vsmd_status status;
 	unsigned first = parts[node->report].first;
 
-	sim_vsmd_tell_status(node->node->drive, false, node->report_at, &status);
+	sim_vsmd_report_status(node->node->drive, false, node->report_at, &status);
 	vsmd_can_put_status(&status, values);
 	queue_answer(node, VSMD_CAN_STATUS_REPLY, node->reporting_to, first, &values[first],
 	             parts[node->report].count, node->report_at);

@@ -50,20 +50,15 @@ void sim_vsmd_config_init(struct sim_vsmd_config *config, unsigned address, unsi
 		config->defaults[float_defaults[i].param].f = float_defaults[i].value;
 }
 
-/* Sensor ports 1 and 2 can be outputs on the 010T, 3 to 6 on all others. */
-static bool has_output(const struct sim_vsmd_config *config, unsigned port)
-{
-	return config->model == 10 ? port <= 2 : port >= 3;
-}
-
 bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param,
                     union db_value value)
 {
 	if (!(config->can ? vsmd_can_param_in_range(param, value) :
 	                    vsmd_param_in_range(param, value)))
 		return false;
+	/* Sensor ports 1 and 2 can be outputs on the 010T, 3 to 6 on all others. */
 	if (param >= VSMD_S1 && param <= VSMD_S6)
-		return value.u == 0 || has_output(config, (unsigned)(param - VSMD_S1) + 1);
+		return value.u == 0 || (config->model == 10 ? param <= VSMD_S2 : param >= VSMD_S3);
 	if (param >= VSMD_S3F && param <= VSMD_S6R)
 		return value.u == 0 || config->model != 10;
 	switch (param) {
@@ -230,7 +225,7 @@ static bool accept(struct sim_vsmd *drive, const struct vsmd_command *command)
 	return true;
 }
 
-void sim_vsmd_hear(struct sim_vsmd *drive, bool named, db_time now)
+void sim_vsmd_note_request(struct sim_vsmd *drive, bool named, db_time now)
 {
 	enum sim_handshake rule = drive->config.temper.handshake;
 
@@ -464,12 +459,6 @@ static handler_fn *handler_of(enum vsmd_verb verb)
 	return handlers[verb];
 }
 
-static bool is_motion(enum vsmd_verb verb)
-{
-	return verb == VSMD_MOV || verb == VSMD_POS || verb == VSMD_RMV ||
-	       verb == VSMD_ZERO_START || verb == VSMD_SHAKE_CYCLES || verb == VSMD_SHAKE_TIME;
-}
-
 static bool is_read(enum vsmd_verb verb)
 {
 	return verb == VSMD_STS || verb == VSMD_DEV || verb == VSMD_CFG_READ;
@@ -484,7 +473,11 @@ static bool obey(struct sim_vsmd *drive, const struct vsmd_command *command, db_
 	if (!is_read(command->verb) && command->verb != VSMD_ORG &&
 	    command->verb != VSMD_CFG_WRITE && command->verb != VSMD_SENSOR_OUT)
 		drive->waits = false;
-	if (delay == 0 || !is_motion(command->verb) || !is_enabled(drive))
+	if (delay == 0 ||
+	    !(command->verb == VSMD_MOV || command->verb == VSMD_POS || command->verb == VSMD_RMV ||
+	      command->verb == VSMD_ZERO_START || command->verb == VSMD_SHAKE_CYCLES ||
+	      command->verb == VSMD_SHAKE_TIME) ||
+	    !is_enabled(drive))
 		return handlers[command->verb](drive, command);
 	drive->waits = true;
 	drive->waiting = *command;
@@ -492,7 +485,7 @@ static bool obey(struct sim_vsmd *drive, const struct vsmd_command *command, db_
 	return true;
 }
 
-static enum sim_refusal refusal_of(const struct sim_vsmd *drive)
+enum sim_refusal sim_vsmd_refusal(const struct sim_vsmd *drive)
 {
 	if (drive->config.temper.refusal != SIM_REFUSAL_OF_BUS)
 		return drive->config.temper.refusal;
@@ -503,14 +496,14 @@ enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_
                                       db_time now)
 {
 	sim_vsmd_advance(drive, now);
-	sim_vsmd_hear(drive, command->verb == VSMD_DEV, now);
+	sim_vsmd_note_request(drive, command->verb == VSMD_DEV, now);
 	if ((sim_vsmd_hides_params(drive) && command->verb == VSMD_CFG_READ) ||
 	    !obey(drive, command, now)) {
 		sim_vsmd_refuse(drive, now);
 		return VSMD_REPLY_STATUS;
 	}
 	drive->counts[command->verb]++;
-	if (!is_read(command->verb) || refusal_of(drive) == SIM_REFUSAL_CLEARED)
+	if (!is_read(command->verb) || sim_vsmd_refusal(drive) == SIM_REFUSAL_CLEARED)
 		drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
 	follow_late_bits(drive, now);
 	switch (command->verb) {
@@ -528,7 +521,7 @@ enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_
 void sim_vsmd_refuse(struct sim_vsmd *drive, db_time now)
 {
 	sim_vsmd_advance(drive, now);
-	sim_vsmd_hear(drive, false, now);
+	sim_vsmd_note_request(drive, false, now);
 	drive->flags |= VSMD_ST_CMD_WRG;
 	drive->refusals++;
 }
@@ -556,55 +549,6 @@ void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *st
 	if (standing || fabs(motion->velocity) == fabs(motion->target_velocity))
 		word |= VSMD_ST_SPD_REACHED;
 	status->status = word;
-}
-
-static uint32_t with_bit(uint32_t word, uint32_t bit, bool set)
-{
-	return set ? word | bit : word & ~bit;
-}
-
-/* Without the levels of output ports. */
-static uint32_t without_outputs(const struct sim_vsmd *drive, uint32_t word)
-{
-	static const uint32_t bits[SIM_VSMD_SENSORS] = { VSMD_ST_S1, VSMD_ST_S2, VSMD_ST_S3,
-		                                         VSMD_ST_S4, VSMD_ST_S5, VSMD_ST_S6 };
-
-	for (unsigned i = 0; i < SIM_VSMD_SENSORS; i++) {
-		if (drive->params[(unsigned)VSMD_S1 + i].u == 1)
-			word &= ~bits[i];
-	}
-	return word;
-}
-
-/* The deviation of a held motor from its position, alternating. */
-static int32_t tremble(struct sim_vsmd *drive)
-{
-	drive->trembled = !drive->trembled;
-	return drive->trembled ? drive->config.temper.trembles : 0;
-}
-
-void sim_vsmd_tell_status(struct sim_vsmd *drive, bool read, db_time now,
-                          struct vsmd_status *status)
-{
-	const struct sim_vsmd_temper *temper = &drive->config.temper;
-
-	if (read && refusal_of(drive) == SIM_REFUSAL_CLEARED)
-		drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
-	sim_vsmd_status(drive, now, status);
-	if (status->status & VSMD_ST_STP)
-		status->position += temper->rests_off + tremble(drive);
-	if (temper->speed != SIM_SPEED_SIGNED)
-		status->velocity = temper->speed == SIM_SPEED_NONE ? 0.0f : fabsf(status->velocity);
-	if (temper->mirrored) {
-		status->position = -status->position;
-		status->velocity = -status->velocity;
-	}
-	status->status = with_bit(status->status, VSMD_ST_PWR, drive->power_bit.shown);
-	status->status = with_bit(status->status, VSMD_ST_STP, drive->standing_bit.shown);
-	if (temper->hides_outputs)
-		status->status = without_outputs(drive, status->status);
-	if (refusal_of(drive) == SIM_REFUSAL_ONCE)
-		drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
 }
 
 const struct sim_vsmd_temper *sim_vsmd_temper(const struct sim_vsmd *drive)

@@ -79,7 +79,7 @@ enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_
                                       db_time now);
 
 /* The drive received a message of the host; `named`: one that asks for its identity. */
-void sim_vsmd_hear(struct sim_vsmd *drive, bool named, db_time now);
+void sim_vsmd_note_request(struct sim_vsmd *drive, bool named, db_time now);
 
 /* Adopts a new address and speed, if this drive does so at that time: before it answers, or
  * (`answered`) after the answer. */
@@ -88,12 +88,11 @@ void sim_vsmd_settle(struct sim_vsmd *drive, bool answered);
 /* A line that was no command: sets cmd_wrg. The reply is the status. */
 void sim_vsmd_refuse(struct sim_vsmd *drive, db_time now);
 
+/* When the bit of a refused command is cleared. */
+enum sim_refusal sim_vsmd_refusal(const struct sim_vsmd *drive);
+
 /* The real status. */
 void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *status);
-/* The status as reported to the host: bits may change late, and reporting may clear some. `read`:
- * requested by a read that is no command (on CAN). */
-void sim_vsmd_tell_status(struct sim_vsmd *drive, bool read, db_time now,
-                          struct vsmd_status *status);
 const struct sim_vsmd_temper *sim_vsmd_temper(const struct sim_vsmd *drive);
 const char *sim_vsmd_identity(const struct sim_vsmd *drive);
 const union db_value *sim_vsmd_params(const struct sim_vsmd *drive);

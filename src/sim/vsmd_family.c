@@ -108,7 +108,7 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	        " address=%u heard=%" PRIu32 " replies=%" PRIu32 " refused=%" PRIu32,
 	        status.position, (double)status.velocity, status.status,
 	        sim_vsmd_shaft(node->drive), sim_vsmd_powered(node->drive),
-	        sim_vsmd_address(node->drive), node->heard, node->replies,
+	        sim_vsmd_address(node->drive), node->received, node->replies,
 	        sim_vsmd_refusals(node->drive));
 	for (int verb = 0; verb < VSMD_VERB_COUNT; verb++)
 		fprintf(out, " %s=%" PRIu32, verb_names[verb],

@@ -47,7 +47,7 @@ static int encode(struct sim_vsmd *drive, enum vsmd_reply_code code, uint8_t id,
 		return encode_text(drive, code, id, text, (size_t)length, frame);
 	case VSMD_REPLY_STATUS:
 	default:
-		sim_vsmd_tell_status(drive, false, now, &status);
+		sim_vsmd_report_status(drive, false, now, &status);
 		return vsmd_serial_encode_status(id, &status, frame, SIM_SERIAL_REPLY_MAX);
 	}
 }
@@ -74,21 +74,6 @@ static struct sim_burst *reply(struct sim_serial_bus *bus, struct sim_node *node
 	return burst;
 }
 
-/* True if the drive receives the bus at all. */
-static bool hears_bus(const struct sim_serial_bus *bus, const struct sim_node *node)
-{
-	return sim_vsmd_powered(node->drive) &&
-	       sim_vsmd_baud(node->drive) == sim_serial_bus_config(bus)->baud &&
-	       sim_serial_bus_connects(bus, node);
-}
-
-static bool is_left_unanswered(const struct sim_node *node, const struct vsmd_command *command,
-                               enum vsmd_error error)
-{
-	return error == VSMD_OK && command->verb == VSMD_CFG_READ &&
-	       sim_vsmd_temper(node->drive)->parameters == SIM_PARAMETERS_SILENT;
-}
-
 /* Lets one drive process the request. */
 static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node *node,
                                      const struct sim_serial_request *request,
@@ -99,8 +84,12 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 	uint32_t refusals = sim_vsmd_refusals(node->drive);
 	struct sim_burst *burst;
 
-	if (!hears_bus(bus, node) || sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
-		sim_serial_bus_count(bus)->unheard++;
+	/* A drive that is not on the bus, or off, or at another speed, receives nothing. */
+	if (!(sim_vsmd_powered(node->drive) &&
+	      sim_vsmd_baud(node->drive) == sim_serial_bus_config(bus)->baud &&
+	      sim_serial_bus_connects(bus, node)) ||
+	    sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
+		sim_serial_bus_count(bus)->missed++;
 		return NULL;
 	}
 	sim_serial_bus_log(node, request, (const char *)request->bytes, request->length - 1);
@@ -115,7 +104,8 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 	                         command->verb != VSMD_CFG_READ))
 		sim_serial_bus_testify(node, sim_vsmd_refusals(node->drive) == refusals);
 	sim_vsmd_settle(node->drive, false);
-	burst = broadcast || is_left_unanswered(node, command, error) ?
+	burst = broadcast || (error == VSMD_OK && command->verb == VSMD_CFG_READ &&
+	                      sim_vsmd_temper(node->drive)->parameters == SIM_PARAMETERS_SILENT) ?
 	                NULL :
 	                reply(bus, node, code, request->end);
 	sim_vsmd_settle(node->drive, true);
@@ -130,20 +120,21 @@ static bool is_for(const struct sim_node *node, int id)
 }
 
 /* A line as received by a drive. */
-struct heard_line {
+struct request_line {
 	struct sim_serial_request request;
 	struct vsmd_command command;
 	enum vsmd_error error;
 	struct vsmd_setting settings[VSMD_PARAM_COUNT * 2];
 };
 
-static void hear_line(struct heard_line *heard, bool rs485, struct sim_serial_request request)
+static void decode_line(struct request_line *received, bool rs485,
+                        struct sim_serial_request request)
 {
-	heard->request = request;
-	heard->command = (struct vsmd_command){ .id = -2 };
-	heard->error = vsmd_serial_decode_command((const char *)request.bytes, request.length - 1,
-	                                          rs485, &heard->command, heard->settings,
-	                                          VSMD_PARAM_COUNT * 2);
+	received->request = request;
+	received->command = (struct vsmd_command){ .id = -2 };
+	received->error = vsmd_serial_decode_command((const char *)request.bytes,
+	                                             request.length - 1, rs485, &received->command,
+	                                             received->settings, VSMD_PARAM_COUNT * 2);
 }
 
 static bool is_for_somebody(const struct vsmd_command *command, bool rs485)
@@ -155,36 +146,36 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 {
 	bool rs485 = sim_serial_bus_config(bus)->rs485;
 	struct sim_burst *answer = NULL;
-	struct heard_line whole;
-	struct heard_line rest;
+	struct request_line whole;
+	struct request_line rest;
 	struct sim_node *node;
 	bool known = false;
 
-	hear_line(&whole, rs485, *request);
+	decode_line(&whole, rs485, *request);
 	for (size_t i = 0; (node = sim_serial_bus_node(bus, i)) != NULL; i++) {
-		const struct heard_line *heard = &whole;
+		const struct request_line *received = &whole;
 		size_t missed = sim_serial_bus_missed(bus, node, request);
 
 		bool meant = is_for_somebody(&whole.command, rs485) &&
 		             (!rs485 || is_for(node, whole.command.id));
 
 		known |= meant;
-		sim_serial_bus_count(bus)->unheard += meant && missed > 0;
+		sim_serial_bus_count(bus)->missed += meant && missed > 0;
 		if (missed == request->length)
 			continue;
 		if (missed > 0) {
-			hear_line(&rest, rs485,
-			          (struct sim_serial_request){ request->bytes + missed,
-			                                       request->length - missed,
-			                                       request->start, request->end });
-			heard = &rest;
+			decode_line(&rest, rs485,
+			            (struct sim_serial_request){ request->bytes + missed,
+			                                         request->length - missed,
+			                                         request->start, request->end });
+			received = &rest;
 		}
-		if (!is_for_somebody(&heard->command, rs485) ||
-		    (rs485 && !is_for(node, heard->command.id)))
+		if (!is_for_somebody(&received->command, rs485) ||
+		    (rs485 && !is_for(node, received->command.id)))
 			continue;
-		answer = sim_serial_bus_overlap(
-			bus, answer,
-			serve_drive(bus, node, &heard->request, &heard->command, heard->error));
+		answer = sim_serial_bus_overlap(bus, answer,
+		                                serve_drive(bus, node, &received->request,
+		                                            &received->command, received->error));
 	}
 	sim_serial_bus_count(bus)->foreign += !known;
 }

@@ -2,7 +2,9 @@
 #include "sim/vsmd_temper.h"
 
 #include "codec/vsmd_can.h"
+#include "sim/vsmd_mechanics.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -142,4 +144,55 @@ int sim_vsmd_dress_text(const struct sim_vsmd_temper *temper, const char *text, 
 	if (temper->text == SIM_TEXT_CRLF)
 		put(&writer, "\r\n", 2);
 	return writer.length <= size ? (int)writer.length : -1;
+}
+
+/* --- statuses --------------------------------------------------------------------------------- */
+
+static uint32_t with_bit(uint32_t word, uint32_t bit, bool set)
+{
+	return set ? word | bit : word & ~bit;
+}
+
+/* Without the levels of output ports. */
+static uint32_t without_outputs(const struct sim_vsmd *drive, uint32_t word)
+{
+	static const uint32_t bits[SIM_VSMD_SENSORS] = { VSMD_ST_S1, VSMD_ST_S2, VSMD_ST_S3,
+		                                         VSMD_ST_S4, VSMD_ST_S5, VSMD_ST_S6 };
+
+	for (unsigned i = 0; i < SIM_VSMD_SENSORS; i++) {
+		if (drive->params[(unsigned)VSMD_S1 + i].u == 1)
+			word &= ~bits[i];
+	}
+	return word;
+}
+
+/* The deviation of a held motor from its position, alternating. */
+static int32_t tremble(struct sim_vsmd *drive)
+{
+	drive->trembled = !drive->trembled;
+	return drive->trembled ? drive->config.temper.trembles : 0;
+}
+
+void sim_vsmd_report_status(struct sim_vsmd *drive, bool read, db_time now,
+                            struct vsmd_status *status)
+{
+	const struct sim_vsmd_temper *temper = &drive->config.temper;
+
+	if (read && sim_vsmd_refusal(drive) == SIM_REFUSAL_CLEARED)
+		drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
+	sim_vsmd_status(drive, now, status);
+	if (status->status & VSMD_ST_STP)
+		status->position += temper->rests_off + tremble(drive);
+	if (temper->speed != SIM_SPEED_SIGNED)
+		status->velocity = temper->speed == SIM_SPEED_NONE ? 0.0f : fabsf(status->velocity);
+	if (temper->mirrored) {
+		status->position = -status->position;
+		status->velocity = -status->velocity;
+	}
+	status->status = with_bit(status->status, VSMD_ST_PWR, drive->power_bit.shown);
+	status->status = with_bit(status->status, VSMD_ST_STP, drive->standing_bit.shown);
+	if (temper->hides_outputs)
+		status->status = without_outputs(drive, status->status);
+	if (sim_vsmd_refusal(drive) == SIM_REFUSAL_ONCE)
+		drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
 }

@@ -96,4 +96,12 @@ bool sim_registers_parse(const char *text, struct sim_registers *registers);
 int sim_vsmd_dress_text(const struct sim_vsmd_temper *temper, const char *text, size_t length,
                         char *out, size_t size);
 
+struct sim_vsmd;
+struct vsmd_status;
+
+/* The status as reported to the host: bits may change late, and reporting may clear some. `read`:
+ * requested by a read that is no command (on CAN). */
+void sim_vsmd_report_status(struct sim_vsmd *drive, bool read, db_time now,
+                            struct vsmd_status *status);
+
 #endif

@@ -12,16 +12,16 @@
 #include <stdbool.h>
 
 struct sim_witness {
-	/* `request` as in the drive's log; null `tell`: no witness. */
-	void (*tell)(void *context, db_time time, const char *request, bool obeyed);
+	/* `request` as in the drive's log; null `report`: no witness. */
+	void (*report)(void *context, db_time time, const char *request, bool obeyed);
 	void *context;
 };
 
-static inline void sim_witness_tell(const struct sim_witness *witness, db_time time,
-                                    const char *request, bool obeyed)
+static inline void sim_witness_report(const struct sim_witness *witness, db_time time,
+                                      const char *request, bool obeyed)
 {
-	if (witness->tell)
-		witness->tell(witness->context, time, request, obeyed);
+	if (witness->report)
+		witness->report(witness->context, time, request, obeyed);
 }
 
 #endif

@@ -44,7 +44,7 @@ static void observe(struct sim_observer *observer, const char *text, db_time now
 	fprintf(observer->trace, " moving=%u\n", observer->moving);
 }
 
-static void tell(void *context, db_time time, const char *request, bool obeyed)
+static void report(void *context, db_time time, const char *request, bool obeyed)
 {
 	char text[SIM_LOG_LENGTH + 16];
 
@@ -52,8 +52,8 @@ static void tell(void *context, db_time time, const char *request, bool obeyed)
 	observe(context, text, time);
 }
 
-void sim_world_tell(struct sim_world *world, const struct sim_node *node, const char *text,
-                    db_time now)
+void sim_world_report(struct sim_world *world, const struct sim_node *node, const char *text,
+                      db_time now)
 {
 	struct sim_observer *observer = &world->observers[node - world->nodes];
 
@@ -144,7 +144,7 @@ static int open_node(struct sim_world *world, size_t place, struct sim_bus *bus,
 	node->latency = config->latency;
 	node->deaf = config->deaf;
 	node->family = sim_families[bus->config->kind];
-	node->witness = (struct sim_witness){ .tell = bus->trace ? tell : NULL,
+	node->witness = (struct sim_witness){ .report = bus->trace ? report : NULL,
 		                              .context = observer };
 	if (bus->config->flash && snprintf(path, sizeof(path), "%s/%s.flash", bus->config->flash,
 	                                   node->name) >= (int)sizeof(path))

@@ -52,8 +52,8 @@ void sim_world_run(struct sim_world *world, db_time now);
 db_time sim_world_next(const struct sim_world *world, db_time now);
 
 /* Writes an event of a drive into the trace, with its motion after it. */
-void sim_world_tell(struct sim_world *world, const struct sim_node *node, const char *text,
-                    db_time now);
+void sim_world_report(struct sim_world *world, const struct sim_node *node, const char *text,
+                      db_time now);
 
 /* Null when there is none of this name. */
 struct sim_bus *sim_world_bus(struct sim_world *world, const char *name);

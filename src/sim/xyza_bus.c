@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/serial_bus.h"
 
-#include "codec/xyza.h"
+#include "codec/xyza_frames.h"
 #include "sim/xyza_controller.h"
 
 #include <stdio.h>
@@ -59,12 +59,12 @@ static struct sim_burst *serve_controller(struct sim_serial_bus *bus, struct sim
 
 	if (!sim_xyza_powered(node->xyza) || !sim_serial_bus_connects(bus, node) ||
 	    sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
-		sim_serial_bus_count(bus)->unheard++;
+		sim_serial_bus_count(bus)->missed++;
 		return NULL;
 	}
 	/* Without its beginning it is no request. */
 	if (sim_serial_bus_missed(bus, node, request) > 0) {
-		sim_serial_bus_count(bus)->unheard++;
+		sim_serial_bus_count(bus)->missed++;
 		return NULL;
 	}
 	for (size_t i = 0; i < request->length; i++)

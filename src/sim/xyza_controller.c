@@ -284,12 +284,6 @@ static bool write_output(struct sim_xyza *controller, const struct xyza_request 
 	return true;
 }
 
-static bool is_speed(enum xyza_item item)
-{
-	return item == XYZA_ITEM_MIN_SPEED || item == XYZA_ITEM_MAX_SPEED ||
-	       item == XYZA_ITEM_MANUAL_SPEED;
-}
-
 /* True if the lowest speed would be above the highest one. */
 static bool crosses_speeds(const struct sim_xyza *controller, const struct xyza_request *request)
 {
@@ -314,7 +308,10 @@ static bool write_item(struct sim_xyza *controller, const struct xyza_request *r
 		return true;
 	}
 	content = request->value;
-	if (temper->clamps && is_speed(request->item) && content > SIM_XYZA_SPEED_MAX)
+	if (temper->clamps &&
+	    (request->item == XYZA_ITEM_MIN_SPEED || request->item == XYZA_ITEM_MAX_SPEED ||
+	     request->item == XYZA_ITEM_MANUAL_SPEED) &&
+	    content > SIM_XYZA_SPEED_MAX)
 		content = SIM_XYZA_SPEED_MAX;
 	sim_xyza_memory_set(&controller->memory, request->item, request->axis, content,
 	                    controller->now, controller->now + temper->item_delay);
@@ -507,32 +504,17 @@ static enum sim_xyza_kind kind_of(enum xyza_verb verb)
 	}
 }
 
-static bool takes_nevertheless(const struct sim_xyza *controller,
-                               const struct xyza_request *request, enum xyza_error error)
-{
-	return controller->config.temper.takes_any && error == XYZA_ERR_RANGE &&
-	       request->verb == XYZA_WRITE_ITEM;
-}
-
 /* Returns whether it carried out the request. */
 static bool carry_out(struct sim_xyza *controller, const struct xyza_request *request,
                       enum xyza_error error)
 {
 	/* All verbs about an axis name it; the others have x there. */
-	return (error == XYZA_OK || takes_nevertheless(controller, request, error)) &&
+	return (error == XYZA_OK ||
+	        (controller->config.temper.takes_any && error == XYZA_ERR_RANGE &&
+	         request->verb == XYZA_WRITE_ITEM)) &&
 	       (unsigned)request->axis < controller->config.axes &&
 	       !(controller->config.temper.ignores >> kind_of(request->verb) & 1) &&
 	       handlers[request->verb](controller, request);
-}
-
-/* True if it acknowledges what it does not do. */
-static bool acknowledges(const struct sim_xyza *controller, const struct xyza_request *request,
-                         enum xyza_error error)
-{
-	const struct sim_xyza_temper *temper = &controller->config.temper;
-
-	return error == XYZA_OK && !xyza_is_read(request->verb) &&
-	       (temper->acknowledges_all || (temper->ignores >> kind_of(request->verb) & 1));
 }
 
 /* True if it does not answer this request. */
@@ -555,6 +537,8 @@ static bool lacks(const struct sim_xyza *controller, const struct xyza_request *
 bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *request,
                       enum xyza_error error, db_time now, struct xyza_reply *reply)
 {
+	const struct sim_xyza_temper *temper = &controller->config.temper;
+
 	sim_xyza_advance(controller, now);
 	if (!controller->powered || controller->reset_done != DB_TIME_NEVER ||
 	    (error == XYZA_OK && lacks(controller, request)))
@@ -566,7 +550,9 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 	};
 	if (!carry_out(controller, request, error)) {
 		controller->failures++;
-		if (acknowledges(controller, request, error))
+		/* It may acknowledge what it does not do. */
+		if (error == XYZA_OK && !xyza_is_read(request->verb) &&
+		    (temper->acknowledges_all || (temper->ignores >> kind_of(request->verb) & 1)))
 			reply->kind = XYZA_REPLY_DONE;
 		return true;
 	}

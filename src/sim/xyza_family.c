@@ -100,7 +100,7 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	        (unsigned)sim_xyza_inputs(node->xyza), (unsigned)sim_xyza_outputs(node->xyza),
 	        (int)sim_xyza_program_state(node->xyza), sim_xyza_program(node->xyza),
 	        sim_xyza_step(node->xyza), sim_xyza_powered(node->xyza),
-	        sim_xyza_number(node->xyza), node->heard, node->replies,
+	        sim_xyza_number(node->xyza), node->received, node->replies,
 	        sim_xyza_failures(node->xyza));
 	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
 		fprintf(out, " %s=%" PRIu32, counted[i].name,

@@ -278,8 +278,11 @@ class Unit:
         self.number = number
         self.view = view
         self.low_first = bridge.low_first
-        self.client = ModbusTcpClient("127.0.0.1", port=port or bridge.port, timeout=10, retries=0)
+        self.client = self.make_client(port or bridge.port)
         assert self.client.connect()
+
+    def make_client(self, port):
+        return ModbusTcpClient("127.0.0.1", port=port, timeout=10, retries=0)
 
     def close(self):
         self.client.close()

@@ -203,17 +203,56 @@ def test_who_logs_in_sees_the_drives(site, visit):
     expect(page.locator("#stop-all")).to_be_hidden()
 
 
-def test_who_may_only_read_has_nothing_to_act_with(site, visit):
+def test_who_may_only_look_and_stop_is_offered_nothing_else(site, visit):
     visitor = visit(site, READER)
-    expect(visitor.page.locator("#stop-all")).to_be_hidden()
+    expect(visitor.page.locator("#stop-all")).to_be_visible()
+    expect(visitor.page.locator('#navigation a[data-view="users"]')).to_be_hidden()
     view = visitor.go("drive/drive1")
     expect(view.locator(".plot")).to_be_visible()
-    assert view.locator("#jog, #commands, #stop").count() == 0
+    expect(view.locator("#stop")).to_be_visible()
+    expect(view.locator("#may-not")).to_contain_text("needs the role operator")
+    assert view.locator("#jog, #commands, #control-take").count() == 0
     assert view.get_by_role("link", name="Commission").count() == 0
-    expect(visitor.go("commission/drive1")).to_contain_text("needs the role operator")
+    expect(visitor.go("commission/drive1")).to_contain_text("needs the role engineer")
+    expect(visitor.go("scan")).to_contain_text("needs the role engineer")
+    expect(visitor.go("users")).to_contain_text("needs the role administrator")
     view = visitor.go("parameters/drive1")
     expect(view.locator("#parameters-table")).to_be_visible()
     assert view.locator("#parameters-table input").count() == 0
+
+
+def test_users_and_passwords_are_changed_on_the_page(site, visit):
+    """An administrator makes an operator of one drive; he finds what is his, and gives himself another password."""
+    site.add_user("ada", "makes the users", "administrator")
+    ada = visit(site, ("ada", "makes the users"))
+    view = ada.go("users")
+    view.locator("#user-name").fill("otto")
+    view.locator("#user-role").select_option("operator")
+    view.locator("#user-drives").fill("drive1")
+    view.locator("#user-password").fill("short")
+    view.locator("#user-submit").click()
+    expect(view.locator("#user-problem")).to_contain_text("too short")
+    view.locator("#user-password").fill("winds up the clocks")
+    view.locator("#user-submit").click()
+    expect(view.locator('tr[data-user="otto"]')).to_contain_text("drive1")
+    otto = visit(site, ("otto", "winds up the clocks"))
+    view = otto.go("drive/drive2")
+    expect(view.locator("#may-not")).to_contain_text("drive2 is not among the drives of otto: drive1")
+    view = otto.go("drive/drive1")
+    expect(view.locator("#jog")).to_be_visible()
+    # What needs more is named, not offered.
+    expect(view.locator("[data-denied]").first).to_contain_text("Set position")
+    assert view.locator('[data-command="save_parameters"]').count() == 0
+    view = otto.go("account")
+    for id_, word in ("now", "winds up the clocks"), ("fresh", "stops all the clocks"), ("again", "stops all the clocks"):
+        view.locator(f"#password-{id_}").fill(word)
+    view.locator("#password-submit").click()
+    expect(otto.page.locator("#notices")).to_contain_text("The password was changed")
+    view = ada.go("users")
+    view.locator('[data-remove="otto"]').click()
+    ada.page.get_by_role("dialog").get_by_role("button", name="Remove").click()
+    expect(view.locator('tr[data-user="otto"]')).to_have_count(0)
+    expect(otto.page.locator("#login-user")).to_be_visible()
 
 
 # --- a drive -----------------------------------------------------------------------------------------------------

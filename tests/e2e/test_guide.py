@@ -59,6 +59,8 @@ FOREIGN = {
     "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse", "BadNotExecutable", "opcua-client",
     "BadTcpServerTooBusy", "BadInvalidTimestamp", "BadRequestNotComplete", "BadResourceUnavailable", "BadTooManyOperations",
     "OperationLimits", "Diagnosis", "TroubleCause",
+    # drivebridge-tls
+    "drivebridge-tls", "mbaps", "ModbusTlsClient", "drivebridge_tls_certificate_expires_timestamp_seconds",
     # drivebridge-web
     "drivebridge-web", "drivebridge-webd", "IPAddressAllow", "drivebridge_restart_needed", "drivebridge_web_requests_total", "drivebridge_web_streams",
     "drivebridge_web_failed_logins_total", "drivebridge_web_late_jogs_total",
@@ -137,7 +139,8 @@ def rows(name):
 
 REGISTERS = rows("register-map.csv")
 COMMANDS = rows("commands.csv")
-KEYS = rows("config-keys.csv") + rows("mqtt-keys.csv") + rows("opcua-keys.csv") + rows("web-keys.csv")
+KEYS = rows("config-keys.csv") + rows("mqtt-keys.csv") + rows("opcua-keys.csv") + rows("web-keys.csv") \
+    + rows("tls-keys.csv")
 
 
 def enumerations():
@@ -556,6 +559,8 @@ NOT_HERE = {
     "sudo ip ": "a CAN interface",
     "sudo tcpdump": "traffic of a PLC",
     "drivebridgectl": "test_ctl.py types its page",
+    "sudo drivebridge-tls --check": "the installed program; test_tls.py checks one",
+    "sudo drivebridgectl certificate": "root's files; test_tls.py makes an authority and what it signs",
     "sudo drivebridgectl backup": "root's files; test_ctl_alone.py has a backup and what is restored from it",
     "sudo drivebridgectl restore": "likewise",
     "ls /dev/serial": "an adapter",

@@ -83,12 +83,12 @@ STREAMS = {"overview": {}, "Events": {}, "Trace": {"bus": "line"},
 
 
 def test_each_role_may_what_it_may(gateway):
-    """Nobody nothing, a reader looks, an operator acts; with `read = all` nobody looks, too."""
+    """Nobody nothing, an observer looks, an engineer acts; with `read = all` nobody looks, too. test_roles.py has the rest."""
     bridge = gateway.make_bridge()
     webd = gateway.webd(bridge)
     nobody, reader, operator = (gateway.page(webd, user) for user in (None, READER, OPERATOR))
     assert nobody.load()["role"] == "none" and nobody.load()["user"] is None
-    assert reader.load()["role"] == "reader" and operator.load()["user"] == "olga"
+    assert reader.load()["role"] == "observer" and operator.load()["user"] == "olga"
 
     for method, parameters in {**LOOKING, **ACTING}.items():
         assert refused(401, nobody.call, method, **parameters).error == "LoginRequired"
@@ -118,12 +118,12 @@ def test_each_role_may_what_it_may(gateway):
 
     log = webd.log()
     assert 'olga at 127.0.0.1: Write {"drive":"drive1","values":{"target_velocity":1.0}}' in log
-    assert "olga at 127.0.0.1: Scan" in log and "logged in as rudi, reader" in log
+    assert "olga at 127.0.0.1: Scan" in log and "logged in as rudi, observer" in log
     assert OPERATOR[1] not in log and READER[1] not in log
 
     open_for_all = gateway.webd(bridge, access={"read": "all"})
     anybody = gateway.page(open_for_all)
-    assert anybody.load()["role"] == "reader" and anybody.load()["user"] is None
+    assert anybody.load()["role"] == "observer" and anybody.load()["user"] is None
     assert anybody.call("Describe")["drives"]
     assert refused(401, anybody.call, "Run", **ACTING["Run"]).error == "LoginRequired"
 
@@ -232,7 +232,7 @@ def test_logins(gateway):
     assert refused(400, page.ask, "POST", "/api/login", {"user": "olga"}).error == "BadRequest"
     assert refused(400, page.log_in, "olga", "a\0b").error == "BadRequest"
     before = page.cookie
-    assert page.log_in(*OPERATOR)["role"] == "operator"
+    assert page.log_in(*OPERATOR)["role"] == "engineer"
     assert page.cookie != before, "a login makes a new session"
 
     stream = page.stream("Events")
@@ -291,7 +291,7 @@ def test_what_a_proxy_says_is_believed_of_proxies_alone(gateway, believed):
     assert ("nobody at 10.0.1.1 through 127.0.0.1: " in webd.log()) == believed
     assert "10.0.0." not in webd.log()
     if believed:
-        assert log_in("10.0.1.3", *OPERATOR)["role"] == "operator"
+        assert log_in("10.0.1.3", *OPERATOR)["role"] == "engineer"
     # Metrics are for the local machine.
     assert page.request("GET", "/metrics", X_Forwarded_For="10.0.1.3", Cookie="none")[0] == (401 if believed else 200)
     # What came by TLS to the proxy stays on TLS.
@@ -308,15 +308,16 @@ def test_users_and_files_are_checked(gateway, tmp_path):
     assert not path.exists(), "there is nobody as installed"
     page = gateway.page(webd)
     assert refused(401, page.log_in, *OPERATOR).error == "LoginFailed"
-    for name, role, word in (("o:a", "reader", "long enough"), ("", "reader", "long enough"),
-                             ("olga", "chief", "long enough"), ("olga", "reader", "short")):
+    for name, role, word in (("o:a", "observer", "a word long enough"), ("", "observer", "a word long enough"),
+                             ("olga", "chief", "a word long enough"), ("olga", "observer", "short"),
+                             ("olga", "observer", "password1234"), ("olga", "observer", "olgaolgaolga")):
         assert webd.command("--add-user", name, "--role", role, input=word + "\n").returncode != 0
     assert not path.exists()
-    webd.add_user(*OPERATOR, "operator")
-    assert page.log_in(*OPERATOR)["role"] == "operator", "no restart is needed"
+    webd.add_user(*OPERATOR, "engineer")
+    assert page.log_in(*OPERATOR)["role"] == "engineer", "no restart is needed"
     path.write_text(path.read_text() + "# a note\n\nbad line\n")
     assert f"{path}:4: " in webd.command("--check").stderr
-    done = webd.command("--add-user", "rudi", "--role", "reader", input="long enough\n")
+    done = webd.command("--add-user", "rudi", "--role", "observer", input="a word long enough\n")
     assert done.returncode != 0 and "bad line" in path.read_text(), "nothing is lost"
     path.write_text("")
     path.chmod(0o644)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from bridgelib import build_directory, eventually, find_program, go_first, section
 
+# Name and password; who may do everything to drives, and who looks.
 OPERATOR = ("olga", "the operator's word")
 READER = ("rudi", "the reader's word")
 
@@ -23,20 +24,22 @@ PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>A page</ti
 
 
 class Webd:
-    """drivebridge-webd with an operator and a reader, on a port of its own.
+    """drivebridge-webd with an engineer and an observer, on a port of its own.
 
     server, access, metrics
              keys for the sections of its configuration
     page     folder with the page; without it that of the build, where there is one, else a bare file
-    users    [(name, password, role)]
+    users    [(name, password, role)], or [(name, password, role, drives)]
     """
 
     def __init__(self, place, bridge=None, *, server=None, access=None, metrics=None, page=None,
-                 users=((*OPERATOR, "operator"), (*READER, "reader"))):
+                 users=((*OPERATOR, "engineer"), (*READER, "observer"))):
         self.place = Path(place)
         self.log_path = self.place / "webd.log"
         self.config_path = self.place / "web.conf"
-        self.users_path = self.place / "web-users"
+        # Beside its folder the file of before.
+        self.users_path = self.place / "access" / "users"
+        self.former_path = self.place / "web-users"
         page = page or build_directory() / "web"
         if not (Path(page) / "index.html").exists():
             page = self.place / "page"
@@ -62,14 +65,14 @@ class Webd:
         return subprocess.run([find_program("drivebridge-webd"), "--config", self.config_path, *arguments],
                               capture_output=True, text=True, timeout=30, check=False, **options)
 
-    def add_user(self, name, password, role):
-        done = self.command("--add-user", name, "--role", role, input=password + "\n")
+    def add_user(self, name, password, role, drives="*"):
+        done = self.command("--add-user", name, "--role", role, "--drives", drives, input=password + "\n")
         assert done.returncode == 0, done.stderr
 
     def start(self):
         self.write_config()
-        for name, password, role in self.users:
-            self.add_user(name, password, role)
+        for user in self.users:
+            self.add_user(*user)
         self.users = ()
         offset = self.log_path.stat().st_size if self.log_path.exists() else 0
         with open(self.log_path, "ab") as log:

@@ -23,7 +23,7 @@ static db_time obey_commands(struct fake_bus *bus, struct fake_frame *frame)
 	return bus->answer_time;
 }
 
-static db_time hear_frame(void *context, const uint8_t *bytes, size_t length)
+static db_time take_frame_byte(void *context, const uint8_t *bytes, size_t length)
 {
 	struct fake_bus *bus = context;
 	struct fake_frame frame = fake_frame_at(bytes, length);
@@ -57,7 +57,7 @@ static void count_event(void *context, const struct db_drive_config *drive, enum
 	bus->told[event]++;
 }
 
-static const struct db_engine_ops frame_ops = { .send = hear_frame, .on_event = count_event };
+static const struct db_engine_ops frame_ops = { .send = take_frame_byte, .on_event = count_event };
 
 /* --- making and freeing
  * ------------------------------------------------------------------------ */

@@ -189,7 +189,7 @@ static inline unsigned rs485_count_heard(const struct sim_node *node, const char
 {
 	unsigned found = 0;
 
-	for (uint32_t i = 0; i < node->heard && i < SIM_LOG_LINES; i++)
+	for (uint32_t i = 0; i < node->received && i < SIM_LOG_LINES; i++)
 		found += strncmp(node->log[i].line, beginning, strlen(beginning)) == 0;
 	return found;
 }

@@ -38,7 +38,7 @@ static void check_path(const char *path)
 
 	if (get.kind == DB_WEB_FILE && (strchr(get.name, '/') || get.name[0] == '\0'))
 		abort();
-	if (post.acts && post.role != DB_ROLE_OPERATOR)
+	if (post.acts && post.needs <= DB_MAY_LOOK)
 		abort();
 	if (get.acts || get.kind == DB_WEB_CALL || get.kind == DB_WEB_STREAM)
 		abort();
@@ -62,7 +62,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	(void)db_users_parse(&users, text, "users", NULL);
 	for (size_t i = 0; i < users.count; i++) {
 		if (!db_users_name_is_good(users.list[i].name) ||
-		    users.list[i].role == DB_ROLE_NONE || users.list[i].hash[0] != '$' ||
+		    users.list[i].grant.role == DB_ROLE_NONE ||
+		    !db_drives_are_good(users.list[i].grant.drives) ||
+		    users.list[i].hash[0] != (users.list[i].pam ? '\0' : '$') ||
 		    db_users_find(&users, users.list[i].name) != &users.list[i])
 			abort();
 	}

@@ -2,7 +2,7 @@
 /* XYZA: whatever comes down the line, from either side, stays inside its buffer. */
 #include "codec/xyza_describe.h"
 
-#include "codec/xyza.h"
+#include "codec/xyza_frames.h"
 #include "fakes/must.h"
 
 #include <string.h>

@@ -248,11 +248,12 @@ phase_docs() {
 	build/asan/mqtt-export >build/docs/mqtt-keys.csv || true
 	build/asan/web-export >build/docs/web-keys.csv || true
 	build/asan/opcua-export >build/docs/opcua-keys.csv || true
+	build/asan/tls-export >build/docs/tls-keys.csv || true
 	"$VENV/bin/python" docs/generate/opcua-nodes build/docs/register-map.csv build/asan/opcua-export \
 		>build/docs/opcua-nodes.csv || true
 	build/asan/ctl-export csv >build/docs/drivebridgectl.csv || true
 	for file in register-map.csv register-map.md commands.csv drivebridge.st config-keys.csv \
-		mqtt-keys.csv web-keys.csv opcua-keys.csv opcua-nodes.csv drivebridgectl.csv; do
+		mqtt-keys.csv web-keys.csv opcua-keys.csv tls-keys.csv opcua-nodes.csv drivebridgectl.csv; do
 		step "$file" diff -u "docs/$file" "build/docs/$file"
 	done
 	build/asan/ctl-export bash >build/docs/drivebridgectl || true

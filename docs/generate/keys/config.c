@@ -44,6 +44,8 @@ static const char *type_of(const struct db_config_key *key)
 		return "address";
 	case DB_KEY_NETWORKS:
 		return "networks";
+	case DB_KEY_DRIVES:
+		return "drives";
 	case DB_KEY_PROTOCOL:
 		return "family";
 	case DB_KEY_BUS:

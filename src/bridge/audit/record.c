@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "audit/audit_private.h"
 
+#include "codec/secure_hello.h"
 #include "drivebridge/command_table.h"
 #include "drivebridge/result.h"
 #include "identity/rights.h"
@@ -123,26 +124,31 @@ static json_t *values_of(const struct db_audit_entry *entry)
 static void set_who(json_t *object, const struct db_audit_entry *entry)
 {
 	struct db_client_session session;
-	char login[DB_CLIENT_PROCESS_USER_MAX] = "";
+	char login[DB_SECURE_NAME_MAX + 1] = "";
 	char text[DB_CLIENT_TEXT_MAX];
 	char digits[2 * sizeof(entry->address) + 1];
 	struct db_client_words words;
 	uint32_t user;
 	bool is_session = db_client_session_of_address(entry->address, &session);
+	bool has_certificate = db_client_certificate_of_address(entry->address, &user);
 
 	if (entry->port == 0)
 		return;
-	if (!is_session && !db_client_user_of_address(entry->address, &user)) {
+	if (!is_session && !has_certificate && !db_client_user_of_address(entry->address, &user)) {
 		db_client_address(entry->address, text);
 		set_text(object, "address", text);
 		set_number(object, "port", entry->port);
 		return;
 	}
-	if (is_session)
+	if (is_session || has_certificate)
 		snprintf(login, sizeof(login), "%s", entry->login ? entry->login : "");
 	else
 		db_rights_name(user, login);
-	db_client_words_init(&words, entry->address, login, entry->user ? entry->user : "");
+	if (has_certificate)
+		db_client_words_init_certificate(&words, entry->address, login,
+		                                 entry->user ? entry->user : "");
+	else
+		db_client_words_init(&words, entry->address, login, entry->user ? entry->user : "");
 	db_client_words_join(&words, text);
 	for (size_t i = 0; i < sizeof(entry->address); i++)
 		snprintf(digits + 2 * i, 3, "%02x", entry->address[i]);

@@ -51,7 +51,7 @@ bool db_control_request(struct db_control *control, const struct db_client *clie
 {
 	const struct db_client *holder = db_control_holder(control, now);
 
-	if (holder && memcmp(holder->address, client->address, sizeof holder->address) == 0)
+	if (holder && db_client_same(holder->address, client->address))
 		give_control(control, client, now);
 	return db_control_take(control, client, now);
 }

@@ -45,8 +45,7 @@ struct db_writer *db_writers_find(struct db_writers *writers, const struct db_cl
 	for (size_t i = 0; client && i < DB_WRITERS; i++) {
 		struct db_writer *writer = &writers->each[i];
 
-		if (writer->taken &&
-		    memcmp(writer->address, client->address, sizeof writer->address) == 0)
+		if (writer->taken && db_client_same(writer->address, client->address))
 			return writer;
 	}
 	return NULL;

@@ -7,7 +7,7 @@
 
 bool db_heartbeat_write(struct db_heartbeat *heartbeat, const uint8_t writer[16], uint16_t value)
 {
-	bool same = memcmp(heartbeat->writer, writer, sizeof heartbeat->writer) == 0;
+	bool same = db_client_same(heartbeat->writer, writer);
 	bool beats = same && value != heartbeat->value;
 
 	memcpy(heartbeat->writer, writer, sizeof heartbeat->writer);
@@ -60,8 +60,7 @@ bool db_watchdog_is_commanded_by(const struct db_watchdog *watchdog, const struc
 	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
 		const struct db_watchdog_commander *known = &watchdog->commanders[i];
 
-		if (known->taken &&
-		    memcmp(known->address, client->address, sizeof known->address) == 0)
+		if (known->taken && db_client_same(known->address, client->address))
 			return true;
 	}
 	return false;

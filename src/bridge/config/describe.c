@@ -50,6 +50,37 @@ static void put_networks(FILE *out, const char *what, const struct db_network *n
 	fprintf(out, "\n");
 }
 
+static void put_drives(FILE *out, const char *what, const struct db_drive_set *set)
+{
+	fprintf(out, "%s%s", what, set->all ? " all drives" : set->names ? "" : " no drive");
+	for (const char *name = set->names; name && *name; name += strlen(name) + 1)
+		fprintf(out, " %s", name);
+}
+
+/* Who comes over TLS, and who must. */
+static void describe_secure(const struct db_modbus_config *modbus, FILE *out)
+{
+	static const char *const needed[] = {
+		[DB_SECURE_NOT_REQUIRED] = "for nothing",
+		[DB_SECURE_FOR_WRITES] = "to write, from the network",
+		[DB_SECURE_FOR_ALL] = "to connect, from the network",
+	};
+
+	fprintf(out, "  %-14s%s; needed %s\n", "certificates",
+	        strcmp(modbus->secure_socket, DB_NO_SOCKET) == 0 ? "not taken" :
+	                                                           modbus->secure_socket,
+	        needed[modbus->require_secure]);
+	for (size_t i = 0; i < modbus->role_count; i++) {
+		const struct db_role_config *role = &modbus->roles[i];
+
+		fprintf(out, "  %-14s%s:", i == 0 ? "roles" : "", role->name);
+		put_drives(out, " reads", &role->read);
+		put_drives(out, ", writes", &role->write);
+		fprintf(out, "%s%s\n", role->parameters ? ", parameters" : "",
+		        role->control ? ", control" : "");
+	}
+}
+
 static void put_limit(FILE *out, unsigned limit)
 {
 	if (limit > 0)
@@ -89,6 +120,7 @@ static void describe_modbus(const struct db_config *config, FILE *out)
 	else
 		fprintf(out, "  %-14sroot, this service's user, group %s may write\n",
 		        "this machine", config->control.act_group);
+	describe_secure(modbus, out);
 	fprintf(out, "  %-14s0, 255", "gateway unit");
 	if (modbus->gateway_unit > 0)
 		fprintf(out, ", %u", modbus->gateway_unit);

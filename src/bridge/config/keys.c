@@ -42,6 +42,15 @@ static const struct db_config_key KEYS[] = {
 	       "Whose programs on this machine may write, where allow-write has their address: root's, the "
 	       "service's own user's and those of act-group's members; or everybody's"),
 	  AT(modbus, everybody_writes_here) },
+	{ OTHER(DB_KEY_TEXT, "modbus", "secure-socket", "off", 1, 107,
+	        "Path of the Unix socket at which drivebridge-tls hands over clients with certificates, "
+	        "/run/drivebridge/modbus for instance; off: there is none"),
+	  AT(modbus, secure_socket) },
+	{ WORD("modbus", "require-secure", "no", "no writes all",
+	       "For what a client of the network needs a certificate, and has to come over drivebridge-tls: "
+	       "nothing; writes; or all, so that port 502 is closed to it. Programs on this machine are "
+	       "known by their users and need none"),
+	  AT(modbus, require_secure) },
 	{ WORD("modbus", "word-order", "high-first", "high-first low-first",
 	       "Which 16-bit register of a 32-bit value comes first"),
 	  AT(modbus, low_word_first) },
@@ -109,6 +118,25 @@ static const struct db_config_key KEYS[] = {
 	{ NUMBER("control", "audit-mib", "32", 1, 4096, "MiB",
 	         "What these files take at most: then the oldest records go"),
 	  AT(control, audit_mib) },
+
+	{ .section = "role", .name = "read", .kind = DB_KEY_DRIVES, .preset = "all", .unit = "",
+	  .words = "all none",
+	  .description =
+	       "Drives that clients with this role in their certificates may read, beside those that they may "
+	       "write; others answer exception 01",
+	  AT(role, read) },
+	{ .section = "role", .name = "write", .kind = DB_KEY_DRIVES, .preset = "none", .unit = "",
+	  .words = "all none",
+	  .description = "Drives that they may command, where allow-write has their address",
+	  AT(role, write) },
+	{ WORD("role", "parameters", "no", "no yes",
+	       "Whether they may change parameters of those drives: their registers, watchdog_ms, the commands "
+	       "save_parameters and raw"),
+	  AT(role, parameters) },
+	{ WORD("role", "control", "no", "no yes",
+	       "Whether they may claim control of those drives, and write the gateway's own registers, whose "
+	       "group_stop reaches every drive"),
+	  AT(role, control) },
 
 	{ OTHER(DB_KEY_PROTOCOL, "bus", "protocol", NULL, 0, 0,
 	        "Family of the drives on this bus"),

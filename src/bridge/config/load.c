@@ -15,7 +15,7 @@ const struct db_built_in db_load_built_in = { db_drivers, db_transports };
 static void read_sources(struct db_load *load)
 {
 	static const struct db_reader_rules rules = {
-		.sections = "modbus, control, bus NAME or drive NAME",
+		.sections = "modbus, control, role NAME, bus NAME or drive NAME",
 	};
 
 	if (!db_reader_read(&load->reader, &rules, &load->messages))
@@ -179,6 +179,13 @@ void db_config_free(struct db_config *config)
 	free(config->modbus.listen);
 	free(config->modbus.allow_read);
 	free(config->modbus.allow_write);
+	free(config->modbus.secure_socket);
+	for (size_t i = 0; config->modbus.roles && i < config->modbus.role_count; i++) {
+		free(config->modbus.roles[i].name);
+		free(config->modbus.roles[i].read.names);
+		free(config->modbus.roles[i].write.names);
+	}
+	free(config->modbus.roles);
 	free(config->control.socket);
 	free(config->control.read_group);
 	free(config->control.act_group);

@@ -9,10 +9,10 @@
 
 #define NAME_MAX_COMPARED 63
 
-static const char *const SECTIONS[] = { "modbus", "control", "bus", "drive" };
+static const char *const SECTIONS[] = { "modbus", "control", "role", "bus", "drive" };
 
 #define SECTION_COUNT (sizeof(SECTIONS) / sizeof(SECTIONS[0]))
-#define SECTION_TEXT "modbus, control, bus NAME and drive NAME"
+#define SECTION_TEXT "modbus, control, role NAME, bus NAME and drive NAME"
 
 /* --- which families -------------------------------------------------------------------------- */
 
@@ -234,7 +234,8 @@ static bool check_section(const struct db_reader *reader, size_t index,
                           struct db_messages *messages)
 {
 	const struct db_reader_section *section = &reader->sections[index];
-	bool titled = strcmp(section->name, "bus") == 0 || strcmp(section->name, "drive") == 0;
+	bool titled = strcmp(section->name, "bus") == 0 || strcmp(section->name, "drive") == 0 ||
+	              strcmp(section->name, "role") == 0;
 
 	if (!is_known_section(section->name)) {
 		db_messages_add_error(messages, section->line,
@@ -326,7 +327,8 @@ static bool check_key(const struct db_driver *const *drivers, const struct db_re
 	}
 	/* Families have no options that are lists. */
 	known = db_keys_find(section, key->name);
-	if (key->list && !(known && known->kind == DB_KEY_NETWORKS)) {
+	if (key->list &&
+	    !(known && (known->kind == DB_KEY_NETWORKS || known->kind == DB_KEY_DRIVES))) {
 		db_messages_add_error(messages, key->line,
 		                      "%s is a list; '%s' takes one value without braces",
 		                      key->name, key->name);

@@ -61,6 +61,18 @@ static bool same_networks_of(const struct pair *pair, const struct db_config_key
 	return has_networks(a, count_a, b, count_b) && has_networks(b, count_b, a, count_a);
 }
 
+/* True if every drive of a is in b. */
+static bool has_drives(const struct db_drive_set *a, const struct db_drive_set *b)
+{
+	if (a->all || b->all)
+		return b->all;
+	for (const char *name = a->names; name && *name; name += strlen(name) + 1) {
+		if (!db_drive_set_has(b, name))
+			return false;
+	}
+	return true;
+}
+
 static bool same_value(const struct pair *pair, const struct db_config_key *key)
 {
 	const void *a = find_member(pair->a, key);
@@ -82,6 +94,8 @@ static bool same_value(const struct pair *pair, const struct db_config_key *key)
 		return same_real(real_a, real_b);
 	case DB_KEY_NETWORKS:
 		return same_networks_of(pair, key);
+	case DB_KEY_DRIVES:
+		return has_drives(a, b) && has_drives(b, a);
 	case DB_KEY_PROFILE:
 		/* Its contents are compared, wherever they are. */
 		return true;
@@ -124,8 +138,19 @@ static bool same_options(const char *section, const struct db_driver *driver, co
 bool db_config_same_modbus(const struct db_config *a, const struct db_config *b)
 {
 	const struct pair pair = { .a = &a->modbus, .b = &b->modbus };
+	size_t same = 0;
 
-	return same_section("modbus", &pair);
+	for (size_t i = 0; i < a->modbus.role_count; i++) {
+		for (size_t j = 0; j < b->modbus.role_count; j++) {
+			const struct pair roles = { .a = &a->modbus.roles[i],
+				                    .b = &b->modbus.roles[j] };
+
+			same += strcmp(a->modbus.roles[i].name, b->modbus.roles[j].name) == 0 &&
+			        same_section("role", &roles);
+		}
+	}
+	return a->modbus.role_count == b->modbus.role_count && same == a->modbus.role_count &&
+	       same_section("modbus", &pair);
 }
 
 bool db_config_same_control(const struct db_config *a, const struct db_config *b)

@@ -299,6 +299,29 @@ static void read_networks(const struct db_section *section, const struct db_conf
 	memcpy((char *)member + sizeof(networks), &count, sizeof(count));
 }
 
+/* --- drives ----------------------------------------------------------------------------------- */
+
+/* Whether there are such drives is checked when all are read. */
+static void read_drives(const struct db_section *section, const struct db_config_key *key,
+                        void *member)
+{
+	const struct db_reader_key *given = find_key(section, key->name);
+	struct db_drive_set set = { .all = false };
+	unsigned position;
+
+	if (given && given->list) {
+		/* With the empty name that ends it. */
+		set.names = calloc(1, given->size + 1);
+		if (set.names && given->size > 0)
+			memcpy(set.names, given->values, given->size);
+		if (!set.names)
+			db_messages_add_error(&section->load->messages, 0, OUT_OF_MEMORY);
+	} else if (parse_word(section, key, given ? given->values : key->preset, &position)) {
+		set.all = position == 0;
+	}
+	memcpy(member, &set, sizeof(set));
+}
+
 /* --- all of them ------------------------------------------------------------------------------ */
 
 /* Reads its text into the member of the section's struct, which is zero. */
@@ -336,6 +359,7 @@ static void read_value(const struct db_section *section, const struct db_config_
 		memcpy(member, &cpus, sizeof(cpus));
 		break;
 	case DB_KEY_NETWORKS:
+	case DB_KEY_DRIVES:
 	case DB_KEY_PROTOCOL:
 	case DB_KEY_TRANSPORT:
 	case DB_KEY_BUS:
@@ -361,6 +385,10 @@ void db_section_read(const struct db_section *section, void *values)
 			continue;
 		if (key->kind == DB_KEY_NETWORKS) {
 			read_networks(section, key, member);
+			continue;
+		}
+		if (key->kind == DB_KEY_DRIVES) {
+			read_drives(section, key, member);
 			continue;
 		}
 		text = fits ? text_of(section, key) : key->preset;

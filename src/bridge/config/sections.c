@@ -19,6 +19,16 @@
 #define FRAME_TIMEOUT_MS 1000
 #define QUEUE 32
 
+static void check_socket_path(const struct db_section *section, const char *name, const char *path,
+                              const char *usual)
+{
+	if (path && path[0] != '/' && strcmp(path, DB_NO_SOCKET) != 0)
+		db_messages_add_error(
+			&section->load->messages, db_section_line(section, name),
+			"%s = %s is no whole path; one that begins with /, such as %s, or off",
+			name, path, usual);
+}
+
 /* --- modbus ----------------------------------------------------------------------------------- */
 
 static void read_modbus(struct db_load *load)
@@ -29,6 +39,15 @@ static void read_modbus(struct db_load *load)
 	db_section_read(&section, modbus);
 	modbus->max_pipelined = PIPELINED;
 	modbus->frame_timeout_ms = FRAME_TIMEOUT_MS;
+	check_socket_path(&section, "secure-socket", modbus->secure_socket,
+	                  "/run/drivebridge/modbus");
+	/* Whoever may run a program here could pass anybody's bytes on. */
+	if (modbus->require_secure != DB_SECURE_NOT_REQUIRED && modbus->everybody_writes_here)
+		db_messages_add_error(&load->messages, db_section_line(&section, "require-secure"),
+		                      "require-secure = %s does not go with local-writers = "
+		                      "everybody, with which any program on this machine gives "
+		                      "others its right to write; local-writers = command-group",
+		                      db_section_text(&section, "require-secure"));
 	/* Readers need a place, too; writers can use every one. */
 	if (modbus->max_clients == 0 || modbus->reserved_writers < modbus->max_clients)
 		return;
@@ -49,12 +68,40 @@ static void read_control(struct db_load *load)
 	struct db_section section = db_section_open_only(load, "control");
 
 	db_section_read(&section, control);
-	if (control->socket && control->socket[0] != '/' &&
-	    strcmp(control->socket, DB_NO_SOCKET) != 0)
-		db_messages_add_error(&load->messages, db_section_line(&section, "socket"),
-		                      "socket = %s is no whole path; one that begins with /, such "
-		                      "as /run/drivebridge/control, or off",
-		                      control->socket);
+	check_socket_path(&section, "socket", control->socket, "/run/drivebridge/control");
+}
+
+/* --- roles ------------------------------------------------------------------------------------ */
+
+static void check_drive_names(const struct db_section *section, const char *key,
+                              const struct db_drive_set *set)
+{
+	const struct db_config *config = section->load->config;
+
+	for (const char *name = set->names; name && *name; name += strlen(name) + 1) {
+		size_t i = 0;
+
+		while (i < config->drive_count && strcmp(config->drives[i].name, name) != 0)
+			i++;
+		if (i == config->drive_count)
+			db_messages_add_error(&section->load->messages,
+			                      db_section_line(section, key),
+			                      "%s of role '%s' names '%s', but there is no drive "
+			                      "'%s'; correct the name, or add the drive",
+			                      key, section->title, name, name);
+	}
+}
+
+/* After the drives. False when out of memory. */
+static bool read_role(struct db_load *load, size_t index, struct db_role_config *role)
+{
+	struct db_section section = db_section_open(load, index);
+
+	role->name = strdup(section.title);
+	db_section_read(&section, role);
+	check_drive_names(&section, "read", &role->read);
+	check_drive_names(&section, "write", &role->write);
+	return role->name;
 }
 
 /* --- bus: family and transport ---------------------------------------------------------------- */
@@ -418,15 +465,18 @@ bool db_sections_read(struct db_load *load)
 	size_t count = load->reader.section_count;
 	size_t buses = 0;
 	size_t drives = 0;
+	size_t roles = 0;
 
 	for (size_t i = 0; i < count; i++) {
 		buses += is_section(load, i, "bus");
 		drives += is_section(load, i, "drive");
+		roles += is_section(load, i, "role");
 	}
 	/* One more than needed: calloc() of nothing may give null. */
 	config->buses = calloc(buses + 1, sizeof(*config->buses));
 	config->drives = calloc(drives + 1, sizeof(*config->drives));
-	if (!config->buses || !config->drives)
+	config->modbus.roles = calloc(roles + 1, sizeof(*config->modbus.roles));
+	if (!config->buses || !config->drives || !config->modbus.roles)
 		return false;
 	read_modbus(load);
 	read_control(load);
@@ -439,6 +489,11 @@ bool db_sections_read(struct db_load *load)
 	for (size_t i = 0; i < count; i++) {
 		if (is_section(load, i, "drive") &&
 		    !read_drive(load, i, &config->drives[config->drive_count++]))
+			return false;
+	}
+	for (size_t i = 0; i < count; i++) {
+		if (is_section(load, i, "role") &&
+		    !read_role(load, i, &config->modbus.roles[config->modbus.role_count++]))
 			return false;
 	}
 	return true;

@@ -73,6 +73,22 @@ static void put_networks(FILE *out, const void *member)
 	fputc('}', out);
 }
 
+static void put_drives(FILE *out, const struct db_drive_set *set)
+{
+	const char *before = "";
+
+	if (set->all || !set->names) {
+		fputs(set->all ? "all" : "none", out);
+		return;
+	}
+	fputc('{', out);
+	for (const char *name = set->names; *name; name += strlen(name) + 1) {
+		fprintf(out, "%s\"%s\"", before, name);
+		before = ", ";
+	}
+	fputc('}', out);
+}
+
 /* True if there is nothing to write: a value that was not given, or does not apply, such as the
  * baud rate of a CAN interface. */
 static bool is_unset(const struct db_config_key *key, const void *member)
@@ -141,6 +157,9 @@ static void write_value(const struct written *written, const struct db_config_ke
 	case DB_KEY_NETWORKS:
 		put_networks(out, member);
 		break;
+	case DB_KEY_DRIVES:
+		put_drives(out, member);
+		break;
 	case DB_KEY_PROTOCOL:
 		/* Only buses have this key, with their drivers; analyzers do not know it. */
 		fputs(written->driver ? written->driver->name : "", out);
@@ -205,6 +224,10 @@ void db_config_write(const struct db_config *config, FILE *out)
 	write_section(&written, "modbus", "", NULL, "");
 	written.section = &config->control;
 	write_section(&written, "control", "", NULL, "");
+	for (size_t i = 0; i < config->modbus.role_count; i++) {
+		written.section = &config->modbus.roles[i];
+		write_section(&written, "role", config->modbus.roles[i].name, NULL, "");
+	}
 	for (size_t i = 0; i < config->bus_count; i++) {
 		const struct db_bus_config *bus = &config->buses[i];
 

@@ -80,15 +80,6 @@ static inline db_time db_control_now(const struct db_control_socket *control)
 	return (db_time)us * DB_NS_PER_US;
 }
 
-/* --- listener.c ------------------------------------------------------------------------------- */
-
-/* A Unix socket at a path. */
-
-/* Listens there, for everybody: rights are checked for each connection. A socket left by a killed
- * process is replaced, one at which a process listens is not. The descriptor; or -1, and *why in
- * words. */
-int db_control_listener_open(const char *path, const char **why);
-
 /* --- calls.c ---------------------------------------------------------------------------------- */
 
 /* The methods, and one call of a session. */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "control/control_private.h"
 
+#include "codec/secure_hello.h"
 #include "control/message.h"
 #include "control/values.h"
 #include "drivebridge/audit.h"
@@ -63,6 +64,20 @@ static json_t *describe_drive(const struct db_named_drive *drive)
 	                 "unit_name", drive->unit);
 }
 
+/* Null where drivebridge-tls is not there. */
+static json_t *describe_secure(const struct db_control_socket *control)
+{
+	const struct db_control_socket_ops *ops = control->setup.ops;
+	struct db_secure_status status;
+
+	if (!ops->secure_status || !ops->secure_status(control->setup.context, &status))
+		return json_null();
+	return json_pack("{s:I, s:I, s:I, s:I, s:I}", "ends", (json_int_t)status.expires,
+	                 "client_ends", (json_int_t)status.client_expires, "list_due",
+	                 (json_int_t)status.crl_expires, "clients", (json_int_t)status.clients,
+	                 "refused", (json_int_t)status.refused);
+}
+
 void db_look_describe(const struct db_call *call)
 {
 	struct db_control_socket *control = call->session->control;
@@ -96,6 +111,7 @@ void db_look_describe(const struct db_call *call)
 	json_object_set_new(description, "restart_needed", json_string(report.replaced));
 	db_audit_state(control->setup.ops->audit(control->setup.context), &audit);
 	json_object_set_new(description, "audit_trouble", json_string(audit.trouble));
+	json_object_set_new(description, "secure", describe_secure(control));
 	json_object_set_new(description, "listen", json_string(db_named_modbus(registers)->listen));
 	json_object_set_new(description, "low_word_first",
 	                    json_boolean(db_named_modbus(registers)->low_word_first));

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "control/control_private.h"
 
-#include "drivebridge/audit.h"
-
+#include "codec/secure_hello.h"
 #include "control/values.h"
+#include "drivebridge/audit.h"
 #include "drivebridge/server.h"
 #include "drivebridge/version.h"
 
@@ -220,6 +220,37 @@ static void put_modbus(FILE *out, const struct db_server_stats *stats)
 	        "Connections closed for an unfinished frame or idling.", stats->timeouts);
 }
 
+/* Nothing more where drivebridge-tls is not there. */
+static void put_secure(FILE *out, const struct db_control_socket *control)
+{
+	const struct db_control_socket_ops *ops = control->setup.ops;
+	struct db_secure_status status;
+	bool there = ops->secure_status && ops->secure_status(control->setup.context, &status);
+
+	put_one(out, "drivebridge_tls_up", "gauge",
+	        "Whether drivebridge-tls is connected with the service.", there);
+	if (!there)
+		return;
+	put_head(out, "drivebridge_tls_certificate_expires_timestamp_seconds", "gauge",
+	         "When the gateway's certificate ends, the first of a connected client, and when a "
+	         "newer list of revoked ones is due; since 1970 in UTC, 0 for none.");
+	fprintf(out,
+	        "drivebridge_tls_certificate_expires_timestamp_seconds{of=\"own\"} %" PRId64 "\n"
+	        "drivebridge_tls_certificate_expires_timestamp_seconds{of=\"client\"} %" PRId64 "\n"
+	        "drivebridge_tls_certificate_expires_timestamp_seconds{of=\"list\"} %" PRId64 "\n",
+	        status.expires, status.client_expires, status.crl_expires);
+	put_one(out, "drivebridge_tls_clients", "gauge", "Clients with certificates.",
+	        status.clients);
+	put_one(out, "drivebridge_tls_greetings", "gauge", "Greetings that have not ended.",
+	        status.greetings);
+	put_one(out, "drivebridge_tls_accepted_total", "counter", "Greetings that succeeded.",
+	        status.accepted);
+	put_one(out, "drivebridge_tls_refused_total", "counter",
+	        "Greetings that failed or were not finished.", status.refused);
+	put_one(out, "drivebridge_tls_displaced_total", "counter",
+	        "Greetings that gave way to others.", status.displaced);
+}
+
 static void put_control(FILE *out, const struct db_control_socket *control)
 {
 	const struct db_control_stats *stats = &control->stats;
@@ -296,6 +327,7 @@ static void put_all(FILE *out, struct db_session *session, struct subject *drive
 	free_subjects(buses, count);
 	control->setup.ops->server_stats(control->setup.context, &modbus);
 	put_modbus(out, &modbus);
+	put_secure(out, control);
 	put_control(out, control);
 }
 

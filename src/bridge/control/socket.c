@@ -4,6 +4,7 @@
 #include "control/act.h"
 #include "control/control_private.h"
 #include "control/once.h"
+#include "transport/unix_listener.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -618,7 +619,7 @@ static void listen_for_tools(struct db_control_socket *control)
 	control->listener = -1;
 	if (strcmp(path, DB_NO_SOCKET) == 0)
 		return;
-	control->listener = db_control_listener_open(path, &why);
+	control->listener = db_unix_listener_open(path, &why);
 	if (control->listener < 0) {
 		db_log(&control->log, db_control_now(control), DB_EVENT_CONTROL_FAILED, NULL,
 		       "no control socket for tools such as drivebridgectl: %s: %s; correct socket "

@@ -20,7 +20,7 @@ typedef enum db_step conversation_fn(struct db_conversation *talk);
 struct conversation_step {
 	/* Null: what is sent depends on more than the step, and is chosen where the step is
 	 * chosen. */
-	conversation_fn *say;
+	conversation_fn *send;
 	unsigned expects; /* the family's own code of an answer; 0: the exchange shows it */
 	conversation_fn *answered;
 	conversation_fn *refused; /* null: a refusal is handled as any other answer */
@@ -33,12 +33,33 @@ static inline enum db_step end_job(struct db_conversation *talk, enum db_result 
 	return DB_STEP_DONE;
 }
 
+/* For rows of a table: the job ends, whatever was answered. */
+static inline enum db_step end_done(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_OK);
+}
+
+static inline enum db_step end_failed(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_FAILED);
+}
+
+static inline enum db_step end_refused(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_REFUSED);
+}
+
+static inline enum db_step end_indeterminate(struct db_conversation *talk)
+{
+	return end_job(talk, DB_RESULT_INDETERMINATE);
+}
+
 /* Sends what this row has to send. */
-static inline enum db_step say_step(struct db_conversation *talk,
-                                    const struct conversation_step *steps, unsigned step)
+static inline enum db_step send_step(struct db_conversation *talk,
+                                     const struct conversation_step *steps, unsigned step)
 {
 	talk->job->step = (uint16_t)step;
-	return steps[step].say(talk);
+	return steps[step].send(talk);
 }
 
 /* No answer to the step sent last was received. */

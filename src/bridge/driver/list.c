@@ -55,10 +55,10 @@ double db_option_value(const struct db_option *option, const void *options)
 	double number;
 
 	if (option->words[0] != '\0') {
-		memcpy(&word, member, sizeof word);
+		memcpy(&word, member, sizeof(word));
 		return word;
 	}
-	memcpy(&number, member, sizeof number);
+	memcpy(&number, member, sizeof(number));
 	return number;
 }
 
@@ -68,9 +68,9 @@ void db_option_set(const struct db_option *option, void *options, double value)
 	unsigned word = value >= 0.0 ? (unsigned)value : 0;
 
 	if (option->words[0] != '\0')
-		memcpy(member, &word, sizeof word);
+		memcpy(member, &word, sizeof(word));
 	else
-		memcpy(member, &value, sizeof value);
+		memcpy(member, &value, sizeof(value));
 }
 
 double db_driver_velocity_counts(const struct db_driver *driver,
@@ -85,7 +85,7 @@ double db_driver_velocity_counts(const struct db_driver *driver,
 static db_time message_time(const struct db_bus_config *bus, const struct db_bus_message *message)
 {
 	uint8_t request[DB_SHORT_REQUEST];
-	struct db_exchange exchange = { .request = request, .request_size = sizeof request };
+	struct db_exchange exchange = { .request = request, .request_size = sizeof(request) };
 
 	message->write(bus, 0, &exchange);
 	return bus->transport->wire_time(bus, request, exchange.request_length, 0);

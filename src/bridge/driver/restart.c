@@ -4,28 +4,17 @@
 #include <math.h>
 
 /* A closed loop trembles by some counts: only a longer way is a motion. */
-#define TREMBLING 16.0
+#define POSITION_NOISE 16.0
 /* A drive whose counter has just restarted is this near to 0, in counts. */
-#define BEGINNING 2.0
+#define NEAR_ZERO 2.0
 /* The effect of a command shows within this time. */
-#define TOLD_TIME (2 * DB_NS_PER_S)
+#define EFFECT_TIME (2 * DB_NS_PER_S)
 /* Axes of one controller are read one after the other. */
 #define TOGETHER (2 * DB_NS_PER_S)
 
 static double distance(int32_t a, int32_t b)
 {
 	return fabs((double)a - (double)b);
-}
-
-static bool is_at_beginning(int32_t position)
-{
-	return distance(position, 0) <= BEGINNING;
-}
-
-/* True if it is where it was, and not where counters begin: it has kept counting. */
-static bool counts_on(int32_t before, int32_t position)
-{
-	return distance(before, position) <= TREMBLING && distance(position, 0) > TREMBLING;
 }
 
 static void see_restart(struct restart *restart)
@@ -47,8 +36,9 @@ static enum restart_verdict judge(struct restart *restart, const struct restart_
                                   db_time now)
 {
 	/* A drive that moved may have arrived there. */
-	bool jumped = restart->stood && sample->stands && is_at_beginning(sample->position) &&
-	              distance(restart->position, sample->position) > TREMBLING;
+	bool jumped = restart->stood && sample->stands &&
+	              distance(sample->position, 0) <= NEAR_ZERO &&
+	              distance(restart->position, sample->position) > POSITION_NOISE;
 	bool power = restart->power_went != 0 && now - restart->power_went <= TOGETHER;
 
 	/* The position and the power are not read at the same moment. */
@@ -71,8 +61,10 @@ enum restart_verdict restart_judge(struct restart *restart, const struct restart
 	if (sample->power_went)
 		restart->power_went = now;
 	verdict = judged ? judge(restart, sample, now) : RESTART_NONE;
+	/* The drive is where it was, and not where counters begin: it has kept counting. */
 	if (restart->doubt != DB_DOUBT_NONE && verdict == RESTART_NONE &&
-	    counts_on(restart->doubted_from, sample->position))
+	    distance(restart->doubted_from, sample->position) <= POSITION_NOISE &&
+	    distance(sample->position, 0) > POSITION_NOISE)
 		restart->doubt = DB_DOUBT_NONE;
 	restart->known = true;
 	restart->away = false;
@@ -89,10 +81,10 @@ bool restart_confirm(struct restart *restart, db_time now)
 	return true;
 }
 
-void restart_note_told(struct restart *restart, enum db_command command, db_time now)
+void restart_note_command(struct restart *restart, enum db_command command, db_time now)
 {
 	if (db_command_is_motion(command) || command == DB_CMD_SET_POSITION)
-		restart->judged_from = now + TOLD_TIME;
+		restart->judged_from = now + EFFECT_TIME;
 }
 
 void restart_note_jump(struct restart *restart, int32_t from, db_time now)

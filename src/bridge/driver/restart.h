@@ -48,7 +48,7 @@ enum restart_verdict restart_judge(struct restart *restart, const struct restart
 bool restart_confirm(struct restart *restart, db_time now);
 
 /* A command begins: the effects of one that moves the drive, or sets its position, are no sign. */
-void restart_note_told(struct restart *restart, enum db_command command, db_time now);
+void restart_note_command(struct restart *restart, enum db_command command, db_time now);
 /* It is at a position that it cannot have reached: the origin of its position is not known. */
 void restart_note_jump(struct restart *restart, int32_t from, db_time now);
 /* Its position was set: its origin is known again. */

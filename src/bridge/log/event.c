@@ -41,6 +41,10 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("log-lost", "fcb78af18563450fadf9bab6b218961a", WARNING, SERVICE, 0),
 	[DB_EVENT_CONTROL_FAILED] =
 		KIND("control-failed", "731bfa6fa33c433c9c9235a60f94c47a", WARNING, SERVICE, 0),
+	[DB_EVENT_SECURE_FAILED] =
+		KIND("secure-failed", "42d268393e84462cac6e1dabdcd7d8e9", WARNING, SERVICE, 0),
+	[DB_EVENT_SECURE_CHANGED] =
+		KIND("secure-changed", "65471320852e456eb86e63aa0dbc3b1b", NOTICE, SERVICE, 6),
 	[DB_EVENT_CLIENT_CONNECTED] =
 		KIND("client-connected", "4d68edf0a4c14afc87d9198923f2bc17", INFO, CLIENT, 4),
 	[DB_EVENT_CLIENT_GONE] =

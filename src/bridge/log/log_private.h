@@ -18,7 +18,7 @@
 
 #define DB_LOG_TEXT_MAX 512
 #define DB_LOG_NAME_MAX 64
-#define DB_LOG_CLIENT_MAX 96 /* including for whom it acts */
+#define DB_LOG_CLIENT_MAX 160 /* including its certificate, or for whom it acts */
 
 /* Texts and names that are too long are truncated. */
 struct db_log_record {

@@ -25,6 +25,15 @@ static uint8_t backend_unit(void *context, uint8_t unit)
 	return registers->roster->units[unit] == DB_UNIT_NONE ? MODBUS_EXCEPTION_GATEWAY_PATH : 0;
 }
 
+static uint8_t backend_role(void *context, const struct db_client *client, uint8_t unit)
+{
+	const struct db_view_drive *drive = drive_of(context, unit);
+
+	return !drive || db_clients_permit(drive, client, DB_MAY_READ, 0) ?
+	               0 :
+	               MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
+}
+
 static uint8_t backend_read(void *context, const struct db_client *client, uint8_t unit,
                             enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
 {
@@ -52,6 +61,8 @@ static int backend_write(void *context, const struct db_client *client, uint8_t 
 
 	if (drive) {
 		db_clients_hear(drive, client);
+		if (!db_clients_permit(drive, client, DB_MAY_COMMAND, address))
+			return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 		if (drive->registers->roster->vendor_units[unit])
 			return db_vsmd_view_write(drive, client, table, address, count, values,
 			                          token);
@@ -73,8 +84,12 @@ static int backend_write_same(void *context, const struct db_client *client, uin
 	struct db_view_drive *drive = drive_of(registers, unit);
 
 	if (!drive)
-		return db_gateway_write_same(registers, address);
+		return db_clients_permit_gateway(registers, client) ?
+		               db_gateway_write_same(registers, address) :
+		               MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	db_clients_hear(drive, client);
+	if (!db_clients_permit(drive, client, DB_MAY_COMMAND, address))
+		return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	if (registers->roster->vendor_units[unit])
 		return db_vsmd_view_write_same(drive, client, address, value, token);
 	return db_write_drive_same(drive, client, address, value, token);
@@ -176,6 +191,7 @@ static void backend_client(void *context, const struct db_client *client, bool c
 
 const struct db_backend db_registers_backend = {
 	.unit = backend_unit,
+	.role = backend_role,
 	.read = backend_read,
 	.write = backend_write,
 	.write_same = backend_write_same,

@@ -6,6 +6,55 @@
 /* A due time is exceeded by this only when this process, or its machine, was suspended. */
 #define HELD_TIME (100 * DB_NS_PER_MS)
 
+bool db_clients_are_permitted(const struct db_view_drive *drive, const struct db_client *client,
+                              enum db_permission what)
+{
+	const struct db_role_config *role = client->role;
+	const char *name = drive->config->name;
+
+	if (!role)
+		return true;
+	if (what == DB_MAY_READ && db_drive_set_has(&role->read, name))
+		return true;
+	return db_drive_set_has(&role->write, name) &&
+	       (what != DB_MAY_SET_PARAMETERS || role->parameters) &&
+	       (what != DB_MAY_CLAIM || role->control);
+}
+
+void db_clients_count_role_refusal(const struct db_registers *registers,
+                                   const struct db_client *client)
+{
+	if (registers->ops->refused)
+		registers->ops->refused(registers->context, client, DB_REFUSED_ROLE);
+}
+
+bool db_clients_permit(const struct db_view_drive *drive, const struct db_client *client,
+                       enum db_permission what, uint16_t address)
+{
+	if (db_clients_are_permitted(drive, client, what))
+		return true;
+	db_clients_count_role_refusal(drive->registers, client);
+	if (what != DB_MAY_READ)
+		db_record_denied(drive->registers, drive, client, (uint8_t)drive->config->unit,
+		                 address, "the role of its certificate does not allow it");
+	return false;
+}
+
+bool db_clients_permit_gateway(const struct db_registers *registers, const struct db_client *client)
+{
+	bool permitted = !client->role || client->role->control;
+
+	if (!permitted)
+		db_clients_count_role_refusal(registers, client);
+	return permitted;
+}
+
+/* Who may not command a drive does not keep it moving, and has no control of it. */
+static bool may_act(const struct db_view_drive *drive, const struct db_client *client)
+{
+	return client->may_write && db_clients_are_permitted(drive, client, DB_MAY_COMMAND);
+}
+
 void db_clients_count_refusal(const struct db_view_drive *drive, const struct db_client *client)
 {
 	const struct db_registers *registers = drive->registers;
@@ -39,7 +88,7 @@ void db_clients_feed(struct db_view_drive *drive, const struct db_client *client
 	const struct db_registers *registers = drive->registers;
 	db_time now = registers->ops->now(registers->context);
 
-	if (client->may_write && db_control_holds(&drive->control, client, now))
+	if (may_act(drive, client) && db_control_holds(&drive->control, client, now))
 		db_commander_feed(drive->commander, client, by, db_client_arrived(client, now));
 }
 
@@ -62,7 +111,7 @@ void db_clients_hear(struct db_view_drive *drive, const struct db_client *client
 			db_commander_feed(commander, client, DB_FEED_HEARTBEAT,
 			                  db_client_arrived(client, now));
 	}
-	if (client->may_write && db_control_holds(&drive->control, client, now))
+	if (may_act(drive, client) && db_control_holds(&drive->control, client, now))
 		db_control_hear(&drive->control, client, db_client_arrived(client, now), now);
 }
 

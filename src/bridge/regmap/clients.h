@@ -19,6 +19,22 @@ struct db_view_drive;
  */
 bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *client, bool stop);
 
+/* What a role may permit, for a drive. */
+enum db_permission { DB_MAY_READ, DB_MAY_COMMAND, DB_MAY_SET_PARAMETERS, DB_MAY_CLAIM };
+
+/* True unless the client has a role that does not allow this. */
+bool db_clients_are_permitted(const struct db_view_drive *drive, const struct db_client *client,
+                              enum db_permission what);
+/* The same for a request to this register; a refusal is counted, that of a write recorded, and to
+ * be answered with exception 01. */
+bool db_clients_permit(const struct db_view_drive *drive, const struct db_client *client,
+                       enum db_permission what, uint16_t address);
+/* The same for the gateway's own registers, which every client may read; nothing is recorded. */
+bool db_clients_permit_gateway(const struct db_registers *registers,
+                               const struct db_client *client);
+void db_clients_count_role_refusal(const struct db_registers *registers,
+                                   const struct db_client *client);
+
 /* Another client has control: the server counts what it refuses for that. */
 void db_clients_count_refusal(const struct db_view_drive *drive, const struct db_client *client);
 

@@ -48,6 +48,8 @@ int db_gateway_write(struct db_registers *registers, const struct db_client *cli
 	exception = db_span_find(&registers->roster->gateway.holding, address, count, &span);
 	if (exception)
 		return exception;
+	if (!db_clients_permit_gateway(registers, client))
+		return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	if ((span.cells[0].flags & DB_ROW_LIST) &&
 	    (span.cells[span.count - 1].flags & DB_ROW_LIST)) {
 		/* Writes some or all of the list's words, and the stop for its units. */

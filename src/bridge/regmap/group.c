@@ -179,6 +179,10 @@ int db_group_start(struct db_registers *registers, const struct db_client *clien
 		if (!is_staged(drive))
 			continue;
 		any = true;
+		if (!db_clients_are_permitted(drive, client, DB_MAY_COMMAND)) {
+			db_clients_count_role_refusal(registers, client);
+			return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
+		}
 		if (!db_clients_may_write(drive, client, false))
 			return MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY;
 	}

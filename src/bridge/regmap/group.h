@@ -25,7 +25,8 @@ int db_group_stop(struct db_registers *registers, const struct db_client *client
  * others are stopped all the same, and the answer is 0A. */
 int db_group_stop_listed(struct db_registers *registers, const struct db_client *client,
                          enum db_command stop, struct db_write_token token);
-/* Starts everything that is staged, all at once. 03 when nothing is; 06 when another client has
+/* Starts everything that is staged, all at once. 03 when nothing is; 01 when the client's role does
+ * not allow one of the drives, 06 when another client has
  * control of one of the drives. */
 int db_group_start(struct db_registers *registers, const struct db_client *client,
                    struct db_write_token token);

@@ -4,6 +4,7 @@
 #include "drivebridge/scale.h"
 #include "drivebridge/trouble.h"
 #include "drivebridge/version.h"
+#include "regmap/clients.h"
 #include "regmap/regmap_private.h"
 
 #include <errno.h>
@@ -206,15 +207,23 @@ void db_image_name_client(const struct db_registers *registers, const uint8_t ad
                           char shown[2 * DB_CLIENT_ADDRESS_REGISTERS],
                           char user[2 * DB_CLIENT_USER_REGISTERS])
 {
+	char brief[DB_CLIENT_ADDRESS_MAX];
+	char *role;
 	struct db_client_words words;
 
 	if (registers->ops->client_words)
 		registers->ops->client_words(registers->context, address, &words);
 	else
 		db_client_words_init(&words, address, "", "");
-	/* A truncated name could be another client's; show the address. */
-	if (strlen(words.address) > (size_t)2 * DB_CLIENT_ADDRESS_REGISTERS)
-		db_client_address(address, words.address);
+	/* A truncated name could be another client's; show the certificate without its role, else
+	 * the address. */
+	role = strstr(words.address, ", role ");
+	if (strlen(words.address) > (size_t)2 * DB_CLIENT_ADDRESS_REGISTERS && role)
+		*role = '\0';
+	if (strlen(words.address) > (size_t)2 * DB_CLIENT_ADDRESS_REGISTERS) {
+		db_client_address(address, brief);
+		strcpy(words.address, brief);
+	}
 	memcpy(shown, words.address,
 	       strnlen(words.address, (size_t)2 * DB_CLIENT_ADDRESS_REGISTERS));
 	memcpy(user, words.user, strnlen(words.user, (size_t)2 * DB_CLIENT_USER_REGISTERS));
@@ -462,13 +471,25 @@ void db_image_fill_gateway(struct db_gateway_image *image, const struct db_regis
 
 		find_touched(offsetof(struct db_gateway_image, drives), sizeof(image->drives[0]),
 		             low, high, registers->roster->drive_count, &from, &to);
-		for (size_t i = from; i < to && i < DB_GATEWAY_DRIVES; i++)
-			fill_gateway_drive(&image->drives[i], registers->roster->drives[i], now);
+		for (size_t i = from; i < to && i < DB_GATEWAY_DRIVES; i++) {
+			const struct db_view_drive *drive = registers->roster->drives[i];
+
+			if (db_clients_are_permitted(drive, client, DB_MAY_READ))
+				fill_gateway_drive(&image->drives[i], drive, now);
+			else
+				memset(&image->drives[i], 0, sizeof(image->drives[i]));
+		}
 	}
 	if (parts & DB_PART_WINDOWS) {
 		find_touched(offsetof(struct db_gateway_image, windows), sizeof(image->windows[0]),
 		             low, high, registers->roster->drive_count, &from, &to);
-		for (size_t i = from; i < to && i < DB_GATEWAY_WINDOWS; i++)
-			fill_window(&image->windows[i], registers->roster->drives[i], client);
+		for (size_t i = from; i < to && i < DB_GATEWAY_WINDOWS; i++) {
+			const struct db_view_drive *drive = registers->roster->drives[i];
+
+			if (db_clients_are_permitted(drive, client, DB_MAY_READ))
+				fill_window(&image->windows[i], drive, client);
+			else
+				memset(&image->windows[i], 0, sizeof(image->windows[i]));
+		}
 	}
 }

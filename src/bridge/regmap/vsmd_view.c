@@ -494,6 +494,10 @@ int db_vsmd_view_write(struct db_view_drive *drive, const struct db_client *clie
 	result = plan_command(&plan);
 	if (result != DB_RESULT_OK)
 		return refuse_write(drive, client, result, 0);
+	if ((plan.setting_count > 0 || plan.command == DB_CMD_SAVE_PARAMETERS) &&
+	    !db_clients_permit(drive, client, DB_MAY_SET_PARAMETERS, address))
+		return stop != DB_CMD_NONE ? stop_only(drive, client, stop, token) :
+		                             MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	if (!db_clients_may_write(drive, client, db_command_is_stop(plan.command)))
 		return db_command_is_stop(plan.command) ?
 		               stop_only(drive, client, plan.command, token) :

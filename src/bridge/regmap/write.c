@@ -50,20 +50,43 @@ static int execute_command(const struct write *write, enum db_command command,
 
 /* --- the command block ------------------------------------------------------------------------ */
 
-/* The stop in a write; NONE. It is carried out whatever else is written. */
-static enum db_command find_stop(const struct write *write)
+/* The value of one of the command block's narrow registers in a write; 0. */
+static uint16_t find_value(const struct write *write, size_t offset)
 {
 	for (uint16_t i = 0; i < write->span.count; i++) {
 		const struct db_cell *cell = &write->span.cells[i];
-		enum db_command command;
 
-		if (cell->part != DB_PART_BLOCK ||
-		    cell->offset != offsetof(struct db_drive_image, block.command))
-			continue;
-		command = (enum db_command)write->values[cell->address - write->address];
-		return db_command_is_stop(command) ? command : DB_CMD_NONE;
+		if (cell->part == DB_PART_BLOCK && cell->offset == offset)
+			return write->values[cell->address - write->address];
 	}
-	return DB_CMD_NONE;
+	return 0;
+}
+
+/* The stop in a write; NONE. It is carried out whatever else is written. */
+static enum db_command find_stop(const struct write *write)
+{
+	enum db_command command = (enum db_command)find_value(
+		write, offsetof(struct db_drive_image, block.command));
+
+	return db_command_is_stop(command) ? command : DB_CMD_NONE;
+}
+
+/* True if it changes what a drive keeps, the watchdog, or what only a raw frame reaches. */
+static bool changes_settings(const struct write *write)
+{
+	const size_t commands[] = { offsetof(struct db_drive_image, block.command),
+		                    offsetof(struct db_drive_image, block.staged_command) };
+	const struct db_cell *first = &write->span.cells[0];
+
+	if (first->part != DB_PART_BLOCK)
+		return !(first->flags & (DB_ROW_CONTROL | DB_ROW_HEARTBEAT));
+	for (size_t i = 0; i < sizeof(commands) / sizeof(commands[0]); i++) {
+		uint16_t command = find_value(write, commands[i]);
+
+		if (command == DB_CMD_SAVE_PARAMETERS || command == DB_CMD_RAW_FRAME)
+			return true;
+	}
+	return false;
 }
 
 /* The id and the arguments of its write are ignored. */
@@ -252,6 +275,8 @@ static int write_control(const struct write *write)
 		db_control_release(control, write->client);
 		return 0;
 	}
+	if (!db_clients_permit(write->drive, write->client, DB_MAY_CLAIM, write->address))
+		return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	/* `control = off`: refuse claims, since they would not be enforced. */
 	if (!control->enabled)
 		return refuse_write(write, DB_RESULT_UNSUPPORTED, 0);
@@ -328,6 +353,13 @@ int db_write_drive(struct db_view_drive *drive, const struct db_client *client, 
 
 		return stop != DB_CMD_NONE ? execute_command(&write, stop, NULL) :
 		                             refuse_write(&write, DB_RESULT_OUT_OF_RANGE, 0);
+	}
+	if (changes_settings(&write) &&
+	    !db_clients_permit(drive, client, DB_MAY_SET_PARAMETERS, address)) {
+		enum db_command stop = find_stop(&write);
+
+		return stop != DB_CMD_NONE ? execute_command(&write, stop, NULL) :
+		                             MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	}
 	if (first->flags & DB_ROW_WATCHDOG)
 		return write_watchdog(&write);

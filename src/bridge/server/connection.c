@@ -56,6 +56,8 @@ struct db_connection {
 	size_t marked;     /* bytes that were there at mark_time and are not read yet */
 	db_time mark_time; /* later bytes arrived after this time */
 
+	char *role;   /* of its certificate, "": none; null: it came without */
+	bool barred;  /* every request is answered 01 */
 	bool closing; /* the client has closed its side, and its last bytes are being read */
 	bool ended;   /* the client will send nothing more */
 	bool waiting; /* a request in `in` may not be taken yet */
@@ -76,6 +78,9 @@ void db_connection_count_refusal(struct db_connection_shared *shared, struct db_
 		[DB_REFUSED_USER_READ] = &shared->stats.refused_address,
 		[DB_REFUSED_CONTROL] = &shared->stats.refused_control,
 		[DB_REFUSED_DESCRIPTORS] = &shared->stats.refused_full,
+		[DB_REFUSED_INSECURE] = &shared->stats.refused_address,
+		[DB_REFUSED_NO_ROLE] = &shared->stats.refused_writes,
+		[DB_REFUSED_ROLE] = &shared->stats.refused_writes,
 		[DB_REFUSED_PACE] = &shared->stats.held_back,
 	};
 
@@ -84,13 +89,17 @@ void db_connection_count_refusal(struct db_connection_shared *shared, struct db_
 }
 
 struct db_connection *db_connection_new(struct db_connection_shared *shared, int fd,
-                                        const struct db_client *client, struct db_peer *peer,
-                                        db_time now)
+                                        const struct db_client *client, const char *role,
+                                        struct db_peer *peer, db_time now)
 {
 	struct db_connection *c = calloc(1, sizeof(*c));
 	struct epoll_event event = { .events = READING, .data.ptr = c };
 
-	if (!c || epoll_ctl(shared->epoll, EPOLL_CTL_ADD, fd, &event) < 0) {
+	if (c && role)
+		c->role = strdup(role);
+	if (!c || (role && !c->role) || epoll_ctl(shared->epoll, EPOLL_CTL_ADD, fd, &event) < 0) {
+		if (c)
+			free(c->role);
 		free(c);
 		close(fd);
 		return NULL;
@@ -115,6 +124,7 @@ void db_connection_free(struct db_connection *c)
 	close(c->fd);
 	free(c->queue);
 	free(c->out);
+	free(c->role);
 	free(c);
 }
 
@@ -144,9 +154,22 @@ void db_connection_rehome(struct db_connection *c, struct db_peer *peer)
 	c->peer = peer;
 }
 
-void db_connection_adapt(struct db_connection *c, bool may_write)
+void db_connection_adapt(struct db_connection *c, bool may_write, const struct db_role_config *role,
+                         bool barred)
 {
 	c->client.may_write = may_write;
+	c->client.role = role;
+	c->barred = barred;
+}
+
+bool db_connection_is_barred(const struct db_connection *c)
+{
+	return c->barred;
+}
+
+const char *db_connection_role(const struct db_connection *c)
+{
+	return c->role;
 }
 
 void db_connection_take_turn(struct db_connection *c, db_time now)
@@ -296,6 +319,20 @@ static bool depends_on_unfinished(const struct db_connection *c,
 	return false;
 }
 
+/* Why a client may not write. */
+static enum db_refusal find_write_refusal(const struct db_connection *c)
+{
+	const struct db_modbus_config *config = c->shared->config;
+	uint32_t user;
+
+	if (db_acl_access(config, c->peer->address) != DB_ACCESS_WRITE)
+		return DB_REFUSED_WRITE;
+	if (c->role)
+		return DB_REFUSED_ROLE;
+	return db_client_user_of_address(c->client.address, &user) ? DB_REFUSED_USER :
+	                                                             DB_REFUSED_INSECURE;
+}
+
 /* Refuses or dispatches a request: 0, an exception, or DB_WRITE_LATER. */
 static int start_request(struct db_connection *c, const struct db_modbus_request *request,
                          db_time now)
@@ -305,12 +342,12 @@ static int start_request(struct db_connection *c, const struct db_modbus_request
 	struct db_write_token token = { c->client.id, c->sequence + c->queued };
 	uint8_t exception = executor->backend->unit(executor->context, request->unit);
 
+	if (!exception && c->client.role)
+		exception = executor->backend->role(executor->context, &c->client, request->unit);
 	if (exception || request->write_count == 0)
 		return exception;
 	if (!c->client.may_write) {
-		bool by_user = db_acl_access(shared->config, c->peer->address) == DB_ACCESS_WRITE;
-
-		db_connection_refused(c, by_user ? DB_REFUSED_USER : DB_REFUSED_WRITE, now);
+		db_connection_refused(c, find_write_refusal(c), now);
 		if (executor->backend->denied)
 			executor->backend->denied(executor->context, &c->client, request->unit,
 			                          request->write_address);
@@ -386,10 +423,14 @@ static enum taken take_request(struct db_connection *c, size_t *offset, db_time 
 	if (c->queue && (c->queued == c->room || c->queued >= c->shared->config->max_pipelined))
 		return MUST_WAIT;
 	result = db_pdu_parse(adu, (size_t)length, &request);
+	if (c->barred)
+		result = MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	if (result == 0 && depends_on_unfinished(c, &request))
 		return MUST_WAIT;
 	if (!take_turn(c, now))
 		return MUST_WAIT;
+	if (c->barred)
+		db_connection_refused(c, DB_REFUSED_NO_ROLE, now);
 	*offset += (size_t)length;
 	c->shared->stats.requests++;
 	c->requests++;

@@ -36,10 +36,11 @@ void db_connection_count_refusal(struct db_connection_shared *shared, struct db_
                                  enum db_refusal kind, db_time now);
 
 /* Takes over the descriptor (also on failure) and waits for input. Counts as a connection of its
- * peer until it is freed. Null when out of memory. */
+ * peer until it is freed. `role`: that of its certificate, "" when it has none; null: it came
+ * without. Null when out of memory. */
 struct db_connection *db_connection_new(struct db_connection_shared *shared, int fd,
-                                        const struct db_client *client, struct db_peer *peer,
-                                        db_time now);
+                                        const struct db_client *client, const char *role,
+                                        struct db_peer *peer, db_time now);
 
 /* Closes the socket. Later answers are dropped. */
 void db_connection_free(struct db_connection *connection);
@@ -54,9 +55,14 @@ void db_connection_describe(const struct db_connection *connection,
 /* The record of its address has moved, and counts this connection already. */
 void db_connection_rehome(struct db_connection *connection, struct db_peer *peer);
 
-/* The shared configuration has changed, and with it the client's rights. Then call
- * db_connection_advance(). */
-void db_connection_adapt(struct db_connection *connection, bool may_write);
+/* The client's rights, from now on. Then call db_connection_advance(). `barred`: its certificate
+ * has no role of the configuration, and every request is answered 01. */
+void db_connection_adapt(struct db_connection *connection, bool may_write,
+                         const struct db_role_config *role, bool barred);
+
+bool db_connection_is_barred(const struct db_connection *connection);
+/* The role that its certificate has; null: it came without. */
+const char *db_connection_role(const struct db_connection *connection);
 
 /* A request that waits for its turn need not wait any longer. */
 void db_connection_take_turn(struct db_connection *connection, db_time now);

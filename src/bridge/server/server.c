@@ -6,12 +6,14 @@
  */
 #include "drivebridge/server.h"
 
+#include "identity/certificates.h"
 #include "identity/local_user.h"
 #include "identity/rights.h"
 #include "server/acl.h"
 #include "server/connection.h"
 #include "server/listener.h"
 #include "server/peers.h"
+#include "server/secure.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -44,6 +46,8 @@ struct db_server {
 	size_t readers;       /* connections that may only read */
 	bool users_count;     /* users of this machine have no more rights than these: */
 	struct db_rights rights;
+	struct db_secure *secure; /* null: there is no secure socket */
+	struct db_certificates *certificates;
 	size_t room; /* at least max_clients */
 	size_t count;
 	struct db_connection **connections; /* in the order of connecting */
@@ -80,17 +84,22 @@ static void set_accepting(struct db_server *server, bool accepting)
 
 /* Connections. */
 
-/* A client with the name of its user, where it has one. */
-static void describe(const struct db_client *client, char text[DB_CLIENT_ADDRESS_MAX])
+/* A client with the name of its user or certificate, where it has one. */
+static void describe(const struct db_server *server, const struct db_client *client,
+                     struct db_client_words *words)
 {
-	char name[DB_CLIENT_PROCESS_USER_MAX] = "";
-	struct db_client_words words;
+	char login[DB_CLIENT_PROCESS_USER_MAX] = "";
+	const char *name;
+	const char *role;
 	uint32_t user;
 
+	if (db_certificates_find(server->certificates, client->address, &name, &role)) {
+		db_client_words_init_certificate(words, client->address, name, role);
+		return;
+	}
 	if (db_client_user_of_address(client->address, &user))
-		db_rights_name(user, name);
-	db_client_words_init(&words, client->address, name, "");
-	strcpy(text, words.address);
+		db_rights_name(user, login);
+	db_client_words_init(words, client->address, login, "");
 }
 
 static void announce_client(const struct db_server *server, const struct db_connection *connection,
@@ -98,14 +107,21 @@ static void announce_client(const struct db_server *server, const struct db_conn
 {
 	const struct db_executor *executor = &server->shared.executor;
 	const struct db_client *client = db_connection_client(connection);
-	char text[DB_CLIENT_ADDRESS_MAX];
-	struct db_log_about about = { .client = text };
+	struct db_client_words words;
+	struct db_log_about about = { .client = words.address };
+	char network[DB_CLIENT_ADDRESS_MAX] = "";
 
-	describe(client, text);
+	describe(server, client, &words);
+	/* An IPv6 address and a certificate are too much for what stands before it. */
+	if (db_connection_role(connection) && db_client_ipv4(client->address) == DB_CLIENT_IPV6)
+		db_client_address(db_connection_address(connection), network);
 	db_log(&server->log, loop_time(server),
 	       connected ? DB_EVENT_CLIENT_CONNECTED : DB_EVENT_CLIENT_GONE, &about,
-	       "%s (port %u, %s)", connected ? "connected" : "disconnected", (unsigned)client->port,
-	       client->may_write ? "may read and write" : "may only read");
+	       "%s (%s%sport %u, %s)", connected ? "connected" : "disconnected", network,
+	       network[0] != '\0' ? " " : "", (unsigned)client->port,
+	       client->may_write                   ? "may read and write" :
+	       db_connection_is_barred(connection) ? "without a role, may nothing" :
+	                                             "may only read");
 	if (executor->backend->client)
 		executor->backend->client(executor->context, client, connected);
 }
@@ -120,6 +136,7 @@ static void drop_connection(struct db_server *server, size_t index)
 	server->readers -= !db_connection_client(connection)->may_write;
 	server->shared.stats.clients = (uint32_t)server->count;
 	announce_client(server, connection, false);
+	db_certificates_let_go(server->certificates, db_connection_client(connection)->address);
 	db_connection_free(connection);
 }
 
@@ -173,9 +190,9 @@ static enum db_refusal find_refusal(const struct db_server *server, enum db_acce
 	struct rlimit limit;
 
 	if (access == DB_ACCESS_NONE)
-		return db_acl_access(config, peer->address) == DB_ACCESS_NONE ?
-		               DB_REFUSED_ADDRESS :
-		               DB_REFUSED_USER_READ;
+		return db_acl_access(config, peer->address) == DB_ACCESS_NONE ? DB_REFUSED_ADDRESS :
+		       config->require_secure == DB_SECURE_FOR_ALL ? DB_REFUSED_INSECURE :
+		                                                     DB_REFUSED_USER_READ;
 	if (config->max_clients_per_address > 0 &&
 	    peer->connections >= config->max_clients_per_address)
 		return DB_REFUSED_PER_ADDRESS;
@@ -192,8 +209,9 @@ static enum db_refusal find_refusal(const struct db_server *server, enum db_acce
 	return DB_REFUSAL_COUNT;
 }
 
+/* `role`: see db_connection_new(). */
 static void admit_client(struct db_server *server, int fd, struct db_client *client,
-                         struct db_peer *peer)
+                         const char *role, struct db_peer *peer)
 {
 	struct db_server_stats *stats = &server->shared.stats;
 	struct db_connection *connection;
@@ -203,9 +221,12 @@ static void admit_client(struct db_server *server, int fd, struct db_client *cli
 		server->last_id = db_client_number_after(server->last_id);
 	while (find_connection(server, server->last_id));
 	client->id = server->last_id;
-	connection = db_connection_new(&server->shared, fd, client, peer, loop_time(server));
-	if (!connection)
+	connection = db_connection_new(&server->shared, fd, client, role, peer, loop_time(server));
+	if (!connection) {
+		db_certificates_let_go(server->certificates, client->address);
 		return;
+	}
+	db_connection_adapt(connection, client->may_write, client->role, role && !client->role);
 	server->connections[server->count++] = connection;
 	server->readers += !client->may_write;
 	stats->accepted++;
@@ -235,7 +256,8 @@ static void identify(int fd, const uint8_t network[16], uint8_t address[16])
 	db_client_address_of_user(network, user, address);
 }
 
-/* What the address in the network and, on this machine, the user may do. */
+/* What a client without a certificate may do: by its address in the network and, on this machine,
+ * its user. */
 static enum db_access find_access(const struct db_server *server, const uint8_t network[16],
                                   const uint8_t address[16])
 {
@@ -244,14 +266,39 @@ static enum db_access find_access(const struct db_server *server, const uint8_t 
 		[DB_RIGHT_READ] = DB_ACCESS_READ,
 		[DB_RIGHT_ACT] = DB_ACCESS_WRITE,
 	};
+	static const enum db_access INSECURE[] = {
+		[DB_SECURE_NOT_REQUIRED] = DB_ACCESS_WRITE,
+		[DB_SECURE_FOR_WRITES] = DB_ACCESS_READ,
+		[DB_SECURE_FOR_ALL] = DB_ACCESS_NONE,
+	};
 	enum db_access access = db_acl_access(server->shared.config, network);
-	enum db_access most;
+	enum db_access most = INSECURE[server->shared.config->require_secure];
 	uint32_t user;
 
-	if (!server->users_count || !db_client_user_of_address(address, &user))
-		return access;
-	most = OF_RIGHT[db_rights_of_user(&server->rights, user)];
+	if (db_client_user_of_address(address, &user))
+		most = server->users_count ? OF_RIGHT[db_rights_of_user(&server->rights, user)] :
+		                             DB_ACCESS_WRITE;
 	return access < most ? access : most;
+}
+
+/* What a client with a certificate may do: where its address and its role allow it. Null in *role:
+ * nothing but to be connected. */
+static enum db_access find_secure_access(const struct db_server *server, const uint8_t network[16],
+                                         const char *name, const struct db_role_config **role)
+{
+	const struct db_modbus_config *config = server->shared.config;
+	enum db_access access = db_acl_access(config, network);
+	const struct db_role_config *found = NULL;
+
+	for (size_t i = 0; i < config->role_count && !found; i++) {
+		if (strcmp(config->roles[i].name, name) == 0)
+			found = &config->roles[i];
+	}
+	*role = found;
+	if (access == DB_ACCESS_WRITE &&
+	    (!found || !(found->write.all || found->write.names || found->control)))
+		return DB_ACCESS_READ;
+	return access;
 }
 
 static void add_client(struct db_server *server, int fd, const struct sockaddr_storage *address)
@@ -271,11 +318,57 @@ static void add_client(struct db_server *server, int fd, const struct sockaddr_s
 	peer = db_peers_find(server->shared.peers, network, now);
 	refusal = find_refusal(server, access, peer, fd);
 	if (refusal == DB_REFUSAL_COUNT) {
-		admit_client(server, fd, &client, peer);
+		admit_client(server, fd, &client, NULL, peer);
 		return;
 	}
 	close(fd);
 	db_connection_count_refusal(&server->shared, peer, refusal, now);
+}
+
+static void add_secure_client(void *context, int fd, const struct db_secure_client *hello)
+{
+	struct db_server *server = context;
+	db_time now = loop_time(server);
+	struct db_client client = { .port = hello->port };
+	struct db_peer *peer = db_peers_find(server->shared.peers, hello->address, now);
+	enum db_access access = find_secure_access(server, hello->address, hello->role,
+	                                           &client.role);
+	enum db_refusal refusal = find_refusal(server, access, peer, fd);
+
+	client.may_write = access == DB_ACCESS_WRITE;
+	if (refusal == DB_REFUSAL_COUNT &&
+	    !db_certificates_hold(server->certificates, hello, client.address))
+		refusal = DB_REFUSED_FULL;
+	if (refusal == DB_REFUSAL_COUNT) {
+		admit_client(server, fd, &client, hello->role, peer);
+		return;
+	}
+	close(fd);
+	db_connection_count_refusal(&server->shared, peer, refusal, now);
+}
+
+static const char *secure_path(const struct db_modbus_config *config)
+{
+	return config->secure_socket ? config->secure_socket : DB_NO_SOCKET;
+}
+
+/* Clients without certificates must not be kept out by this: an error is logged, and nothing
+ * else. */
+static void open_secure(struct db_server *server)
+{
+	const char *path = secure_path(server->shared.config);
+	const char *why;
+	int error;
+
+	if (strcmp(path, DB_NO_SOCKET) == 0)
+		return;
+	error = db_secure_new(server->loop, path, &server->log, add_secure_client, server,
+	                      &server->secure, &why);
+	if (error < 0)
+		db_log(&server->log, loop_time(server), DB_EVENT_SECURE_FAILED, NULL,
+		       "no secure socket for drivebridge-tls: %s: %s; correct secure-socket in the "
+		       "section modbus, or set it to off",
+		       path, why ? why : strerror(-error));
 }
 
 static void accept_clients(struct db_server *server, int most)
@@ -398,6 +491,12 @@ static void log_refusal(void *context, const uint8_t address[16], enum db_refusa
 		[DB_REFUSED_DESCRIPTORS] =
 			("connection refused: the file descriptors left are for buses and reloads; "
 		         "lower max-clients, or raise the limit (LimitNOFILE of the unit)"),
+		[DB_REFUSED_INSECURE] = "refused: it has no certificate (require-secure)",
+		[DB_REFUSED_NO_ROLE] =
+			("request refused: its certificate has no role that the configuration has "
+		         "a section for"),
+		[DB_REFUSED_ROLE] =
+			"request refused: the role of its certificate does not allow it",
 	};
 	const struct db_server *server = context;
 	char text[DB_CLIENT_ADDRESS_MAX];
@@ -453,7 +552,8 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 	server->armed = DB_TIME_NEVER;
 	server->accept_again = DB_TIME_NEVER;
 	server->shared.peers = db_peers_new(config->max_clients, log_refusal, server);
-	error = server->shared.peers ? open_sockets(server) : -ENOMEM;
+	server->certificates = db_certificates_new();
+	error = server->shared.peers && server->certificates ? open_sockets(server) : -ENOMEM;
 	if (error == 0)
 		error = sd_event_add_io(loop, &server->io, server->shared.epoll, EPOLLIN, on_ready,
 		                        server);
@@ -466,6 +566,7 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 		db_server_free(server);
 		return error;
 	}
+	open_secure(server);
 	*result = server;
 	return 0;
 }
@@ -478,6 +579,7 @@ void db_server_free(struct db_server *server)
 	server->busy = true;
 	while (server->count > 0)
 		drop_connection(server, server->count - 1);
+	db_secure_free(server->secure);
 	sd_event_source_disable_unref(server->timer);
 	sd_event_source_disable_unref(server->io);
 	if (server->listener >= 0)
@@ -485,6 +587,7 @@ void db_server_free(struct db_server *server)
 	if (server->shared.epoll >= 0)
 		close(server->shared.epoll);
 	db_peers_free(server->shared.peers);
+	db_certificates_free(server->certificates);
 	sd_event_unref(server->loop);
 	free(server->connections);
 	free(server);
@@ -580,23 +683,26 @@ static void adapt_connection(struct db_server *server, size_t index)
 	struct db_connection *connection = server->connections[index];
 	const struct db_client *client = db_connection_client(connection);
 	const struct db_executor *executor = &server->shared.executor;
-	enum db_access access = find_access(server, db_connection_address(connection),
-	                                    client->address);
+	const char *name = db_connection_role(connection);
+	const uint8_t *network = db_connection_address(connection);
+	const struct db_role_config *role = NULL;
+	enum db_access access = name ? find_secure_access(server, network, name, &role) :
+	                               find_access(server, network, client->address);
 	bool could_write = client->may_write;
 
 	if (access == DB_ACCESS_NONE) {
-		char text[DB_CLIENT_ADDRESS_MAX];
-		struct db_log_about about = { .client = text };
+		struct db_client_words words;
+		struct db_log_about about = { .client = words.address };
 
-		describe(client, text);
+		describe(server, client, &words);
 		db_log(&server->log, loop_time(server), DB_EVENT_CLIENT_REFUSED, &about,
 		       "connection closed: it may not read any more (allow-read, allow-write, "
-		       "read-group, act-group)");
+		       "read-group, act-group, require-secure)");
 		drop_connection(server, index);
 		return;
 	}
 	server->readers -= !could_write;
-	db_connection_adapt(connection, access == DB_ACCESS_WRITE);
+	db_connection_adapt(connection, access == DB_ACCESS_WRITE, role, name && !role);
 	server->readers += !client->may_write;
 	if (could_write && !client->may_write && executor->backend->restricted)
 		executor->backend->restricted(executor->context, client);
@@ -606,13 +712,20 @@ void db_server_apply(struct db_server *server, struct db_server_change *change)
 {
 	unsigned pace = server->shared.config->max_requests_per_second;
 	db_time now = loop_time(server);
+	bool elsewhere;
 
 	server->busy = true;
+	elsewhere = strcmp(secure_path(server->shared.config), secure_path(change->config)) != 0;
 	server->shared.config = change->config;
 	server->log.level = change->config->log;
 	take_room(server, change, now);
 	for (size_t i = server->count; i-- > 0;)
 		adapt_connection(server, i);
+	if (elsewhere) {
+		db_secure_free(server->secure);
+		server->secure = NULL;
+		open_secure(server);
+	}
 	/* The rate used so far belongs to the former limit. */
 	if (change->config->max_requests_per_second != pace) {
 		db_peers_reset_rates(server->shared.peers);
@@ -647,6 +760,17 @@ void db_server_answer(struct db_server *server, struct db_write_token token, uin
 	server->busy = true;
 	keep_or_drop(server, connection, db_connection_advance(connection, loop_time(server)));
 	send_late_answers(server);
+}
+
+bool db_server_certificate(const struct db_server *server, const uint8_t address[16],
+                           const char **name, const char **role)
+{
+	return db_certificates_find(server ? server->certificates : NULL, address, name, role);
+}
+
+bool db_server_secure_status(const struct db_server *server, struct db_secure_status *status)
+{
+	return db_secure_read_status(server->secure, status);
 }
 
 void db_server_keep_descriptors(struct db_server *server, unsigned count)

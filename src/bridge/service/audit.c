@@ -29,6 +29,8 @@ uint32_t audit_post(struct service *service, const struct db_client *client,
 {
 	struct db_audit_entry complete = *entry;
 	struct db_control_socket_names names = { 0 };
+	const char *certificate;
+	const char *role;
 
 	complete.time_us = wall_us();
 	if (client) {
@@ -36,6 +38,10 @@ uint32_t audit_post(struct service *service, const struct db_client *client,
 		complete.port = client->port;
 		if (db_client_is_session(client->id))
 			db_control_socket_names(service->control, client, &names);
+		if (db_server_certificate(service->server, client->address, &certificate, &role)) {
+			names.login = certificate;
+			names.user = role;
+		}
 		complete.login = names.login;
 		complete.user = complete.user ? complete.user : names.user;
 		complete.from = complete.from ? complete.from : names.from;

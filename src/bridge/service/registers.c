@@ -89,11 +89,21 @@ static struct db_configuration_report report_configuration(void *context)
 	return configuration_report(context);
 }
 
+static void find_words(const struct service *service, const uint8_t address[16],
+                       struct db_client_words *words)
+{
+	const char *name;
+	const char *role;
+
+	if (db_server_certificate(service->server, address, &name, &role))
+		db_client_words_init_certificate(words, address, name, role);
+	else
+		db_control_socket_words(service->control, address, words);
+}
+
 static void name_client(void *context, const uint8_t address[16], struct db_client_words *words)
 {
-	const struct service *service = context;
-
-	db_control_socket_words(service->control, address, words);
+	find_words(context, address, words);
 }
 
 static void describe_client(const struct service *service, const struct db_client *client,
@@ -101,7 +111,7 @@ static void describe_client(const struct service *service, const struct db_clien
 {
 	struct db_client_words words;
 
-	db_control_socket_words(service->control, client->address, &words);
+	find_words(service, client->address, &words);
 	db_client_words_join(&words, text);
 }
 

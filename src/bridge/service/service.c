@@ -107,6 +107,13 @@ static void read_server_stats(void *context, struct db_server_stats *stats)
 	db_server_stats(service->server, stats);
 }
 
+static bool read_secure_status(void *context, struct db_secure_status *status)
+{
+	const struct service *service = context;
+
+	return db_server_secure_status(service->server, status);
+}
+
 static struct db_configuration_report report_configuration(void *context)
 {
 	return configuration_report(context);
@@ -142,6 +149,7 @@ static int listen_for_tools(struct service *service)
 		.reload = ask_reload,
 		.configuration = report_configuration,
 		.server_stats = read_server_stats,
+		.secure_status = read_secure_status,
 		.scan = scans_begin,
 		.scan_read = scans_read,
 		.scan_find = scans_find,

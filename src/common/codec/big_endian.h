@@ -31,7 +31,7 @@ static inline int32_t int_of_bits(uint32_t bits)
 {
 	int32_t number;
 
-	memcpy(&number, &bits, sizeof number);
+	memcpy(&number, &bits, sizeof(number));
 	return number;
 }
 
@@ -39,7 +39,7 @@ static inline uint32_t bits_of_float(float number)
 {
 	uint32_t bits;
 
-	memcpy(&bits, &number, sizeof bits);
+	memcpy(&bits, &number, sizeof(bits));
 	return bits;
 }
 
@@ -47,7 +47,7 @@ static inline float float_of_bits(uint32_t bits)
 {
 	float number;
 
-	memcpy(&number, &bits, sizeof number);
+	memcpy(&number, &bits, sizeof(number));
 	return number;
 }
 

@@ -16,7 +16,7 @@ void db_description_begin(struct db_description *description)
 
 void db_description_add(struct db_description *description, const char *format, ...)
 {
-	size_t room = sizeof description->text - description->length;
+	size_t room = sizeof(description->text) - description->length;
 	va_list arguments;
 	int length;
 
@@ -32,7 +32,7 @@ void db_description_add_float(struct db_description *description, float number, 
 	char text[64];
 
 	for (int digits = 6; digits <= 9; digits++) {
-		snprintf(text, sizeof text, "%.*g", digits, (double)number);
+		snprintf(text, sizeof(text), "%.*g", digits, (double)number);
 		if (strtof(text, NULL) == number)
 			break;
 	}

@@ -2,7 +2,6 @@
 #include "codec/servo_can.h"
 
 #include "codec/servo_can_layout.h"
-#include "codec/servo_can_shapes.h"
 
 #include <string.h>
 
@@ -51,21 +50,16 @@ bool servo_can_may_broadcast(enum servo_can_kind kind)
 	return (unsigned)kind < SERVO_CAN_KIND_COUNT && servo_can_shapes[kind].broadcast;
 }
 
-/* True if it acknowledges a frame that the user describes. */
-static bool ack_described(uint8_t code, const struct servo_can_layout *layout)
-{
-	return code != SERVO_CAN_ACK_NONE &&
-	       ((layout->words.set && code == layout->words.ack) ||
-	        (layout->word1.set && code == layout->word1.ack) ||
-	        (layout->move.set && code == layout->move.ack) ||
-	        (servo_can_has_slot_frame(layout) && code == layout->slot_ack));
-}
-
 /* The document has acknowledgements up to 0B, and for four of these codes no command. */
 static bool ack_recognised(uint8_t code, const struct servo_can_layout *layout)
 {
+	/* True if it acknowledges a frame that the user describes. */
 	return (code != SERVO_CAN_ACK_NONE && code <= SERVO_CAN_ACK_UNDOCUMENTED_0B) ||
-	       ack_described(code, layout);
+	       (code != SERVO_CAN_ACK_NONE &&
+	        ((layout->words.set && code == layout->words.ack) ||
+	         (layout->word1.set && code == layout->word1.ack) ||
+	         (layout->move.set && code == layout->move.ack) ||
+	         (servo_can_has_slot_frame(layout) && code == layout->slot_ack)));
 }
 
 uint8_t servo_can_ack_expected(const struct servo_can_message *message,
@@ -166,19 +160,6 @@ static enum servo_can_error put_mode(const struct servo_can_message *message, ui
 	return SERVO_CAN_OK;
 }
 
-static enum servo_can_error put_words(const struct servo_can_message *message,
-                                      const struct servo_can_words_layout *words, uint8_t *data)
-{
-	if ((message->u.words.word0 & ~SERVO_CAN_WORD0_DOCUMENTED) != 0 ||
-	    (message->u.words.word1 != 0 && words->word1 == SERVO_CAN_NO_WORD))
-		return SERVO_CAN_ERR_RANGE;
-	memcpy(data, words->fixed, words->length);
-	put16(data + words->word0, message->u.words.word0);
-	if (words->word1 != SERVO_CAN_NO_WORD)
-		put16(data + words->word1, message->u.words.word1);
-	return SERVO_CAN_OK;
-}
-
 static enum servo_can_error put_described(const struct servo_can_message *message,
                                           const struct servo_can_layout *layout, uint8_t *data,
                                           uint8_t *length)
@@ -191,8 +172,16 @@ static enum servo_can_error put_described(const struct servo_can_message *messag
 	if (!is_usable(layout, message->kind))
 		return SERVO_CAN_ERR_LAYOUT;
 	*length = words ? layout->words.length : number->length;
-	if (words)
-		return put_words(message, &layout->words, data);
+	if (words) {
+		if ((message->u.words.word0 & ~SERVO_CAN_WORD0_DOCUMENTED) != 0 ||
+		    (message->u.words.word1 != 0 && layout->words.word1 == SERVO_CAN_NO_WORD))
+			return SERVO_CAN_ERR_RANGE;
+		memcpy(data, layout->words.fixed, layout->words.length);
+		put16(data + layout->words.word0, message->u.words.word0);
+		if (layout->words.word1 != SERVO_CAN_NO_WORD)
+			put16(data + layout->words.word1, message->u.words.word1);
+		return SERVO_CAN_OK;
+	}
 	memcpy(data, number->fixed, number->length);
 	if (message->kind == SERVO_CAN_MOVE)
 		return put_number(data, number, message->u.target) ? SERVO_CAN_OK :
@@ -271,7 +260,7 @@ static enum servo_can_error put_ack(const struct servo_can_ack *ack,
                                     const struct servo_can_layout *layout, uint8_t *data,
                                     uint8_t *length)
 {
-	if (!ack_recognised(ack->code, layout) || ack->extra > sizeof ack->bytes)
+	if (!ack_recognised(ack->code, layout) || ack->extra > sizeof(ack->bytes))
 		return SERVO_CAN_ERR_RANGE;
 	data[0] = ack->code;
 	*length = 1;
@@ -347,7 +336,7 @@ static const uint8_t answers_of_blocks[] = {
 
 static enum servo_can_kind answer_kind(uint32_t id)
 {
-	if (id / BLOCK >= sizeof answers_of_blocks || id % BLOCK == 0)
+	if (id / BLOCK >= sizeof(answers_of_blocks) || id % BLOCK == 0)
 		return SERVO_CAN_FOREIGN;
 	return (enum servo_can_kind)answers_of_blocks[id / BLOCK];
 }
@@ -542,7 +531,7 @@ enum servo_can_error servo_can_decode(const struct db_can_frame *frame,
                                       enum servo_can_side from, struct servo_can_message *message)
 {
 	/* The whole union, whichever member is used: kind FOREIGN is 0. */
-	memset(message, 0, sizeof *message);
+	memset(message, 0, sizeof(*message));
 	/* A flag in the id makes it larger than any of ours. */
 	if (!find_kind(frame->id, layout, from, message))
 		return SERVO_CAN_OK;
@@ -664,5 +653,5 @@ const char *servo_can_mode_name(unsigned mode)
 {
 	static const char *const names[] = { "position", "speed", "current" };
 
-	return mode < sizeof names / sizeof names[0] ? names[mode] : NULL;
+	return mode < sizeof(names) / sizeof(names[0]) ? names[mode] : NULL;
 }

@@ -39,7 +39,7 @@ static void describe_read(struct db_description *description, uint8_t selector)
 	unsigned answers = servo_can_answers(selector);
 	const char *gap = "";
 
-	for (unsigned i = 0; i < sizeof names / sizeof names[0]; i++) {
+	for (unsigned i = 0; i < sizeof(names) / sizeof(names[0]); i++) {
 		if (!(answers >> i & 1))
 			continue;
 		db_description_add(description, "%s%s", gap, names[i]);
@@ -59,7 +59,7 @@ static void describe_ack(struct db_description *description, const struct servo_
 		[SERVO_CAN_ACK_SET_FEEDBACK] = "set position",
 		[SERVO_CAN_ACK_RAMPS] = "ramps",
 	};
-	const char *name = ack->code < sizeof names / sizeof names[0] ? names[ack->code] : NULL;
+	const char *name = ack->code < sizeof(names) / sizeof(names[0]) ? names[ack->code] : NULL;
 
 	if (name)
 		db_description_add(description, "acknowledges %s", name);

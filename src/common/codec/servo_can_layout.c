@@ -1,17 +1,78 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "codec/servo_can_layout.h"
 
-#include "codec/servo_can_shapes.h"
-
 #include <stdarg.h>
 #include <stdio.h>
+
+/* --- the frames of the document --------------------------------------------------------------- */
+
+const struct servo_can_shape servo_can_shapes[SERVO_CAN_KIND_COUNT] = {
+	[SERVO_CAN_SYNC] = { SERVO_CAN_ID_SYNC, 0, 0, SERVO_CAN_FROM_HOST, true },
+	[SERVO_CAN_ENABLE] = { SERVO_CAN_BASE_ENABLE, 2, SERVO_CAN_ACK_ENABLE, SERVO_CAN_FROM_HOST,
+	                       true },
+	[SERVO_CAN_MODE] = { SERVO_CAN_BASE_MODE, 5, SERVO_CAN_ACK_MODE, SERVO_CAN_FROM_HOST,
+	                     false },
+	[SERVO_CAN_SPEED] = { SERVO_CAN_BASE_SETPOINT, 3, SERVO_CAN_ACK_SPEED, SERVO_CAN_FROM_HOST,
+	                      true },
+	[SERVO_CAN_CURRENT] = { SERVO_CAN_BASE_SETPOINT, 3, SERVO_CAN_ACK_CURRENT,
+	                        SERVO_CAN_FROM_HOST, true },
+	[SERVO_CAN_POSITION] = { SERVO_CAN_BASE_POSITION, 4, SERVO_CAN_ACK_POSITION,
+	                         SERVO_CAN_FROM_HOST, false },
+	[SERVO_CAN_SET_FEEDBACK] = { SERVO_CAN_BASE_SET_FEEDBACK, 4, SERVO_CAN_ACK_SET_FEEDBACK,
+	                             SERVO_CAN_FROM_HOST, false },
+	[SERVO_CAN_RAMPS] = { SERVO_CAN_BASE_RAMPS, 8, SERVO_CAN_ACK_RAMPS, SERVO_CAN_FROM_HOST,
+	                      false },
+	[SERVO_CAN_READ] = { SERVO_CAN_BASE_READ, 1, 0, SERVO_CAN_FROM_HOST, false },
+	[SERVO_CAN_WORDS] = { 0, 0, 0, SERVO_CAN_FROM_HOST, true },
+	[SERVO_CAN_WORD_1] = { 0, 0, 0, SERVO_CAN_FROM_HOST, true },
+	[SERVO_CAN_MOVE] = { 0, 0, 0, SERVO_CAN_FROM_HOST, false },
+	[SERVO_CAN_ACK] = { 0, 0, 0, SERVO_CAN_FROM_DRIVE, false },
+	[SERVO_CAN_ANSWER_POSITION] = { SERVO_CAN_BASE_ANSWER_POSITION, 4, 0, SERVO_CAN_FROM_DRIVE,
+	                                false },
+	[SERVO_CAN_ANSWER_MOTION] = { SERVO_CAN_BASE_ANSWER_MOTION, 4, 0, SERVO_CAN_FROM_DRIVE,
+	                              false },
+	[SERVO_CAN_ANSWER_STATUS] = { SERVO_CAN_BASE_ANSWER_STATUS, 4, 0, SERVO_CAN_FROM_DRIVE,
+	                              false },
+	[SERVO_CAN_ANSWER_ANALOGUE] = { SERVO_CAN_BASE_ANSWER_ANALOGUE, 2, 0, SERVO_CAN_FROM_DRIVE,
+	                                false },
+	[SERVO_CAN_REPORT_POSITION] = { SERVO_CAN_BASE_REPORT_POSITION, 4, 0, SERVO_CAN_FROM_DRIVE,
+	                                false },
+	[SERVO_CAN_REPORT_MOTION] = { SERVO_CAN_BASE_REPORT_MOTION, 4, 0, SERVO_CAN_FROM_DRIVE,
+	                              false },
+	[SERVO_CAN_REPORT_HEALTH] = { SERVO_CAN_BASE_REPORT_HEALTH, 6, 0, SERVO_CAN_FROM_DRIVE,
+	                              false },
+};
+
+bool servo_can_ack_documented(uint8_t code)
+{
+	for (int kind = SERVO_CAN_SYNC; kind < SERVO_CAN_KIND_COUNT; kind++) {
+		if (servo_can_shapes[kind].ack == code)
+			return code != SERVO_CAN_ACK_NONE;
+	}
+	return false;
+}
+
+/* True if a documented frame has an id from first to last, both included. */
+static bool is_documented(uint32_t first, uint32_t last)
+{
+	for (int kind = SERVO_CAN_SYNC; kind < SERVO_CAN_KIND_COUNT; kind++) {
+		uint32_t base = servo_can_shapes[kind].base;
+		uint32_t end = kind == SERVO_CAN_SYNC ? base : base + SERVO_CAN_NODE_MAX;
+
+		if (base != 0 && first <= end && last >= base)
+			return true;
+	}
+	return false;
+}
+
+/* --- the frames that the user describes ------------------------------------------------------- */
 
 /* Two ids of other frames are among the acknowledgements as printed, and have to be accepted. */
 static bool ack_base_possible(uint32_t base)
 {
 	for (uint32_t id = base + 1; id <= base + SERVO_CAN_NODE_MAX; id++) {
 		if (id > DB_CAN_STANDARD_MASK ||
-		    (servo_can_is_documented(id, id) && id != SERVO_CAN_ID_SYNC &&
+		    (is_documented(id, id) && id != SERVO_CAN_ID_SYNC &&
 		     id != SERVO_CAN_BASE_ENABLE))
 			return false;
 	}
@@ -74,7 +135,7 @@ __attribute__((format(printf, 2, 3))) static bool refuse_layout(char *reason, co
 	va_list arguments;
 
 	va_start(arguments, format);
-	(void)vsnprintf(reason, SERVO_CAN_REASON_MAX, format, arguments);
+	vsnprintf(reason, SERVO_CAN_REASON_MAX, format, arguments);
 	va_end(arguments);
 	return false;
 }
@@ -106,9 +167,8 @@ static bool check_ids(const struct servo_can_described_frame *frame, uint32_t ac
 				"%s and speed and current have the same ids, so byte 0 "
 				"must be a fixed number other than 1 and 2",
 				frame->name);
-	} else if (servo_can_is_documented(frame->base, last) &&
-	           (frame->which != SERVO_CAN_DESCRIBED_SLOT ||
-	            frame->base != SERVO_CAN_BASE_POSITION)) {
+	} else if (is_documented(frame->base, last) && (frame->which != SERVO_CAN_DESCRIBED_SLOT ||
+	                                                frame->base != SERVO_CAN_BASE_POSITION)) {
 		return refuse_layout(reason, "the ids of %s belong to a documented frame",
 		                     frame->name);
 	}
@@ -141,8 +201,8 @@ static bool check_pair(const struct servo_can_described_frame *frame,
 
 	if (!apart && !told)
 		return refuse_layout(reason,
-		                     "%s and %s have ids in common, and no fixed byte 0 that tells "
-		                     "one from the other",
+		                     "%s and %s have ids in common, and no fixed byte 0 that "
+		                     "tells one from the other",
 		                     frame->name, other->name);
 	if (frame->ack == other->ack && frame->ack != SERVO_CAN_ACK_NONE)
 		return refuse_layout(reason,
@@ -203,15 +263,10 @@ void servo_can_put_fixed(struct servo_can_words_layout *words, uint64_t fixed)
 	}
 }
 
-static bool in_number(const struct servo_can_number_layout *number, unsigned byte)
-{
-	return byte >= number->at && byte < (unsigned)number->at + number->size;
-}
-
 void servo_can_put_number_fixed(struct servo_can_number_layout *number, uint64_t fixed)
 {
 	for (unsigned i = number->length; i-- > 0;) {
-		if (in_number(number, i))
+		if (i >= number->at && i < (unsigned)number->at + number->size)
 			continue;
 		number->fixed[i] = (uint8_t)fixed;
 		fixed >>= 8;

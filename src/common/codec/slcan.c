@@ -14,7 +14,7 @@
 static const uint32_t BITRATES[] = { 10000,  20000,  50000,  100000, 125000,
 	                             250000, 500000, 800000, 1000000 };
 
-#define BITRATE_COUNT (sizeof BITRATES / sizeof BITRATES[0])
+#define BITRATE_COUNT (sizeof(BITRATES) / sizeof(BITRATES[0]))
 
 int slcan_bitrate_digit(uint32_t bitrate)
 {
@@ -314,7 +314,7 @@ int slcan_encode_reply(const struct slcan_reply *reply, char *line, size_t size)
 		return finish_line(&writer, SLCAN_CR);
 	case SLCAN_REPLY_VERSION:
 	case SLCAN_REPLY_SERIAL:
-		if (!is_text(reply->text, strnlen(reply->text, sizeof reply->text)))
+		if (!is_text(reply->text, strnlen(reply->text, sizeof(reply->text))))
 			return SLCAN_ERR_RANGE;
 		put(&writer, reply->kind == SLCAN_REPLY_VERSION ? 'V' : 'N');
 		put_text(&writer, reply->text);

@@ -50,11 +50,13 @@ const struct db_drive_bit vsmd_status_bits[VSMD_STATUS_BITS] = {
 const struct db_param vsmd_params[VSMD_PARAM_COUNT] = {
 	[VSMD_BDR] = { "bdr", DB_U32, "bit/s", 2400, 921600, false,
 	               .description =
-	                       "Baud rate (波特率); effective after save_parameters and a power cycle",
+	                       "Baud rate (波特率); effective after save_parameters and a power "
+	                       "cycle",
 	               .traits = DB_PARAM_ADDRESS },
 	[VSMD_CID] = { "cid", DB_U16, "", 1, 32, false,
 	               .description =
-	                       "Device id on RS485 (设备 ID); effective after save_parameters and a power cycle",
+	                       "Device id on RS485 (设备 ID); effective after save_parameters and "
+	                       "a power cycle",
 	               .traits = DB_PARAM_ADDRESS },
 #include "codec/vsmd_params.inc"
 };
@@ -62,14 +64,13 @@ const struct db_param vsmd_params[VSMD_PARAM_COUNT] = {
 const struct db_param vsmd_can_params[VSMD_PARAM_COUNT] = {
 	[VSMD_BDR] = { "bdr", DB_U32, "bit/s", 20000, 1000000, false,
 	               .description =
-	                       "Bit rate on CAN (波特率), one of the vendor's table: 20 25 30 40 50 60 75 80 90 100 125 "
-	                       "150 200 250 300 400 500 600 750 900 1000 kbit/s; effective after save_parameters and "
-	                       "a power cycle",
+	                       "Bit rate on CAN (波特率), one of the vendor's table: 20 25 30 40 50 "
+	                       "60 75 80 90 100 125 150 200 250 300 400 500 600 750 900 1000 "
+	                       "kbit/s; effective after save_parameters and a power cycle",
 	               .traits = DB_PARAM_ADDRESS | DB_PARAM_HAS_PRESET, .preset = 100000 },
 	[VSMD_CID] = { "cid", DB_U16, "", 1, 110, false,
-	               .description =
-	                       "Device id on CAN (设备 ID); standard frames reach 1 to 15; effective after "
-	                       "save_parameters and a power cycle",
+	               .description = "Device id on CAN (设备 ID); standard frames reach 1 to 15; "
+	                              "effective after save_parameters and a power cycle",
 	               .traits = DB_PARAM_ADDRESS },
 #include "codec/vsmd_params.inc"
 };

@@ -208,12 +208,6 @@ static bool is_read(enum vsmd_can_code code)
 	return code == VSMD_CAN_READ_STATUS || code == VSMD_CAN_READ_DATA;
 }
 
-static bool velocity_possible(const struct vsmd_can_command *command)
-{
-	return !command->has_velocity ||
-	       (command->velocity >= -VSMD_SPEED_MAX && command->velocity <= VSMD_SPEED_MAX);
-}
-
 static bool shake_possible(const struct vsmd_can_command *command)
 {
 	switch (command->shake) {
@@ -251,7 +245,8 @@ static bool command_possible(const struct vsmd_can_command *command, bool extend
 	case VSMD_CAN_MOV:
 	case VSMD_CAN_POS:
 	case VSMD_CAN_RMV:
-		return velocity_possible(command);
+		return !command->has_velocity || (command->velocity >= -VSMD_SPEED_MAX &&
+		                                  command->velocity <= VSMD_SPEED_MAX);
 	case VSMD_CAN_OUTPUT:
 		return port_possible(command, SENSOR_PORTS) && command->value <= 1;
 	case VSMD_CAN_SV:
@@ -267,15 +262,6 @@ static bool command_possible(const struct vsmd_can_command *command, bool extend
 	default:
 		return true;
 	}
-}
-
-static uint8_t put_move(const struct vsmd_can_command *command, uint8_t *data)
-{
-	put_be32(bits_of_int(command->position), data);
-	if (!command->has_velocity)
-		return 4;
-	put_be32(bits_of_float(command->velocity), data + 4);
-	return 8;
 }
 
 static uint8_t put_shake(const struct vsmd_can_command *command, uint8_t *data)
@@ -297,16 +283,6 @@ static uint8_t put_shake(const struct vsmd_can_command *command, uint8_t *data)
 		break;
 	}
 	return 5;
-}
-
-static uint8_t put_report(const struct vsmd_can_command *command, uint8_t *data)
-{
-	data[0] = (uint8_t)command->report;
-	if (!command->has_interval)
-		return 1;
-	data[1] = (uint8_t)(command->interval >> 8);
-	data[2] = (uint8_t)(command->interval & UINT8_MAX);
-	return 3;
 }
 
 static uint8_t put_pair(unsigned first, unsigned second, uint8_t *data)
@@ -336,14 +312,23 @@ static uint8_t put_arguments(const struct vsmd_can_command *command, uint8_t out
 		return 4;
 	case VSMD_CAN_POS:
 	case VSMD_CAN_RMV:
-		return put_move(command, data);
+		put_be32(bits_of_int(command->position), data);
+		if (!command->has_velocity)
+			return 4;
+		put_be32(bits_of_float(command->velocity), data + 4);
+		return 8;
 	case VSMD_CAN_OUTPUT:
 		return put_pair(command->port - 1u + output_base, command->value, data);
 	case VSMD_CAN_SV:
 	case VSMD_CAN_NMOS:
 		return put_pair(command->port - 1u, command->value, data);
 	case VSMD_CAN_AUTO_RES_STS:
-		return put_report(command, data);
+		data[0] = (uint8_t)command->report;
+		if (!command->has_interval)
+			return 1;
+		data[1] = (uint8_t)(command->interval >> 8);
+		data[2] = (uint8_t)(command->interval & UINT8_MAX);
+		return 3;
 	case VSMD_CAN_SHAKE:
 		return put_shake(command, data);
 	case VSMD_CAN_ENCODER:
@@ -401,14 +386,6 @@ static enum vsmd_error get_shake(const uint8_t *data, unsigned length,
 	return VSMD_OK;
 }
 
-static void get_report(const uint8_t *data, unsigned length, struct vsmd_can_command *command)
-{
-	command->report = (enum vsmd_can_report)data[0];
-	command->has_interval = length > 1;
-	if (command->has_interval)
-		command->interval = (uint16_t)(data[1] << 8 | data[2]);
-}
-
 /* Ports counted from 1; a number below the first becomes 0, which no command accepts. */
 static uint8_t get_port(uint8_t number, unsigned base)
 {
@@ -456,7 +433,10 @@ static enum vsmd_error get_arguments(const uint8_t *data, unsigned length, uint8
 		get_pair(data, 0, command);
 		return VSMD_OK;
 	case VSMD_CAN_AUTO_RES_STS:
-		get_report(data, length, command);
+		command->report = (enum vsmd_can_report)data[0];
+		command->has_interval = length > 1;
+		if (command->has_interval)
+			command->interval = (uint16_t)(data[1] << 8 | data[2]);
 		return VSMD_OK;
 	case VSMD_CAN_SHAKE:
 		return get_shake(data, length, command);
@@ -656,7 +636,7 @@ enum vsmd_can_took vsmd_can_take(struct vsmd_can_answer *answer,
 	if ((answer->seen & bits) == bits)
 		return VSMD_CAN_REPEATED;
 	answer->seen |= bits;
-	memcpy(answer->values + at, message->values, count * sizeof message->values[0]);
+	memcpy(answer->values + at, message->values, count * sizeof(message->values[0]));
 	return answer->seen == UINT64_MAX >> (64 - answer->count) ? VSMD_CAN_WHOLE : VSMD_CAN_PART;
 }
 

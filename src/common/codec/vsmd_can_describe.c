@@ -158,7 +158,7 @@ static void describe_status_register(struct db_description *description, unsigne
 
 	switch (reg) {
 	case VSMD_CAN_STATUS_SPEED:
-		memcpy(&velocity, &value, sizeof velocity);
+		memcpy(&velocity, &value, sizeof(velocity));
 		vsmd_describe_velocity(description, velocity);
 		return;
 	case VSMD_CAN_STATUS_POSITION:

@@ -37,8 +37,8 @@ int vsmd_can_get_identity(const uint32_t values[VSMD_CAN_IDENTITY_REGS],
 
 	for (size_t i = 0; i < VSMD_CAN_IDENTITY_REGS; i++)
 		put_be32(values[i], bytes + i * REG_BYTES);
-	nul = memchr(bytes, 0, sizeof bytes);
-	length = nul ? (size_t)(nul - bytes) : sizeof bytes;
+	nul = memchr(bytes, 0, sizeof(bytes));
+	length = nul ? (size_t)(nul - bytes) : sizeof(bytes);
 	while (length > 0 && (bytes[length - 1] == ' ' || bytes[length - 1] == UINT8_MAX))
 		length--;
 	for (size_t i = 0; i < length; i++) {
@@ -55,9 +55,9 @@ enum vsmd_error vsmd_can_put_identity(const char *text, uint32_t values[VSMD_CAN
 	uint8_t bytes[VSMD_CAN_IDENTITY_MAX];
 	size_t length = strlen(text);
 
-	if (length > sizeof bytes)
+	if (length > sizeof(bytes))
 		return VSMD_ERR_SPACE;
-	memset(bytes, ' ', sizeof bytes);
+	memset(bytes, ' ', sizeof(bytes));
 	for (size_t i = 0; i < length; i++) {
 		bytes[i] = (uint8_t)text[i];
 		if (!is_printable(bytes[i]))
@@ -210,7 +210,7 @@ static const struct rate rates[] = {
 	{ 1000000, 0x9132 },
 };
 
-#define RATES (sizeof rates / sizeof rates[0])
+#define RATES (sizeof(rates) / sizeof(rates[0]))
 
 /* Divider above bit 12, then jump width and the two segments of a bit, four bits each. */
 uint32_t vsmd_can_code_rate(uint32_t code)

@@ -1,148 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "codec/vsmd_serial.h"
 
+#include "codec/vsmd_numbers.h"
 #include "codec/vsmd_serial_frames.h"
 
-#include <math.h>
-#include <stdio.h>
 #include <string.h>
 
-#define EXPONENT_MAX 60.0 /* no value of a drive lies beyond it */
 #define NAME_MAX_LENGTH 8 /* maximum length of a parameter's name */
-
-/* --- numbers as text -------------------------------------------------------------------------- */
-
-/*
- * A plain decimal number: sign, digits, fraction; no exponent, no other notation and no locale.
- * Fills *number and *whole (has no fraction, or one of zeros only). False for anything else.
- */
-static bool parse_number(const char *text, size_t length, double *number, bool *whole)
-{
-	double scale = 1.0;
-	double value = 0.0;
-	bool negative = false;
-	bool fraction = false;
-	size_t digits = 0;
-	size_t i = 0;
-
-	*whole = true;
-	if (i < length && (text[i] == '-' || text[i] == '+'))
-		negative = text[i++] == '-';
-	for (; i < length; i++) {
-		if (text[i] == '.' && !fraction) {
-			fraction = true;
-			continue;
-		}
-		if (text[i] < '0' || text[i] > '9')
-			return false;
-		value = value * 10.0 + (text[i] - '0');
-		if (fraction)
-			scale *= 10.0;
-		if (fraction && text[i] != '0')
-			*whole = false;
-		digits++;
-	}
-	/* Beyond this, doubles do not hold every digit; no documented value has that many. */
-	if (digits == 0 || digits > 60)
-		return false;
-	*number = negative ? -(value / scale) : value / scale;
-	return true;
-}
-
-/* The same in the form that drives send: an exponent is allowed. */
-static bool parse_sent_number(const char *text, size_t length, double *number, bool *whole)
-{
-	size_t mantissa = 0;
-	double exponent = 0.0;
-	bool plain;
-
-	while (mantissa < length && text[mantissa] != 'e' && text[mantissa] != 'E')
-		mantissa++;
-	if (!parse_number(text, mantissa, number, whole))
-		return false;
-	if (mantissa == length)
-		return true;
-	if (!parse_number(text + mantissa + 1, length - mantissa - 1, &exponent, &plain) ||
-	    !plain || fabs(exponent) > EXPONENT_MAX)
-		return false;
-	*number *= pow(10.0, exponent);
-	*whole = floor(*number) == *number;
-	return true;
-}
-
-static bool parse_value(enum db_type type, const char *text, size_t length, union db_value *value)
-{
-	double number;
-	bool whole;
-
-	/* A fraction too small for a double is still a fraction. */
-	return parse_sent_number(text, length, &number, &whole) && (whole || type == DB_F32) &&
-	       db_value_from_number(type, number, value);
-}
-
-static int format_float(float number, char *text, size_t size)
-{
-	char shortest[128];
-	int length = 0;
-
-	if (!isfinite(number))
-		return VSMD_ERR_RANGE;
-	for (int decimals = 0; decimals <= 60; decimals++) {
-		union db_value back;
-
-		length = snprintf(shortest, sizeof shortest, "%.*f", decimals, (double)number);
-		if (length < 0 || (size_t)length >= sizeof shortest)
-			return VSMD_ERR_SPACE;
-		/* A locale may have written another decimal separator. */
-		for (int i = 0; i < length; i++) {
-			if (shortest[i] == ',')
-				shortest[i] = '.';
-		}
-		if (parse_value(DB_F32, shortest, (size_t)length, &back) && back.f == number)
-			break;
-	}
-	if ((size_t)length >= size)
-		return VSMD_ERR_SPACE;
-	memcpy(text, shortest, (size_t)length + 1);
-	return length;
-}
-
-/* Written by hand: with the C library, formatting the number takes most of the time of a line, and
- * each poll has one. */
-static int format_whole(bool negative, uint32_t magnitude, char *text, size_t size)
-{
-	char digits[11]; /* sign and ten digits; from the end */
-	size_t first = sizeof digits;
-	size_t length;
-
-	do {
-		digits[--first] = (char)('0' + magnitude % 10);
-		magnitude /= 10;
-	} while (magnitude > 0);
-	if (negative)
-		digits[--first] = '-';
-	length = sizeof digits - first;
-	if (length >= size)
-		return VSMD_ERR_SPACE;
-	memcpy(text, digits + first, length);
-	text[length] = '\0';
-	return (int)length;
-}
-
-int vsmd_format_value(enum db_type type, union db_value value, char *text, size_t size)
-{
-	switch (type) {
-	case DB_F32:
-		return format_float(value.f, text, size);
-	case DB_I16:
-	case DB_I32:
-		return format_whole(value.i < 0,
-		                    value.i < 0 ? 0 - (uint32_t)value.i : (uint32_t)value.i, text,
-		                    size);
-	default:
-		return format_whole(false, value.u, text, size);
-	}
-}
 
 /* --- writing command lines -------------------------------------------------------------------- */
 
@@ -175,7 +39,7 @@ static inline void put(struct writer *writer, const char *text)
 static void put_value(struct writer *writer, enum db_type type, union db_value value)
 {
 	char text[128];
-	int length = vsmd_format_value(type, value, text, sizeof text);
+	int length = vsmd_format_value(type, value, text, sizeof(text));
 
 	if (length >= 0)
 		put_bytes(writer, text, (size_t)length);
@@ -252,15 +116,6 @@ static void put_port(struct writer *writer, const char *verb, const struct vsmd_
 	put_small(writer, command->value, 0, 255);
 }
 
-static void put_sensor(struct writer *writer, const struct vsmd_command *command)
-{
-	put(writer, "s");
-	put_small(writer, command->port, 1, 6);
-	if (command->value > 1 && !writer->error)
-		writer->error = VSMD_ERR_RANGE;
-	put(writer, command->value ? " on" : " off");
-}
-
 static void put_optional(struct writer *writer, const struct vsmd_command *command)
 {
 	put(writer, command->verb == VSMD_STP ? "stp" : "org");
@@ -307,7 +162,11 @@ static void put_command(struct writer *writer, const struct vsmd_command *comman
 		put_optional(writer, command);
 		break;
 	case VSMD_SENSOR_OUT:
-		put_sensor(writer, command);
+		put(writer, "s");
+		put_small(writer, command->port, 1, 6);
+		if (command->value > 1 && !writer->error)
+			writer->error = VSMD_ERR_RANGE;
+		put(writer, command->value ? " on" : " off");
 		break;
 	case VSMD_SV:
 		put_port(writer, "sv", command);
@@ -377,16 +236,9 @@ static bool is(struct word word, const char *text)
 	return word.length == strlen(text) && memcmp(word.text, text, word.length) == 0;
 }
 
-static bool at_end(struct reader *reader)
-{
-	struct word rest;
-
-	return !next_word(reader, &rest);
-}
-
 /*
- * parse_number() for commands, which are strict: digits on both sides of a decimal point. Drives
- * are not held to that in what they send.
+ * vsmd_parse_number() for commands, which are strict: digits on both sides of a decimal point.
+ * Drives are not held to that in what they send.
  */
 static bool parse_strict(struct word word, double *number, bool *whole)
 {
@@ -395,7 +247,7 @@ static bool parse_strict(struct word word, double *number, bool *whole)
 	if (point &&
 	    (point == word.text || point[-1] < '0' || point + 1 == word.text + word.length))
 		return false;
-	return parse_number(word.text, word.length, number, whole);
+	return vsmd_parse_number(word.text, word.length, number, whole);
 }
 
 /* A whole number in a range; commands are strict, so "1.0" is invalid. */
@@ -404,7 +256,7 @@ static enum vsmd_error read_whole(struct word word, double min, double max, doub
 	bool whole;
 
 	if (word.length == 0 || memchr(word.text, '.', word.length) ||
-	    !parse_number(word.text, word.length, number, &whole))
+	    !vsmd_parse_number(word.text, word.length, number, &whole))
 		return VSMD_ERR_SYNTAX;
 	return *number >= min && *number <= max ? VSMD_OK : VSMD_ERR_RANGE;
 }
@@ -603,7 +455,7 @@ static enum vsmd_error read_setting(struct word word, struct vsmd_setting *setti
 	if (!parse_strict(value, &number, &whole))
 		return VSMD_ERR_SYNTAX;
 	setting->param = (enum vsmd_param)param;
-	if (!parse_value(vsmd_params[param].type, value.text, value.length, &setting->value))
+	if (!vsmd_parse_value(vsmd_params[param].type, value.text, value.length, &setting->value))
 		return VSMD_ERR_RANGE;
 	return vsmd_param_in_range(setting->param, setting->value) ? VSMD_OK : VSMD_ERR_RANGE;
 }
@@ -646,7 +498,7 @@ static enum vsmd_error read_plain(struct word verb, struct vsmd_command *command
 	static const enum vsmd_verb plain[] = { VSMD_DEV, VSMD_STS,  VSMD_ENA,
 		                                VSMD_OFF, VSMD_ECLR, VSMD_SAV };
 
-	for (size_t i = 0; i < sizeof plain / sizeof plain[0]; i++) {
+	for (size_t i = 0; i < sizeof(plain) / sizeof(plain[0]); i++) {
 		if (is(verb, fixed[plain[i]])) {
 			command->verb = plain[i];
 			return VSMD_OK;
@@ -701,12 +553,12 @@ enum vsmd_error vsmd_serial_decode_command(const char *line, size_t length, bool
 {
 	struct reader reader = { .text = line, .length = length };
 	enum vsmd_error error;
+	struct word word;
 
 	*command = (struct vsmd_command){ .id = rs485 ? -2 : VSMD_SERIAL_NO_ID };
 	if (length > 0 && line[length - 1] == '\r')
 		reader.length--;
 	if (rs485) {
-		struct word word;
 		double id;
 
 		if (!next_word(&reader, &word) || word.text[0] < '0' || word.text[0] > '9')
@@ -717,9 +569,7 @@ enum vsmd_error vsmd_serial_decode_command(const char *line, size_t length, bool
 		command->id = (int)id;
 	}
 	error = read_verb(&reader, command, settings, capacity);
-	if (error == VSMD_OK && !at_end(&reader))
-		return VSMD_ERR_SYNTAX;
-	return error;
+	return error == VSMD_OK && next_word(&reader, &word) ? VSMD_ERR_SYNTAX : error;
 }
 
 /* --- parameter texts -------------------------------------------------------------------------- */
@@ -758,11 +608,11 @@ static struct word next_pair(const char *text, size_t length, size_t *cursor)
 }
 
 /* A parameter by its name as a drive writes it: in small letters, or in capitals. -1: unknown. */
-static int find_told(struct word name)
+static int find_param(struct word name)
 {
 	char small[NAME_MAX_LENGTH];
 
-	if (name.length > sizeof small)
+	if (name.length > sizeof(small))
 		return -1;
 	for (size_t i = 0; i < name.length; i++) {
 		bool capital = name.text[i] >= 'A' && name.text[i] <= 'Z';
@@ -790,12 +640,14 @@ int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor,
 	word.length = (size_t)(equals - word.text);
 	strip_quotes(&word);
 	strip_quotes(&value);
-	param = find_told(word);
+	param = find_param(word);
 	if (param < 0)
 		return 2;
 	setting->param = (enum vsmd_param)param;
-	return parse_value(vsmd_params[param].type, value.text, value.length, &setting->value) ? 1 :
-	                                                                                         2;
+	return vsmd_parse_value(vsmd_params[param].type, value.text, value.length,
+	                        &setting->value) ?
+	               1 :
+	               2;
 }
 
 int vsmd_serial_format_params(const union db_value values[VSMD_PARAM_COUNT], char *text,

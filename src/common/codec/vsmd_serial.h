@@ -112,7 +112,4 @@ int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor,
 int vsmd_serial_format_params(const union db_value values[VSMD_PARAM_COUNT], char *text,
                               size_t size);
 
-/* One value as the codec writes it on the wire (terminated). Length or VSMD_ERR_SPACE. */
-int vsmd_format_value(enum db_type type, union db_value value, char *text, size_t size);
-
 #endif

@@ -18,28 +18,6 @@ static const char *const phrases[VSMD_VERB_COUNT] = {
 	[VSMD_SAV] = "save parameters",
 };
 
-static void describe_shake(struct db_description *description, const struct vsmd_command *command)
-{
-	db_description_add(description, "to and fro from %ld to %ld pulses at ",
-	                   (long)command->shake_start, (long)command->shake_end);
-	db_description_add_float(description, command->shake_frequency, "Hz");
-	if (command->shake_count > 0)
-		db_description_add(description, ", %lu %s", (unsigned long)command->shake_count,
-		                   command->verb == VSMD_SHAKE_TIME ? "s" : "times");
-}
-
-static void describe_settings(struct db_description *description,
-                              const struct vsmd_command *command)
-{
-	db_description_add(description, "set ");
-	for (size_t i = 0; i < command->setting_count; i++) {
-		if (i > 0)
-			db_description_add(description, ", ");
-		db_description_add_param(description, &vsmd_params[command->settings[i].param],
-		                         command->settings[i].value);
-	}
-}
-
 static void describe_command(struct db_description *description, const struct vsmd_command *command)
 {
 	switch (command->verb) {
@@ -72,10 +50,23 @@ static void describe_command(struct db_description *description, const struct vs
 		break;
 	case VSMD_SHAKE_CYCLES:
 	case VSMD_SHAKE_TIME:
-		describe_shake(description, command);
+		db_description_add(description, "to and fro from %ld to %ld pulses at ",
+		                   (long)command->shake_start, (long)command->shake_end);
+		db_description_add_float(description, command->shake_frequency, "Hz");
+		if (command->shake_count > 0)
+			db_description_add(description, ", %lu %s",
+			                   (unsigned long)command->shake_count,
+			                   command->verb == VSMD_SHAKE_TIME ? "s" : "times");
 		break;
 	case VSMD_CFG_WRITE:
-		describe_settings(description, command);
+		db_description_add(description, "set ");
+		for (size_t i = 0; i < command->setting_count; i++) {
+			if (i > 0)
+				db_description_add(description, ", ");
+			db_description_add_param(description,
+			                         &vsmd_params[command->settings[i].param],
+			                         command->settings[i].value);
+		}
 		break;
 	default:
 		db_description_add(description, "%s", phrases[command->verb]);

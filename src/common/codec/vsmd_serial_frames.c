@@ -16,8 +16,8 @@ static size_t count_plain(const uint8_t *bytes, size_t length)
 	size_t count = 0;
 	uint64_t word;
 
-	for (; count + sizeof word <= length; count += sizeof word) {
-		memcpy(&word, bytes + count, sizeof word);
+	for (; count + sizeof(word) <= length; count += sizeof(word)) {
+		memcpy(&word, bytes + count, sizeof(word));
 		if (word & HIGH_BITS)
 			break;
 	}
@@ -56,10 +56,10 @@ static uint8_t bcc_of(const uint8_t *bytes, size_t length)
 	uint64_t word;
 	uint8_t bcc;
 
-	for (; length >= sizeof word; length -= sizeof word) {
-		memcpy(&word, bytes, sizeof word);
+	for (; length >= sizeof(word); length -= sizeof(word)) {
+		memcpy(&word, bytes, sizeof(word));
 		all ^= word;
-		bytes += sizeof word;
+		bytes += sizeof(word);
 	}
 	all ^= all >> 32;
 	all ^= all >> 16;
@@ -93,8 +93,8 @@ static bool decode_status(const uint8_t *data, size_t length, struct vsmd_status
 	if (length != 15 || !take_groups(data, &speed) || !take_groups(data + 5, &position) ||
 	    !take_groups(data + 10, &status->status))
 		return false;
-	memcpy(&status->velocity, &speed, sizeof speed);
-	memcpy(&status->position, &position, sizeof position);
+	memcpy(&status->velocity, &speed, sizeof(speed));
+	memcpy(&status->position, &position, sizeof(position));
 	return true;
 }
 
@@ -160,8 +160,8 @@ int vsmd_serial_encode_status(uint8_t id, const struct vsmd_status *status, uint
 		return VSMD_ERR_SPACE;
 	if (id > VSMD_SERIAL_ID_MAX)
 		return VSMD_ERR_RANGE;
-	memcpy(&speed, &status->velocity, sizeof speed);
-	memcpy(&position, &status->position, sizeof position);
+	memcpy(&speed, &status->velocity, sizeof(speed));
+	memcpy(&position, &status->position, sizeof(position));
 	frame[0] = FRAME_START;
 	frame[1] = id;
 	frame[2] = VSMD_REPLY_STATUS;

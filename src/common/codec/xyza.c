@@ -1,32 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "codec/xyza.h"
 
+#include "codec/xyza_frames.h"
+
 #include <string.h>
-
-#define HEADER_0 0x5A
-#define HEADER_1 0xA5
-
-enum mark {
-	MARK_COMMAND = 0x0A,
-	MARK_DATA = 0x0B,
-	MARK_ANSWER = 0x0C,
-	MARK_PROGRAM_DATA = 0x0D,
-	MARK_PROGRAM_COMMAND = 0x0E,
-	MARK_ACTION = 0x0F,
-};
-
-/* Positions in a frame. */
-enum place {
-	AT_MARK = 2,
-	AT_ORDER = 3,
-	AT_LEVEL = 4,
-	AT_OBJECT = 5,
-	AT_CLASS = 6,
-	AT_TARGET = 7,
-	AT_VALUE = 8, /* data frames; in the others the checksum */
-};
-
-enum level { LEVEL_CONTROLLER = 0, LEVEL_HOST = 1, LEVEL_SYSTEM_HOST = 2 };
 
 #define TARGET_AXIS 0xA0 /* A1.. of X, B1.. of Y, C1.. of Z, D1.. of A */
 #define TARGET_AXIS_STEP 0x10
@@ -40,149 +17,6 @@ enum position_number { NUMBER_MAGNITUDE = 1, NUMBER_SIGN = 2, NUMBER_STANDING = 
 
 #define ALL_ON 0x9F
 #define ALL_OFF 0x90
-
-/* --- frames ----------------------------------------------------------------------------------- */
-
-#define EVEN_BYTES UINT64_C(0x00FF00FF00FF00FF)
-#define ONES UINT64_C(0x0001000100010001)
-
-/* Eight bytes at a time: pairs of them, then all pairs into the highest sixteen bits. */
-static uint8_t sum_of(const uint8_t *bytes, size_t length)
-{
-	uint64_t total = 0;
-	uint64_t word;
-
-	for (; length >= sizeof word; length -= sizeof word) {
-		memcpy(&word, bytes, sizeof word);
-		total += ((word & EVEN_BYTES) + (word >> 8 & EVEN_BYTES)) * ONES >> 48;
-		bytes += sizeof word;
-	}
-	for (size_t i = 0; i < length; i++)
-		total += bytes[i];
-	return (uint8_t)total;
-}
-
-static bool sum_is_right(const uint8_t *frame, size_t length)
-{
-	return sum_of(frame + AT_ORDER, length - AT_ORDER - 1) == frame[length - 1];
-}
-
-/* Bytes of a whole frame with this mark; 0 when there is no such mark. */
-static size_t frame_length(uint8_t mark)
-{
-	switch (mark) {
-	case MARK_COMMAND:
-	case MARK_ANSWER:
-		return XYZA_COMMAND_FRAME;
-	case MARK_DATA:
-		return XYZA_DATA_FRAME;
-	case MARK_PROGRAM_COMMAND:
-		return XYZA_COMMAND_FRAME + 2; /* two bytes of instruction */
-	case MARK_PROGRAM_DATA:
-	case MARK_ACTION:
-		return XYZA_FRAME_MAX;
-	default:
-		return 0;
-	}
-}
-
-/* The content of a frame of one of the marks 0A, 0B, 0C. */
-struct content {
-	uint8_t mark;
-	uint8_t order;
-	uint8_t level;
-	uint8_t object;
-	uint8_t item_class;
-	uint8_t target;
-	uint32_t value; /* mark 0B */
-};
-
-static int write_frame(const struct content *content, uint8_t *frame, size_t size)
-{
-	size_t length = frame_length(content->mark);
-
-	if (size < length)
-		return XYZA_ERR_SPACE;
-	frame[0] = HEADER_0;
-	frame[1] = HEADER_1;
-	frame[AT_MARK] = content->mark;
-	frame[AT_ORDER] = content->order;
-	frame[AT_LEVEL] = content->level;
-	frame[AT_OBJECT] = content->object;
-	frame[AT_CLASS] = content->item_class;
-	frame[AT_TARGET] = content->target;
-	if (content->mark == MARK_DATA) {
-		for (size_t i = 0; i < sizeof content->value; i++)
-			frame[AT_VALUE + i] = (uint8_t)(content->value >> (8 * i));
-	}
-	frame[length - 1] = sum_of(frame + AT_ORDER, length - AT_ORDER - 1);
-	return (int)length;
-}
-
-/* *content is filled in unless the form is wrong. */
-static enum xyza_error read_frame(const uint8_t *frame, size_t length, struct content *content)
-{
-	if (length < XYZA_COMMAND_FRAME || frame[0] != HEADER_0 || frame[1] != HEADER_1 ||
-	    frame_length(frame[AT_MARK]) != length)
-		return XYZA_ERR_FORM;
-	*content = (struct content){
-		.mark = frame[AT_MARK],
-		.order = frame[AT_ORDER],
-		.level = frame[AT_LEVEL],
-		.object = frame[AT_OBJECT],
-		.item_class = frame[AT_CLASS],
-		.target = frame[AT_TARGET],
-	};
-	if (content->mark == MARK_DATA)
-		content->value = (uint32_t)frame[AT_VALUE] | (uint32_t)frame[AT_VALUE + 1] << 8 |
-		                 (uint32_t)frame[AT_VALUE + 2] << 16 |
-		                 (uint32_t)frame[AT_VALUE + 3] << 24;
-	return sum_is_right(frame, length) ? XYZA_OK : XYZA_ERR_CHECKSUM;
-}
-
-/* True if these bytes, the last ones available, may be the beginning of a frame. */
-static bool may_begin(const uint8_t *bytes, size_t available)
-{
-	return bytes[0] == HEADER_0 && (available < 2 || bytes[1] == HEADER_1) &&
-	       (available <= AT_MARK || frame_length(bytes[AT_MARK]) != 0);
-}
-
-static size_t find_beginning(const uint8_t *bytes, size_t from, size_t available)
-{
-	while (from < available) {
-		const uint8_t *header = memchr(bytes + from, HEADER_0, available - from);
-
-		if (!header)
-			return available;
-		from = (size_t)(header - bytes);
-		if (may_begin(header, available - from))
-			break;
-		from++;
-	}
-	return from;
-}
-
-void xyza_cut(const uint8_t *bytes, size_t available, size_t *skip, size_t *length)
-{
-	size_t start = find_beginning(bytes, 0, available);
-
-	*length = 0;
-	while (available - start > AT_MARK) {
-		size_t whole = frame_length(bytes[start + AT_MARK]);
-		size_t next;
-
-		if (available - start < whole)
-			break;
-		next = find_beginning(bytes, start + 1, start + whole);
-		if (next == start + whole || sum_is_right(bytes + start, whole)) {
-			*length = whole;
-			break;
-		}
-		/* A seeming beginning at the end of that frame may be none. */
-		start = find_beginning(bytes, next, available);
-	}
-	*skip = start;
-}
 
 /* --- requests --------------------------------------------------------------------------------- */
 
@@ -212,11 +46,6 @@ static uint8_t axis_target(enum xyza_axis axis, unsigned number)
 	return (uint8_t)(TARGET_AXIS + TARGET_AXIS_STEP * (unsigned)axis + number);
 }
 
-static uint8_t jog_target(enum xyza_axis axis, bool negative)
-{
-	return (uint8_t)(TARGET_JOG + 2 * (unsigned)axis + negative);
-}
-
 static uint8_t item_target(enum xyza_item item, enum xyza_axis axis)
 {
 	if (xyza_items[item].item_class == XYZA_CLASS_SYSTEM)
@@ -224,7 +53,7 @@ static uint8_t item_target(enum xyza_item item, enum xyza_axis axis)
 	return axis_target(axis, xyza_items[item].number);
 }
 
-static enum xyza_error put_item(const struct xyza_request *request, struct content *content)
+static enum xyza_error put_item(const struct xyza_request *request, struct xyza_frame *content)
 {
 	enum xyza_item item = request->item;
 	bool write = request->verb == XYZA_WRITE_ITEM;
@@ -242,7 +71,7 @@ static enum xyza_error put_item(const struct xyza_request *request, struct conte
 }
 
 static enum xyza_error put_position(const struct xyza_request *request, unsigned number,
-                                    uint32_t value, struct content *content)
+                                    uint32_t value, struct xyza_frame *content)
 {
 	if ((unsigned)request->axis >= XYZA_AXIS_COUNT)
 		return XYZA_ERR_RANGE;
@@ -252,7 +81,7 @@ static enum xyza_error put_position(const struct xyza_request *request, unsigned
 	return XYZA_OK;
 }
 
-static enum xyza_error put_output(const struct xyza_request *request, struct content *content)
+static enum xyza_error put_output(const struct xyza_request *request, struct xyza_frame *content)
 {
 	unsigned port = request->number;
 
@@ -267,7 +96,7 @@ static enum xyza_error put_output(const struct xyza_request *request, struct con
 	return XYZA_OK;
 }
 
-static enum xyza_error put_motion(const struct xyza_request *request, struct content *content)
+static enum xyza_error put_motion(const struct xyza_request *request, struct xyza_frame *content)
 {
 	content->order = motions[request->verb].order;
 	content->item_class = motions[request->verb].item_class;
@@ -277,8 +106,9 @@ static enum xyza_error put_motion(const struct xyza_request *request, struct con
 	case XYZA_PROGRAM_CLEAR:
 		if ((unsigned)request->axis >= XYZA_AXIS_COUNT)
 			return XYZA_ERR_RANGE;
-		content->target = jog_target(request->axis,
-		                             request->verb == XYZA_MANUAL_JOG && request->negative);
+		content->target = (uint8_t)(TARGET_JOG + 2 * (unsigned)request->axis +
+		                            (request->verb == XYZA_MANUAL_JOG &&
+		                             request->negative));
 		return XYZA_OK;
 	case XYZA_PROGRAM_START:
 	case XYZA_PROGRAM_DELAY:
@@ -289,7 +119,7 @@ static enum xyza_error put_motion(const struct xyza_request *request, struct con
 	}
 }
 
-static enum xyza_error put_request(const struct xyza_request *request, struct content *content)
+static enum xyza_error put_request(const struct xyza_request *request, struct xyza_frame *content)
 {
 	switch (request->verb) {
 	case XYZA_VERB_ONLINE:
@@ -319,17 +149,15 @@ static enum xyza_error put_request(const struct xyza_request *request, struct co
 	}
 }
 
-static bool is_write(enum xyza_verb verb)
-{
-	return verb >= XYZA_WRITE_MAGNITUDE && verb <= XYZA_WRITE_ITEM;
-}
-
 int xyza_encode_request(const struct xyza_request *request, uint8_t *frame, size_t size)
 {
-	struct content content = {
-		.mark = is_write(request->verb) ? MARK_DATA : MARK_COMMAND,
+	struct xyza_frame content = {
+		.mark = (request->verb >= XYZA_WRITE_MAGNITUDE &&
+		         request->verb <= XYZA_WRITE_ITEM) ?
+		                XYZA_MARK_DATA :
+		                XYZA_MARK_COMMAND,
 		.order = XYZA_ORDER_DATA,
-		.level = LEVEL_HOST,
+		.level = XYZA_LEVEL_HOST,
 		.object = request->object,
 	};
 	enum xyza_error error = put_request(request, &content);
@@ -338,7 +166,7 @@ int xyza_encode_request(const struct xyza_request *request, uint8_t *frame, size
 		return error;
 	if (request->object == 0)
 		return XYZA_ERR_RANGE;
-	return write_frame(&content, frame, size);
+	return xyza_write_frame(&content, frame, size);
 }
 
 /* Splits A1..A9, B1.. C1.. D1.. into axis and number. */
@@ -351,9 +179,9 @@ static bool take_axis_target(uint8_t target, struct xyza_request *request, unsig
 	return true;
 }
 
-static enum xyza_error take_position(const struct content *content, struct xyza_request *request)
+static enum xyza_error take_position(const struct xyza_frame *content, struct xyza_request *request)
 {
-	bool write = content->mark == MARK_DATA;
+	bool write = content->mark == XYZA_MARK_DATA;
 	unsigned number;
 
 	if (!take_axis_target(content->target, request, &number))
@@ -390,9 +218,9 @@ static enum xyza_error take_output(uint32_t value, struct xyza_request *request)
 	return XYZA_OK;
 }
 
-static enum xyza_error take_ports(const struct content *content, struct xyza_request *request)
+static enum xyza_error take_ports(const struct xyza_frame *content, struct xyza_request *request)
 {
-	if (content->mark == MARK_DATA)
+	if (content->mark == XYZA_MARK_DATA)
 		return content->target == 0 ? take_output(content->value, request) :
 		                              XYZA_ERR_UNKNOWN;
 	/* The example reads with target 00, the table next to it with A1. */
@@ -401,9 +229,9 @@ static enum xyza_error take_ports(const struct content *content, struct xyza_req
 	                                                                           XYZA_ERR_UNKNOWN;
 }
 
-static enum xyza_error take_item(const struct content *content, struct xyza_request *request)
+static enum xyza_error take_item(const struct xyza_frame *content, struct xyza_request *request)
 {
-	bool write = content->mark == MARK_DATA;
+	bool write = content->mark == XYZA_MARK_DATA;
 	struct xyza_request found = { .axis = XYZA_X };
 	unsigned number = 0;
 
@@ -428,7 +256,7 @@ static enum xyza_error take_item(const struct content *content, struct xyza_requ
 	return XYZA_ERR_UNKNOWN;
 }
 
-static enum xyza_error take_data(const struct content *content, struct xyza_request *request)
+static enum xyza_error take_data(const struct xyza_frame *content, struct xyza_request *request)
 {
 	switch (content->item_class) {
 	case XYZA_CLASS_POSITION:
@@ -464,7 +292,7 @@ static enum xyza_error take_target(uint8_t target, struct xyza_request *request)
 	}
 }
 
-static enum xyza_error take_motion(const struct content *content, struct xyza_request *request)
+static enum xyza_error take_motion(const struct xyza_frame *content, struct xyza_request *request)
 {
 	for (int i = XYZA_MANUAL_QUICK_STOP; i < XYZA_VERB_COUNT; i++) {
 		if (motions[i].order != content->order ||
@@ -476,25 +304,11 @@ static enum xyza_error take_motion(const struct content *content, struct xyza_re
 	return XYZA_ERR_UNKNOWN;
 }
 
-static enum xyza_error take_request(const struct content *content, struct xyza_request *request)
-{
-	if (content->order == XYZA_ORDER_DATA)
-		return take_data(content, request);
-	if (content->mark != MARK_COMMAND)
-		return XYZA_ERR_UNKNOWN;
-	if (content->order != XYZA_ORDER_ONLINE)
-		return take_motion(content, request);
-	request->verb = XYZA_VERB_ONLINE;
-	return content->item_class == ONLINE_CODE && content->target == ONLINE_CODE ?
-	               XYZA_OK :
-	               XYZA_ERR_UNKNOWN;
-}
-
 enum xyza_error xyza_decode_request(const uint8_t *frame, size_t length,
                                     struct xyza_request *request)
 {
-	struct content content;
-	enum xyza_error error = read_frame(frame, length, &content);
+	struct xyza_frame content;
+	enum xyza_error error = xyza_read_frame(frame, length, &content);
 
 	*request = (struct xyza_request){ .verb = XYZA_VERB_ONLINE };
 	if (error == XYZA_ERR_FORM)
@@ -503,112 +317,94 @@ enum xyza_error xyza_decode_request(const uint8_t *frame, size_t length,
 	request->order = content.order;
 	if (error != XYZA_OK)
 		return error;
-	if (content.level != LEVEL_HOST && content.level != LEVEL_SYSTEM_HOST)
+	if (content.level != XYZA_LEVEL_HOST && content.level != XYZA_LEVEL_SYSTEM_HOST)
 		return XYZA_ERR_SIDE;
-	if (content.mark != MARK_COMMAND && content.mark != MARK_DATA)
+	if (content.mark != XYZA_MARK_COMMAND && content.mark != XYZA_MARK_DATA)
 		return XYZA_ERR_UNKNOWN;
 	if (content.object == 0)
 		return XYZA_ERR_RANGE;
-	return take_request(&content, request);
+	if (content.order == XYZA_ORDER_DATA)
+		return take_data(&content, request);
+	if (content.mark != XYZA_MARK_COMMAND)
+		return XYZA_ERR_UNKNOWN;
+	if (content.order != XYZA_ORDER_ONLINE)
+		return take_motion(&content, request);
+	request->verb = XYZA_VERB_ONLINE;
+	return content.item_class == ONLINE_CODE && content.target == ONLINE_CODE ?
+	               XYZA_OK :
+	               XYZA_ERR_UNKNOWN;
 }
 
 /* --- replies ---------------------------------------------------------------------------------- */
 
-static enum xyza_error take_answer(const struct content *content, struct xyza_reply *reply)
-{
-	if (content->order == XYZA_ORDER_OK)
-		reply->kind = XYZA_REPLY_DONE;
-	else if (content->order == XYZA_ORDER_FAILED || content->order == XYZA_ORDER_FAILED_BB)
-		reply->kind = XYZA_REPLY_FAILED;
-	else
-		return XYZA_ERR_UNKNOWN;
-	reply->order = content->target;
-	return content->item_class == 0 ? XYZA_OK : XYZA_ERR_UNKNOWN;
-}
-
-static enum xyza_error take_reply_data(const struct content *content, struct xyza_reply *reply)
-{
-	reply->order = content->order;
-	if (content->order == XYZA_ORDER_PROGRAM) {
-		reply->kind = XYZA_REPLY_PROGRAM_STATE;
-		reply->state = content->item_class;
-		reply->program = content->target;
-		reply->step = (uint16_t)content->value;
-		return XYZA_OK; /* the document's table leaves room for states without a name */
-	}
-	reply->kind = XYZA_REPLY_DATA;
-	reply->item_class = content->item_class;
-	reply->target = content->target;
-	reply->value = content->value;
-	if (content->order != XYZA_ORDER_DATA || content->item_class < XYZA_CLASS_POSITION ||
-	    content->item_class > XYZA_CLASS_SYSTEM)
-		return XYZA_ERR_UNKNOWN;
-	return XYZA_OK;
-}
-
 enum xyza_error xyza_decode_reply(const uint8_t *frame, size_t length, struct xyza_reply *reply)
 {
-	struct content content;
-	enum xyza_error error = read_frame(frame, length, &content);
+	struct xyza_frame content;
+	enum xyza_error error = xyza_read_frame(frame, length, &content);
 
 	*reply = (struct xyza_reply){ .kind = XYZA_REPLY_DONE };
 	if (error != XYZA_OK)
 		return error;
 	reply->object = content.object;
-	if (content.level != LEVEL_CONTROLLER)
+	if (content.level != XYZA_LEVEL_CONTROLLER)
 		return XYZA_ERR_SIDE;
 	switch (content.mark) {
-	case MARK_COMMAND:
-	case MARK_ANSWER:
-		return take_answer(&content, reply);
-	case MARK_DATA:
-		return take_reply_data(&content, reply);
+	case XYZA_MARK_COMMAND:
+	case XYZA_MARK_ANSWER:
+		if (content.order == XYZA_ORDER_OK)
+			reply->kind = XYZA_REPLY_DONE;
+		else if (content.order == XYZA_ORDER_FAILED ||
+		         content.order == XYZA_ORDER_FAILED_BB)
+			reply->kind = XYZA_REPLY_FAILED;
+		else
+			return XYZA_ERR_UNKNOWN;
+		reply->order = content.target;
+		return content.item_class == 0 ? XYZA_OK : XYZA_ERR_UNKNOWN;
+	case XYZA_MARK_DATA:
+		reply->order = content.order;
+		if (content.order == XYZA_ORDER_PROGRAM) {
+			reply->kind = XYZA_REPLY_PROGRAM_STATE;
+			reply->state = content.item_class;
+			reply->program = content.target;
+			reply->step = (uint16_t)content.value;
+			return XYZA_OK; /* states without a name exist in the document */
+		}
+		reply->kind = XYZA_REPLY_DATA;
+		reply->item_class = content.item_class;
+		reply->target = content.target;
+		reply->value = content.value;
+		if (content.order != XYZA_ORDER_DATA || content.item_class < XYZA_CLASS_POSITION ||
+		    content.item_class > XYZA_CLASS_SYSTEM)
+			return XYZA_ERR_UNKNOWN;
+		return XYZA_OK;
 	default:
 		return XYZA_ERR_UNKNOWN;
 	}
 }
 
-uint32_t xyza_part(const uint8_t *frame, size_t length)
-{
-	if (length != XYZA_DATA_FRAME || frame[AT_MARK] != MARK_DATA ||
-	    frame[AT_ORDER] != XYZA_ORDER_DATA || frame[AT_CLASS] < XYZA_CLASS_POSITION ||
-	    frame[AT_CLASS] > XYZA_CLASS_SYSTEM)
-		return 0;
-	return 1u + ((uint32_t)frame[AT_CLASS] << 8 | frame[AT_TARGET]);
-}
-
-uint8_t xyza_sender(const uint8_t *frame, size_t length)
-{
-	struct content content;
-
-	if (read_frame(frame, length, &content) != XYZA_OK || content.level != LEVEL_CONTROLLER)
-		return 0;
-	return content.object;
-}
-
 int xyza_encode_reply(const struct xyza_reply *reply, const struct xyza_style *style,
                       uint8_t *frame, size_t size)
 {
-	struct content content = { .level = LEVEL_CONTROLLER, .object = reply->object };
+	struct xyza_frame content = { .level = XYZA_LEVEL_CONTROLLER, .object = reply->object };
 
 	switch (reply->kind) {
 	case XYZA_REPLY_DONE:
 	case XYZA_REPLY_FAILED:
-		content.mark = style->answer_mark_0a ? MARK_COMMAND : MARK_ANSWER;
+		content.mark = style->answer_mark_0a ? XYZA_MARK_COMMAND : XYZA_MARK_ANSWER;
 		content.order = style->failure_bb ? XYZA_ORDER_FAILED_BB : XYZA_ORDER_FAILED;
 		if (reply->kind == XYZA_REPLY_DONE)
 			content.order = XYZA_ORDER_OK;
 		content.target = reply->order;
 		break;
 	case XYZA_REPLY_DATA:
-		content.mark = MARK_DATA;
+		content.mark = XYZA_MARK_DATA;
 		content.order = XYZA_ORDER_DATA;
 		content.item_class = reply->item_class;
 		content.target = reply->target;
 		content.value = reply->value;
 		break;
 	case XYZA_REPLY_PROGRAM_STATE:
-		content.mark = MARK_DATA;
+		content.mark = XYZA_MARK_DATA;
 		content.order = XYZA_ORDER_PROGRAM;
 		content.item_class = reply->state;
 		content.target = reply->program;
@@ -617,13 +413,13 @@ int xyza_encode_reply(const struct xyza_reply *reply, const struct xyza_style *s
 	default:
 		return XYZA_ERR_UNKNOWN;
 	}
-	return write_frame(&content, frame, size);
+	return xyza_write_frame(&content, frame, size);
 }
 
 void xyza_fill_data(const struct xyza_request *request, uint32_t value,
                     const struct xyza_style *style, struct xyza_reply *reply)
 {
-	struct content content = { .mark = MARK_COMMAND };
+	struct xyza_frame content = { .mark = XYZA_MARK_COMMAND };
 
 	(void)put_request(request, &content);
 	*reply = (struct xyza_reply){
@@ -641,7 +437,7 @@ void xyza_fill_data(const struct xyza_request *request, uint32_t value,
 /* Checks the data of an answer to a read. */
 static bool data_fits(const struct xyza_request *request, const struct xyza_reply *reply)
 {
-	struct content content = { .mark = MARK_COMMAND };
+	struct xyza_frame content = { .mark = XYZA_MARK_COMMAND };
 
 	if (put_request(request, &content) != XYZA_OK || reply->item_class != content.item_class)
 		return false;
@@ -722,55 +518,4 @@ bool xyza_position(uint32_t magnitude, bool negative, int32_t *position)
 		return false;
 	*position = (int32_t)number;
 	return true;
-}
-
-/* --- what the document does not have ---------------------------------------------------------- */
-
-int xyza_encode_raw(const uint8_t *content, size_t length, uint8_t object, uint8_t *frame,
-                    size_t size)
-{
-	size_t whole = length > 0 ? frame_length(content[0]) : 0;
-	uint8_t *said = frame + AT_MARK;
-
-	if (whole == 0 || content[0] == MARK_ANSWER || length != whole - AT_MARK - 1)
-		return XYZA_ERR_FORM;
-	if (size < whole)
-		return XYZA_ERR_SPACE;
-	frame[0] = HEADER_0;
-	frame[1] = HEADER_1;
-	memcpy(said, content, length);
-	if (frame[AT_OBJECT] == 0)
-		frame[AT_OBJECT] = object;
-	if (frame[AT_OBJECT] != object || frame[AT_LEVEL] == LEVEL_CONTROLLER)
-		return XYZA_ERR_RANGE;
-	frame[whole - 1] = sum_of(frame + AT_ORDER, whole - AT_ORDER - 1);
-	return (int)whole;
-}
-
-static bool is_acknowledgement(const struct content *content)
-{
-	return content->order == XYZA_ORDER_OK || content->order == XYZA_ORDER_FAILED ||
-	       content->order == XYZA_ORDER_FAILED_BB;
-}
-
-/* Orders whose data the bridge itself requests. */
-static bool is_own_order(uint8_t order)
-{
-	return order == XYZA_ORDER_DATA || order == XYZA_ORDER_PROGRAM;
-}
-
-bool xyza_raw_fits(const uint8_t *request, const uint8_t *frame, size_t length, bool *failed,
-                   bool *shows)
-{
-	uint8_t order = request[AT_ORDER];
-	struct content content;
-
-	if (xyza_sender(frame, length) != request[AT_OBJECT] ||
-	    read_frame(frame, length, &content) != XYZA_OK)
-		return false;
-	*shows = !is_acknowledgement(&content);
-	*failed = !*shows && content.order != XYZA_ORDER_OK;
-	if (!*shows)
-		return content.target == order;
-	return content.order == order || !is_own_order(content.order);
 }

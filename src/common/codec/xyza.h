@@ -118,24 +118,6 @@ enum xyza_error xyza_decode_request(const uint8_t *frame, size_t length,
 
 /* --- what the document does not have ---------------------------------------------------------- */
 
-#define XYZA_RAW_MAX (XYZA_FRAME_MAX - 3)
-
-/*
- * Host to controller: a frame given from its mark to the byte before its checksum. Header and sum
- * are added, and an object of 0 becomes `object`. The frame's length, or FORM: not a host's mark,
- * or a wrong length; RANGE: for another object, or with a controller's level; SPACE.
- */
-int xyza_encode_raw(const uint8_t *content, size_t length, uint8_t object, uint8_t *frame,
-                    size_t size);
-
-/*
- * True if this whole frame may answer that one: from its object, and neither an acknowledgement nor
- * data of another order. *failed: the controller did not accept it; *shows: it is more than an
- * acknowledgement.
- */
-bool xyza_raw_fits(const uint8_t *request, const uint8_t *frame, size_t length, bool *failed,
-                   bool *shows);
-
 /* --- replies ---------------------------------------------------------------------------------- */
 
 enum xyza_reply_kind {
@@ -172,14 +154,6 @@ struct xyza_style {
 	bool echo_a4; /* XYZA_READ_STANDING is answered with the target after the one asked */
 };
 
-/* A whole frame from a controller with a right checksum, whatever its content: its object; else
- * 0. */
-uint8_t xyza_sender(const uint8_t *frame, size_t length);
-
-/* For a frame that such a controller sent: the kind of its data, a different number for each; 0:
- * none. */
-uint32_t xyza_part(const uint8_t *frame, size_t length);
-
 /* Host's side: one whole frame. Answers with mark 0A or 0C, failure as AB or BB. */
 enum xyza_error xyza_decode_reply(const uint8_t *frame, size_t length, struct xyza_reply *reply);
 
@@ -214,15 +188,5 @@ uint16_t xyza_outputs(uint32_t value);
 
 /* The signed position; false when it does not fit (no position read can return that). */
 bool xyza_position(uint32_t magnitude, bool negative, int32_t *position);
-
-/* --- frames in a stream ----------------------------------------------------------------------- */
-
-/*
- * Cuts the next frame out of a stream: *skip bytes of garbage, then a frame of
- * *length bytes, or *length 0 when more is needed (at least a whole frame). Frames of all six marks
- * are cut, with right or wrong sums; one with a wrong sum in which another frame begins was cut
- * short on its way, and is garbage up to that.
- */
-void xyza_cut(const uint8_t *bytes, size_t available, size_t *skip, size_t *length);
 
 #endif

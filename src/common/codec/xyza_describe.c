@@ -120,7 +120,7 @@ static bool find_read(const struct xyza_reply *reply, struct xyza_request *reque
 		                                XYZA_READ_STANDING, XYZA_READ_PORTS,
 		                                XYZA_READ_ITEM };
 
-	for (size_t v = 0; v < sizeof verbs / sizeof verbs[0]; v++) {
+	for (size_t v = 0; v < sizeof(verbs) / sizeof(verbs[0]); v++) {
 		unsigned items = verbs[v] == XYZA_READ_ITEM ? XYZA_ITEM_COUNT : 1;
 
 		for (unsigned i = 0; i < items * XYZA_AXIS_COUNT; i++) {
@@ -201,7 +201,7 @@ static void describe_reply(struct db_description *description, const struct xyza
 		db_description_add(description, "%s refused", order_name(reply->order));
 		break;
 	case XYZA_REPLY_PROGRAM_STATE:
-		if (reply->state < sizeof states / sizeof states[0])
+		if (reply->state < sizeof(states) / sizeof(states[0]))
 			db_description_add(description, "program %u %s, instruction %u",
 			                   reply->program, states[reply->state], reply->step);
 		else

@@ -71,30 +71,33 @@ const struct db_param xyza_params[XYZA_SHOWN_COUNT] = {
 	                    .description = "Run the program at power-up (启动设置): 0=no 1=yes" },
 	[XYZA_SYSTEM_INFO] = { "system_info", DB_U32, "", 0, U32_MAX, false,
 	                       .description =
-	                               "Item C8 (系统信息); its codes are the vendor's; to be unlocked" },
+	                               "Item C8 (系统信息); its codes are the vendor's; to be "
+	                               "unlocked" },
 	[XYZA_PULSE_MODE] = { "pulse_mode", DB_U16, "", 0, AXES_MAX, false,
 	                      .description =
 	                              "Axes with a pulse line per direction (脉冲方式): " AXES
 	                              "; the others have pulse and direction" },
 	[XYZA_FACTORY_RESET] = { "factory_reset", DB_U16, "", 1, 1, false,
 	                         .description =
-	                                 "1=all parameters as delivered (恢复出厂); cannot be read; to be unlocked; "
-	                                 "needs 10 s and a power cycle",
+	                                 "1=all parameters as delivered (恢复出厂); cannot be read; "
+	                                 "to be unlocked; needs 10 s and a power cycle",
 	                         .traits = DB_PARAM_ACTION },
 	[XYZA_SLAVE_NUMBER] = { "slave_number", DB_U16, "", 1, XYZA_OBJECT_MAX, false,
 	                        .description =
-	                                "The controller's number on the bus (从机序号); cannot be read; to be "
-	                                "unlocked; effective at once",
+	                                "The controller's number on the bus (从机序号); cannot be "
+	                                "read; to be unlocked; effective at once",
 	                        .traits = DB_PARAM_ADDRESS },
 	[XYZA_RAMP_ACCELERATION] = { "ramp_acceleration", DB_F32, "Hz/s", 0, FLT_MAX, false,
 	                             .description =
-	                                     "Acceleration, from min_speed, max_speed and acceleration_time, which is what a "
-	                                     "write changes; 0 = none: straight to the speed",
+	                                     "Acceleration, from min_speed, max_speed and "
+	                                     "acceleration_time, which is what a write changes; "
+	                                     "0 = none: straight to the speed",
 	                             .traits = DB_PARAM_DERIVED },
 	[XYZA_RAMP_DECELERATION] = { "ramp_deceleration", DB_F32, "Hz/s", 0, FLT_MAX, false,
 	                             .description =
-	                                     "Deceleration: the same ramp where the axis has brake, and a write changes both; "
-	                                     "0 = none: every stop is immediate",
+	                                     "Deceleration: the same ramp where the axis has "
+	                                     "brake, and a write changes both; 0 = none: every "
+	                                     "stop is immediate",
 	                             .traits = DB_PARAM_DERIVED },
 };
 
@@ -217,20 +220,16 @@ uint32_t xyza_param_put(enum xyza_param param, union db_value value, uint32_t co
 	return (content & kept) | ((value.u & mask) << layout[param].shift);
 }
 
-/* A key that was never assigned must not prevent the assignment of the others, which are written
- * together with it. */
-static bool is_unset_key(enum xyza_param param, union db_value value)
-{
-	return (param == XYZA_START_KEY || param == XYZA_STOP_KEY) && value.u == 0;
-}
-
 /* In a parameter that is a set of axes each bit is a separate value. */
 static bool is_written_in_range(enum xyza_param param, uint32_t content, uint32_t kept)
 {
 	union db_value written = xyza_param_get(param, content & ~kept);
 
+	/* A key that was never assigned must not prevent the assignment of the others, which are
+	 * written together with it. */
 	return ((field_mask(param) << layout[param].shift) & ~kept) == 0 ||
-	       is_unset_key(param, written) || xyza_param_in_range(param, written);
+	       ((param == XYZA_START_KEY || param == XYZA_STOP_KEY) && written.u == 0) ||
+	       xyza_param_in_range(param, written);
 }
 
 bool xyza_item_in_range(enum xyza_item item, uint32_t content, uint32_t kept)

@@ -128,22 +128,6 @@ static void start_flush(struct db_port *port, db_time pause, db_time now)
 		send_verb(port, SLCAN_NOTHING, 0);
 }
 
-static void get_ready(struct db_port *port, db_time now)
-{
-	port->step = STEP_READY;
-	port->attempts = 0;
-	port->unanswered = 0;
-	port->refused_in_a_row = 0;
-	port->status_asked = false;
-	port->status_silences = 0;
-	port->status_at = now + STATUS_INTERVAL;
-	port->health.up = true;
-	port->health.error = 0;
-	port->health.error_warning = false;
-	port->health.error_passive = false;
-	port->health.bitrate = port->bitrate;
-}
-
 static void enter(struct db_port *port, enum step step, db_time now)
 {
 	if (step == STEP_TIMESTAMPS && port->timestamps_settled)
@@ -165,7 +149,18 @@ static void enter(struct db_port *port, enum step step, db_time now)
 		send_verb(port, SLCAN_OPEN, 0);
 		break;
 	default:
-		get_ready(port, now);
+		port->step = STEP_READY;
+		port->attempts = 0;
+		port->unanswered = 0;
+		port->refused_in_a_row = 0;
+		port->status_asked = false;
+		port->status_silences = 0;
+		port->status_at = now + STATUS_INTERVAL;
+		port->health.up = true;
+		port->health.error = 0;
+		port->health.error_warning = false;
+		port->health.error_passive = false;
+		port->health.bitrate = port->bitrate;
 		break;
 	}
 }
@@ -229,20 +224,6 @@ static void status_answered(struct db_port *port, db_time now)
 	port->status_at = now + STATUS_INTERVAL;
 }
 
-/* Judges the refusal of several frames in a row. */
-static void judge_refusals(struct db_port *port, uint8_t flags, db_time now)
-{
-	port->refused_in_a_row = 0;
-	if (flags & SLCAN_TX_FULL) {
-		/* Busy; or no node acknowledges, and waiting frames would be sent at any later
-		 * time. */
-		if (flags & SLCAN_ERROR_PASSIVE)
-			go_down(port, ENOBUFS, now);
-	} else {
-		go_down(port, flags & SLCAN_ERROR_PASSIVE ? ENETRESET : EPROTO, now);
-	}
-}
-
 static void note_flags(struct db_port *port, uint8_t flags, db_time now)
 {
 	struct db_port_health *health = &port->health;
@@ -261,8 +242,17 @@ static void note_flags(struct db_port *port, uint8_t flags, db_time now)
 		health->error_passives++;
 	health->error_passive = passive;
 	health->error_warning = passive || flags & SLCAN_ERROR_WARNING;
-	if (port->refused_in_a_row >= REFUSED_IN_A_ROW)
-		judge_refusals(port, flags, now);
+	if (port->refused_in_a_row >= REFUSED_IN_A_ROW) {
+		port->refused_in_a_row = 0;
+		if (flags & SLCAN_TX_FULL) {
+			/* Busy; or no node acknowledges, and waiting frames would be sent at any
+			 * later time. */
+			if (flags & SLCAN_ERROR_PASSIVE)
+				go_down(port, ENOBUFS, now);
+		} else {
+			go_down(port, flags & SLCAN_ERROR_PASSIVE ? ENETRESET : EPROTO, now);
+		}
+	}
 }
 
 static void status_timed_out(struct db_port *port, db_time now)

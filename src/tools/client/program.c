@@ -66,26 +66,48 @@ static char **text_at(void *config, size_t offset)
 	return (char **)((char *)config + offset);
 }
 
+/* True if they are good, or the program has none. `count`: how many there are. */
+static bool check_users(const struct db_program *program, void *config, size_t *count)
+{
+	char former[512];
+	struct db_users users;
+	const char *path;
+	bool good;
+
+	*count = 0;
+	if (!program->keeper)
+		return true;
+	path = *text_at(config, program->users_at);
+	good = db_users_load(&users, path, program->keeper, stderr);
+	*count = users.count;
+	db_users_former(path, program->keeper, former, sizeof(former));
+	if (db_users_count_former(&users) > 0)
+		db_client_log(DB_CLIENT_WARNING,
+		              "%zu users are still in %s; %s --move-users puts them into %s",
+		              db_users_count_former(&users), former, program->name, path);
+	db_users_clear(&users);
+	return good;
+}
+
 static int check(const struct db_program *program, const char *path, void *config)
 {
-	struct db_users users = { .list = NULL };
-	bool good = !program->keeper || db_users_load(&users, *text_at(config, program->users_at),
-	                                              program->keeper, stderr);
+	size_t count;
+	bool good = check_users(program, config, &count);
 
 	if (program->check && !program->check(config))
 		good = false;
 	if (good && program->keeper)
-		(void)printf("%s: OK; %zu users\n", path, users.count);
+		(void)printf("%s: OK; %zu users\n", path, count);
 	else if (good)
 		(void)printf("%s: OK\n", path);
-	db_users_clear(&users);
 	return good ? EXIT_SUCCESS : DB_CLIENT_EXIT_CONFIG;
 }
 
-static int serve(const struct db_program *program, const void *config)
+static int serve(const struct db_program *program, void *config)
 {
 	sd_event *loop = NULL;
 	int status = EXIT_FAILURE;
+	size_t count;
 	sigset_t set;
 
 	(void)signal(SIGPIPE, SIG_IGN);
@@ -95,6 +117,7 @@ static int serve(const struct db_program *program, const void *config)
 	(void)sigaddset(&set, SIGHUP);
 	/* Before the first thread is created, so that all inherit it. */
 	(void)sigprocmask(SIG_BLOCK, &set, NULL);
+	(void)check_users(program, config, &count);
 	srand((unsigned)(db_client_wall_us() ^ getpid()));
 	if (sd_event_new(&loop) >= 0)
 		status = program->serve(config, loop);
@@ -120,9 +143,15 @@ int db_program_main(const struct db_program *program, int argc, char **argv)
 	int status;
 
 	if (program->keeper) {
-		options[count++] = (struct db_client_option){ "add-user", &task.add, NULL };
-		options[count++] = (struct db_client_option){ "remove-user", &task.remove, NULL };
-		options[count++] = (struct db_client_option){ "role", &task.role, NULL };
+		const struct db_client_option more[] = {
+			{ "add-user", &task.add, NULL },    { "remove-user", &task.remove, NULL },
+			{ "role", &task.role, NULL },       { "drives", &task.drives, NULL },
+			{ "pam", NULL, &task.pam },         { "users", NULL, &task.list },
+			{ "move-users", NULL, &task.move },
+		};
+
+		memcpy(options + count, more, sizeof(more));
+		count += sizeof(more) / sizeof(more[0]);
 	}
 	if (program->option)
 		options[count] = (struct db_client_option){ program->option, &text, NULL };
@@ -147,8 +176,9 @@ int db_program_main(const struct db_program *program, int argc, char **argv)
 		free(*text_at(config, program->option_at));
 		*text_at(config, program->option_at) = strdup(text);
 	}
-	if (task.add || task.remove)
+	if (db_users_task_is_given(&task))
 		status = db_users_administer(program->keeper, *text_at(config, program->users_at),
+		                             *(unsigned *)((char *)config + program->least_at),
 		                             &task);
 	else if (text && !*text_at(config, program->option_at))
 		status = EXIT_FAILURE;

@@ -24,6 +24,7 @@ struct db_program {
 	/* Of the users' file, whose path is a text of the configuration; NULL: there are none. */
 	const struct db_users_keeper *keeper;
 	size_t users_at;
+	size_t least_at; /* the number of characters that a password has at least */
 	/* An option whose argument replaces a text of the configuration; NULL: there is none. */
 	const char *option;
 	size_t option_at;
@@ -64,7 +65,7 @@ uint32_t db_waker_take(struct db_waker *waker);
 
 /* --- for tests -------------------------------------------------------------------------------- */
 
-#define DB_CLIENT_OPTIONS_MAX 8
+#define DB_CLIENT_OPTIONS_MAX 12
 
 struct db_client_option {
 	const char *name;  /* without the dashes; NULL ends the list */

@@ -25,6 +25,7 @@ enum db_ctl_status db_ctl_audit_verify(struct db_ctl *ctl, int count, char **arg
 enum db_ctl_status db_ctl_backup(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_baud(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_bus(struct db_ctl *ctl, int count, char **arguments);
+enum db_ctl_status db_ctl_certificate(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_check(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_commission(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_events(struct db_ctl *ctl, int count, char **arguments);

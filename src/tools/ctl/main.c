@@ -53,7 +53,8 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		{ "state", &ctl->state },       { "for", &ctl->form },
 		{ "host", &ctl->host },         { "ports", &ctl->ports },
 		{ "drive", &ctl->drive },       { "user", &ctl->user },
-		{ "since", &ctl->since },
+		{ "since", &ctl->since },       { "folder", &ctl->folder },
+		{ "days", &ctl->days },
 	};
 
 	for (size_t i = 0; i < sizeof(flags) / sizeof(flags[0]); i++) {

@@ -65,6 +65,8 @@ struct db_ctl {
 	const char *since;
 	bool refused;
 	bool cef;
+	const char *folder;
+	const char *days;
 	/* After db_ctl_open(). */
 	struct db_client *client;
 	json_t *description; /* the answer of Describe */

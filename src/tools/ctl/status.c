@@ -6,6 +6,10 @@
 #include <poll.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
+
+/* As drivebridge-tls begins to say it in its log. */
+#define CERTIFICATE_SOON_S ((time_t)30 * 24 * 3600)
 
 struct row {
 	const json_t *drive; /* of the description */
@@ -109,7 +113,7 @@ static void print_as_json(const struct db_ctl *ctl, const struct row *rows, size
 {
 	static const char *const of_configuration[] = {
 		"configuration_state", "configuration_since_us", "configuration_messages",
-		"restart_needed",      "audit_trouble",
+		"restart_needed",      "audit_trouble",          "secure",
 	};
 	json_t *buses = json_object_get(ctl->description, "buses");
 	json_t *drives = json_array();
@@ -251,6 +255,33 @@ static void print_audit(const struct db_ctl *ctl)
 		             trouble);
 }
 
+/* A hint: people have this long to renew it. */
+static void print_certificates(const struct db_ctl *ctl)
+{
+	static const struct {
+		const char *name;
+		const char *what;
+	} ends[] = {
+		{ "ends", "the gateway's certificate ends" },
+		{ "client_ends", "the certificate of a connected client ends" },
+		{ "list_due", "a newer list of revoked certificates is due" },
+	};
+	const json_t *secure = json_object_get(ctl->description, "secure");
+	time_t now = time(NULL);
+
+	for (size_t i = 0; i < sizeof(ends) / sizeof(ends[0]); i++) {
+		time_t moment = (time_t)json_integer_value(json_object_get(secure, ends[i].name));
+		struct tm parts;
+		char date[32];
+
+		if (moment == 0 || moment - now > CERTIFICATE_SOON_S ||
+		    !gmtime_r(&moment, &parts) ||
+		    strftime(date, sizeof(date), "%Y-%m-%d %H:%M UTC", &parts) == 0)
+			continue;
+		(void)printf("%s on %s: see drivebridge-tls(8)\n", ends[i].what, date);
+	}
+}
+
 static void print_learnt(const struct db_ctl *ctl, const struct row *rows, size_t count)
 {
 	struct db_ctl_learnt *drives = calloc(count + 1, sizeof(*drives));
@@ -297,6 +328,7 @@ static void print_for_people(const struct db_ctl *ctl, const struct row *rows, s
 	print_configuration(ctl, troubles->configuration);
 	print_restart(ctl);
 	print_audit(ctl);
+	print_certificates(ctl);
 	json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
 	{
 		const char *name = db_words_text(bus, "name");

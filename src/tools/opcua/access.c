@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/access.h"
+#include "opcua/nodes.h"
 #include "opcua/security.h"
 #include "opcua/values.h"
 
@@ -25,7 +26,7 @@ static const struct db_attempts_limit together = { .most = 10, .every = DB_NS_PE
 
 const struct db_users_keeper db_opcua_keeper = {
 	.program = "drivebridge-opcua",
-	.group = "drivebridge-opcua",
+	.former = DB_USERS_FORMER_OPCUA,
 };
 
 /* A session that is not activated yet. */
@@ -207,8 +208,8 @@ static void update_network(struct db_opcua_access *access, uintptr_t connection)
 		const struct db_opcua_session *session = &access->sessions[i];
 
 		if (session->number != 0 && session->connection == connection &&
-		    session->role > role)
-			role = session->role;
+		    session->grant.role > role)
+			role = session->grant.role;
 	}
 	db_opcua_network_know(access->network, connection, role);
 }
@@ -227,7 +228,7 @@ void db_opcua_access_forget_connection(struct db_opcua_access *access, uintptr_t
 }
 
 /* The session to end for one of this role: the first one that has lost its connection, or else for
- * an operator the latest reader. NULL: none. */
+ * one who moves drives the latest of those that do not. NULL: none. */
 static struct db_opcua_session *find_least(struct db_opcua_access *access, enum db_role role)
 {
 	struct db_opcua_session *lost = NULL;
@@ -239,7 +240,8 @@ static struct db_opcua_session *find_least(struct db_opcua_access *access, enum 
 		if (session->connection == 0) {
 			if (!lost || session->number < lost->number)
 				lost = session;
-		} else if (session->role < role && (!reader || session->number > reader->number)) {
+		} else if (db_role_moves(role) && !db_role_moves(session->grant.role) &&
+		           (!reader || session->number > reader->number)) {
 			reader = session;
 		}
 	}
@@ -281,7 +283,7 @@ static struct db_opcua_session *add_session(struct db_opcua_access *access, cons
 
 	if (!session)
 		session = find_least(access, role);
-	if (!session && role == DB_ROLE_OPERATOR) {
+	if (!session && db_role_moves(role)) {
 		stops_only = true;
 		session = find_free(access, ordinary, access->places);
 		if (!session)
@@ -322,7 +324,7 @@ static bool may_stay(const struct db_opcua_session *session, const struct db_use
 void db_opcua_access_review(struct db_opcua_access *access)
 {
 	struct db_users users = { .list = NULL };
-	uint64_t stamp = db_users_stamp(access->config->users);
+	uint64_t stamp = db_users_stamp(access->config->users, &db_opcua_keeper);
 
 	if (stamp == access->users_stamp)
 		return;
@@ -346,10 +348,25 @@ void db_opcua_access_review(struct db_opcua_access *access)
 
 /* --- passwords -------------------------------------------------------------------------------- */
 
+/* OPC UA has no words for this: the log has. */
+static void tell_weak(struct db_opcua_access *access, const struct db_user *user,
+                      const char *password)
+{
+	const char *wrong = db_password_judge(password, user->name,
+	                                      access->config->password_min_length);
+
+	if (wrong)
+		db_client_log_rationed_for(
+			&access->lines, user->name, db_client_now(), DB_CLIENT_WARNING,
+			"the password of %s is weak: %s; the page changes it, or "
+			"drivebridge-opcua --add-user",
+			user->name, wrong);
+}
+
 /* BadUserAccessDenied: wrong password, or no such user. Right ones are not counted. */
 static UA_StatusCode check_password(struct db_opcua_access *access, const char *address,
                                     bool is_signed, const char *name, const char *password,
-                                    enum db_role *role, unsigned long *digest)
+                                    struct db_grant *grant, unsigned long *digest)
 {
 	db_time now = db_client_now();
 	struct db_attempts *attempts = &access->attempts;
@@ -365,10 +382,18 @@ static UA_StatusCode check_password(struct db_opcua_access *access, const char *
 		return UA_STATUSCODE_BADTCPSERVERTOOBUSY;
 	if (db_users_load(&users, access->config->users, &db_opcua_keeper, stderr))
 		user = db_users_find(&users, name);
-	right = db_users_has_password(user ? user->hash : access->nobody, password) && user;
+	/* The library waits for the answer, and with it every client. */
+	if (user && user->pam)
+		db_client_log_rationed_for(&access->lines, address, now, DB_CLIENT_WARNING,
+		                           "%s: the password of %s is checked by PAM, which only "
+		                           "the page does",
+		                           address, name);
+	right = db_password_matches(user && !user->pam ? user->hash : access->nobody, password) &&
+	        user;
 	if (right) {
-		*role = user->role;
+		*grant = user->grant;
 		*digest = db_users_digest(user);
+		tell_weak(access, user, password);
 	} else {
 		db_attempts_count(attempts, own, all, each, now);
 		db_attempts_count(attempts, all, own, together, now);
@@ -389,9 +414,9 @@ static bool copy_text(const UA_String *string, char *text, size_t size)
 
 static UA_StatusCode find_role(struct db_opcua_access *access, const char *address, bool is_signed,
                                const UA_ExtensionObject *token, char *user, size_t size,
-                               enum db_role *role, unsigned long *digest)
+                               struct db_grant *grant, unsigned long *digest)
 {
-	char password[DB_USERS_PASSWORD_MAX + 1] = "";
+	char password[DB_PASSWORD_MAX + 1] = "";
 	const UA_UserNameIdentityToken *named;
 	UA_StatusCode status = UA_STATUSCODE_BADUSERACCESSDENIED;
 
@@ -400,7 +425,7 @@ static UA_StatusCode find_role(struct db_opcua_access *access, const char *addre
 	if (token->encoding == UA_EXTENSIONOBJECT_ENCODED_NOBODY ||
 	    (token->encoding >= UA_EXTENSIONOBJECT_DECODED &&
 	     token->content.decoded.type == &UA_TYPES[UA_TYPES_ANONYMOUSIDENTITYTOKEN])) {
-		*role = DB_ROLE_READER;
+		*grant = (struct db_grant){ .role = DB_ROLE_OBSERVER, .drives = "*" };
 		return access->config->anonymous == DB_OPCUA_READ ? UA_STATUSCODE_GOOD : status;
 	}
 	if (token->encoding < UA_EXTENSIONOBJECT_DECODED ||
@@ -409,13 +434,14 @@ static UA_StatusCode find_role(struct db_opcua_access *access, const char *addre
 	named = token->content.decoded.data;
 	if (copy_text(&named->userName, user, size) &&
 	    copy_text(&named->password, password, sizeof(password)))
-		status = check_password(access, address, is_signed, user, password, role, digest);
+		status = check_password(access, address, is_signed, user, password, grant, digest);
 	else
 		user[0] = '\0';
 	explicit_bzero(password, sizeof(password));
+	grant->stops = is_signed && access->config->readers_may_stop == DB_OPCUA_YES;
 	/* An unsigned connection may be anybody's. */
 	if (!is_signed)
-		*role = DB_ROLE_READER;
+		grant->role = DB_ROLE_OBSERVER;
 	return status;
 }
 
@@ -431,12 +457,12 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	uintptr_t before = connection;
 	const char *address = db_opcua_network_address(access->network, connection);
 	struct db_opcua_session *session = find_session(access, id);
-	enum db_role role = DB_ROLE_NONE;
+	struct db_grant grant = { .role = DB_ROLE_NONE };
 	unsigned long digest = 0;
 	char user[DB_USERS_NAME_MAX + 1];
 	UA_StatusCode status = find_role(access, address,
 	                                 endpoint->securityMode != UA_MESSAGESECURITYMODE_NONE,
-	                                 token, user, sizeof(user), &role, &digest);
+	                                 token, user, sizeof(user), &grant, &digest);
 
 	(void)server;
 	(void)certificate;
@@ -446,12 +472,12 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	    strcmp(session->user, user) != 0)
 		status = UA_STATUSCODE_BADIDENTITYCHANGENOTSUPPORTED;
 	if (status == UA_STATUSCODE_GOOD && !session) {
-		session = add_session(access, id, role);
+		session = add_session(access, id, grant.role);
 		status = session ? UA_STATUSCODE_GOOD : UA_STATUSCODE_BADTOOMANYSESSIONS;
 	} else if (status == UA_STATUSCODE_GOOD) {
 		before = session->connection;
-		if (before != connection || session->role != role ||
-		    strcmp(session->user, user) != 0)
+		if (before != connection || session->digest != digest ||
+		    session->grant.role != grant.role || strcmp(session->user, user) != 0)
 			access->left(access->context, session->number);
 	}
 	if (status != UA_STATUSCODE_GOOD) {
@@ -464,7 +490,7 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 		return status;
 	}
 	session->connection = connection;
-	session->role = role;
+	session->grant = grant;
 	session->digest = digest;
 	(void)snprintf(session->user, sizeof(session->user), "%s", user);
 	(void)snprintf(session->label, sizeof(session->label), "%s at %s",
@@ -474,14 +500,15 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	update_network(access, before);
 	/* Without a user nothing can be done but reading. */
 	if (user[0])
-		access->note(access->context, "login", "in", user, address, db_role_name(role),
-		             false);
-	if (role == DB_ROLE_OPERATOR)
-		db_client_log(DB_CLIENT_INFO, "%s: logged in as operator", session->label);
+		access->note(access->context, "login", "in", user, address,
+		             db_role_name(grant.role), false);
+	if (db_role_moves(grant.role))
+		db_client_log(DB_CLIENT_INFO, "%s: logged in as %s", session->label,
+		              db_role_name(grant.role));
 	else
 		db_client_log_rationed_for(&access->lines, address, db_client_now(), DB_CLIENT_INFO,
 		                           "%s: logged in as %s", session->label,
-		                           db_role_name(role));
+		                           db_role_name(grant.role));
 	return UA_STATUSCODE_GOOD;
 }
 
@@ -505,11 +532,15 @@ static void close_session(UA_Server *server, UA_AccessControl *control, const UA
 		update_network(access, connection);
 }
 
-static bool is_operator(const UA_AccessControl *control, const UA_NodeId *id)
+static bool may(UA_Server *server, const UA_AccessControl *control, const UA_NodeId *id,
+                const UA_NodeId *node, void *node_context)
 {
 	const struct db_opcua_session *session = db_opcua_access_find(control->context, id);
+	const char *drive;
+	enum db_may needs = db_opcua_nodes_need(UA_Server_getConfig(server)->context, node,
+	                                        node_context, &drive);
 
-	return session && session->role == DB_ROLE_OPERATOR;
+	return session && needs < DB_MAYS && db_grant_has(&session->grant, needs, drive);
 }
 
 static UA_UInt32 get_rights(UA_Server *server, UA_AccessControl *control, const UA_NodeId *session,
@@ -528,23 +559,19 @@ static UA_Byte get_access_level(UA_Server *server, UA_AccessControl *control,
                                 const UA_NodeId *session, void *session_context,
                                 const UA_NodeId *node, void *node_context)
 {
-	(void)server;
 	(void)session_context;
-	(void)node;
-	(void)node_context;
-	return is_operator(control, session) ? UA_ACCESSLEVELMASK_READ | UA_ACCESSLEVELMASK_WRITE :
-	                                       UA_ACCESSLEVELMASK_READ;
+	return may(server, control, session, node, node_context) ?
+	               UA_ACCESSLEVELMASK_READ | UA_ACCESSLEVELMASK_WRITE :
+	               UA_ACCESSLEVELMASK_READ;
 }
 
 static UA_Boolean get_executable(UA_Server *server, UA_AccessControl *control,
                                  const UA_NodeId *session, void *session_context,
                                  const UA_NodeId *method, void *method_context)
 {
-	(void)server;
 	(void)session_context;
-	(void)method_context;
 	/* The library's own methods concern the caller's subscriptions. */
-	return method->namespaceIndex == 0 || is_operator(control, session);
+	return method->namespaceIndex == 0 || may(server, control, session, method, method_context);
 }
 
 static UA_Boolean get_executable_on_object(UA_Server *server, UA_AccessControl *control,
@@ -698,8 +725,7 @@ UA_StatusCode db_opcua_access_set_up(struct db_opcua_access *access, UA_ServerCo
 	UA_ByteString certificate = db_opcua_security_bytes(&access->own.certificate);
 	UA_ByteString key = db_opcua_security_bytes(&access->own.key);
 
-	if (status == UA_STATUSCODE_GOOD &&
-	    !db_users_hash("nobody", access->nobody, sizeof(access->nobody)))
+	if (status == UA_STATUSCODE_GOOD && !db_password_hash("nobody", access->nobody))
 		status = UA_STATUSCODE_BADOUTOFMEMORY;
 	if (status == UA_STATUSCODE_GOOD)
 		status = db_opcua_security_guard(access->config, &settings->secureChannelPKI);

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Access control: security policies, users with their roles, and the sessions with what is known of
- * them. A reader reads; an operator, whose connection is signed, also writes and calls methods;
- * nobody changes the address space.
+ * them. An observer reads and, over a signed connection, may stop; an operator and an engineer, whose
+ * connection is signed, also write and call methods of their drives; nobody changes the address
+ * space.
  *
  * Clients without a login cannot keep others out: their sessions have places of their own, one for
  * each connection, and end with it. When all places are taken, sessions that have lost their
@@ -31,7 +32,7 @@ struct db_opcua_session {
 	UA_NodeId id;
 	unsigned number;      /* unique among all sessions; 0: the place is free */
 	uintptr_t connection; /* over which it was last activated; 0: it is lost */
-	enum db_role role;
+	struct db_grant grant;
 	bool stops_only;                  /* its place is one that is kept for stops */
 	char user[DB_USERS_NAME_MAX + 1]; /* "": anonymous */
 	/* of the service's clock, last written by the client; "": none */

@@ -344,7 +344,7 @@ static void wait_for(struct call *call)
 		patience = (struct timespec){ .tv_nsec = until };
 		fds[0].fd = db_link_fd(connection, &fds[0].events);
 		if (acting->awaited == 0)
-			others = db_opcua_network_watch(acting->network, DB_ROLE_OPERATOR, fds + 1,
+			others = db_opcua_network_watch(acting->network, fds + 1,
 			                                DB_OPCUA_NETWORK_PLACES);
 		(void)ppoll(fds, 1 + others, &patience, NULL);
 		for (size_t i = 1; i <= others && acting->awaited == 0; i++) {

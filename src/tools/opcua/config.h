@@ -8,6 +8,7 @@
 
 /* Indexes of words. */
 enum { DB_OPCUA_OFF, DB_OPCUA_READ };
+enum { DB_OPCUA_NO, DB_OPCUA_YES };
 enum { DB_OPCUA_ALL }; /* show */
 
 /* Size of a token of the service's clock; longer ones are not valid. */
@@ -26,6 +27,9 @@ struct db_opcua_config {
 	unsigned anonymous;
 	char *pki;
 	char *users;
+	unsigned readers_may_stop;
+	unsigned password_min_length;
+	char *pam_folder; /* "": PAM's own */
 
 	unsigned confirm_ms;
 	unsigned silence_ms;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/config.h"
+#include "users/users.h"
 
 #define AT(member) .offset = offsetof(struct db_opcua_config, member)
 
@@ -38,9 +39,21 @@ const struct db_setting db_opcua_keys[] = {
 	{ DB_TEXT_SETTING("security", "pki", "/var/lib/drivebridge-opcua/pki", 1, 200,
 	                  "Folder of the certificates: own (made at the first start), trusted, issuers and rejected"),
 	  AT(pki) },
-	{ DB_TEXT_SETTING("security", "users", "/etc/drivebridge/opcua-users", 1, 255,
-	                  "File with the users, their roles and their hashed passwords"),
+	{ DB_TEXT_SETTING("security", "users", DB_USERS_PATH, 1, 255,
+	                  "File with the users of the page and of OPC UA, their roles and their hashed passwords"),
 	  AT(users) },
+	{ DB_WORD_SETTING("security", "readers-may-stop", "yes", "no yes",
+	                  "Whether an observer and an administrator, whose connection is signed, may stop drives, and do nothing else to "
+	                  "them"),
+	  AT(readers_may_stop) },
+	{ DB_NUMBER_SETTING("security", "password-min-length", DB_PASSWORD_MIN_USUAL, DB_PASSWORD_MIN_LEAST,
+	                    DB_PASSWORD_MIN_MOST, "",
+	                    "Characters that a new password has at least; with a shorter one of before users log in, and the log says so"),
+	  AT(password_min_length) },
+	{ DB_TEXT_SETTING("security", "pam-folder", "", 1, 255,
+	                  "Folder with the file drivebridge, the rules of PAM for users whose password PAM checks; /etc/pam.d when "
+	                  "not given"),
+	  AT(pam_folder) },
 
 	{ DB_NUMBER_SETTING("commands", "confirm-ms", "250", 1, 1000, "ms",
 	                    "How long a method or a write waits for the drive's confirmation; then a method ends with "

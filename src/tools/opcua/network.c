@@ -319,15 +319,15 @@ static void pass_messages_on(struct db_opcua_network *network, struct connection
 	connection->served = false;
 }
 
-/* Operators go before all others, and clients that are about to log in before readers: they may be
- * operators. */
+/* Who moves drives goes before all others, and clients that are about to log in before observers:
+ * they may be operators. */
 static bool goes_before(const struct connection *connection, enum db_role role)
 {
 	if (connection->id == 0 || connection->closing || connection->served)
 		return false;
-	if (connection->role == DB_ROLE_OPERATOR)
-		return role != DB_ROLE_OPERATOR;
-	return role == DB_ROLE_READER && is_stranger(connection);
+	if (db_role_moves(connection->role))
+		return !db_role_moves(role);
+	return role != DB_ROLE_NONE && !db_role_moves(role) && is_stranger(connection);
 }
 
 /* Closed connections are left to the library. */
@@ -608,15 +608,15 @@ int db_opcua_network_fd(const struct db_opcua_network *network)
 	return network->watched;
 }
 
-size_t db_opcua_network_watch(const struct db_opcua_network *network, enum db_role role,
-                              struct pollfd *fds, size_t room)
+size_t db_opcua_network_watch(const struct db_opcua_network *network, struct pollfd *fds,
+                              size_t room)
 {
 	size_t used = 0;
 
 	for (size_t i = 0; i < network->places && used < room; i++) {
 		const struct connection *connection = &network->connections[i];
 
-		if (connection->id != 0 && connection->role == role)
+		if (connection->id != 0 && db_role_moves(connection->role))
 			fds[used++] = (struct pollfd){ .fd = (int)connection->id,
 				                       .events = POLLIN };
 	}

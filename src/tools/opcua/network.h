@@ -57,10 +57,10 @@ void db_opcua_network_know(struct db_opcua_network *network, uintptr_t connectio
  * db_opcua_network_flush(). */
 int db_opcua_network_fd(const struct db_opcua_network *network);
 
-/* For poll(): the connections with this role, at most `room` places. Returns the number of used
- * ones. */
-size_t db_opcua_network_watch(const struct db_opcua_network *network, enum db_role role,
-                              struct pollfd *fds, size_t room);
+/* For poll(): the connections of those who move drives, at most `room` places. Returns the number
+ * of used ones. */
+size_t db_opcua_network_watch(const struct db_opcua_network *network, struct pollfd *fds,
+                              size_t room);
 
 /* When db_opcua_network_flush() or the library has work without incoming bytes. */
 db_time db_opcua_network_due(const struct db_opcua_network *network, db_time now);

@@ -8,6 +8,7 @@
 
 #include "opcua/config.h"
 #include "opcua/plant.h"
+#include "users/roles.h"
 
 #include <open62541/server.h>
 
@@ -43,6 +44,11 @@ UA_Nodestore db_opcua_nodes_store(struct db_opcua_nodes *nodes);
 UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *server,
                                    struct db_opcua_plant *plant);
 extern const struct db_opcua_plant_ops db_opcua_nodes_plant_ops;
+
+/* What a client needs at least to call this method or to write this variable, and of which drive;
+ * NULL: of any. Nodes that are not of drives have no drive, and are written by nobody. */
+enum db_may db_opcua_nodes_need(const struct db_opcua_nodes *nodes, const UA_NodeId *node,
+                                void *node_context, const char **drive);
 
 /* A monitored item of a node's value was added or removed. */
 void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, bool removed);

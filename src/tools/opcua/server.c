@@ -123,9 +123,11 @@ static UA_StatusCode run_command(void *context, const UA_NodeId *id, struct db_o
 {
 	struct db_opcua_server *server = context;
 	const struct db_opcua_session *session = db_opcua_access_find(server->access, id);
+	const char *needed = drive->name;
+	enum db_may needs = db_may_of_command(command, &needed);
 	struct db_opcua_outcome outcome;
 
-	if (!session || session->role != DB_ROLE_OPERATOR) {
+	if (!session || !db_grant_has(&session->grant, needs, needed)) {
 		json_decref(arguments);
 		return UA_STATUSCODE_BADUSERACCESSDENIED;
 	}
@@ -144,14 +146,16 @@ static UA_StatusCode run_command(void *context, const UA_NodeId *id, struct db_o
 	return status_of(&outcome);
 }
 
-/* The name of the command being written; "" when the drive has none of this code. NULL: the item is
- * no command. */
+/* The name of the command being written, also of one that waits for group_start; "" when the drive
+ * has none of this code. NULL: the item is no command. */
 static const char *command_of(const struct db_opcua_item *item, const json_t *value)
 {
 	size_t i;
 	json_t *command;
 
-	if (item->reg->group != DB_OPCUA_COMMAND || strcmp(item->reg->name, "command") != 0)
+	if (item->reg->group != DB_OPCUA_COMMAND ||
+	    (strcmp(item->reg->name, "command") != 0 &&
+	     strcmp(item->reg->name, "staged_command") != 0))
 		return NULL;
 	json_array_foreach(item->drive->kind->commands, i, command)
 	{
@@ -161,15 +165,27 @@ static const char *command_of(const struct db_opcua_item *item, const json_t *va
 	return "";
 }
 
+static bool may_write(const struct db_opcua_session *session, const struct db_opcua_item *item,
+                      const char *command, const json_t *value)
+{
+	const char *drive = item->drive->name;
+	enum db_may needs = command ? db_may_of_command(command, &drive) :
+	                              db_may_of_write(drive, item->reg->name,
+	                                              json_number_value(value));
+
+	return db_grant_has(&session->grant, needs, drive);
+}
+
 static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct db_opcua_item *item,
                                     json_t *value)
 {
 	struct db_opcua_server *server = context;
 	const struct db_opcua_session *session = db_opcua_access_find(server->access, id);
-	const char *command = command_of(item, value);
+	const char *command = strcmp(item->reg->name, "command") == 0 ? command_of(item, value) :
+	                                                                NULL;
 	struct db_opcua_outcome outcome;
 
-	if (!session || session->role != DB_ROLE_OPERATOR)
+	if (!session || !may_write(session, item, command_of(item, value), value))
 		return UA_STATUSCODE_BADUSERACCESSDENIED;
 	db_opcua_acting_write(
 		server->acting,

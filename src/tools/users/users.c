@@ -1,20 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "users/users.h"
 
-#include <crypt.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <grp.h>
+#include <libgen.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* yescrypt with 4 MiB: its usual 16 MiB would exceed the rest of the program, for as long as a
- * login takes. */
-#define METHOD "$y$"
-#define COST 3
+#define PATH_MAX_BYTES 512
+
+/* In place of a hash. */
+#define PAM "pam"
 
 bool db_users_name_is_good(const char *name)
 {
@@ -26,65 +26,73 @@ bool db_users_name_is_good(const char *name)
 	       !strchr(".-_", name[0]);
 }
 
-bool db_role_read(const char *word, enum db_role *role)
+/* Splits a text at its first colon. NULL: it has none. */
+static char *split(char *text)
 {
-	for (enum db_role one = DB_ROLE_READER; one <= DB_ROLE_OPERATOR; one++) {
-		if (strcmp(word, db_role_name(one)) == 0) {
-			*role = one;
-			return true;
-		}
-	}
-	return false;
+	char *colon = text ? strchr(text, ':') : NULL;
+
+	if (!colon)
+		return NULL;
+	*colon = '\0';
+	return colon + 1;
 }
 
-/* The characters of a hash, by crypt(5). */
-static bool is_hash(const char *text)
+/* The role of a line of before; false: there is no such one. */
+static bool read_former_role(const char *word, enum db_role *role)
 {
-	size_t length = strlen(text);
-
-	if (length < 13 || length >= sizeof(((struct db_user *)0)->hash) || text[0] != '$')
-		return false;
-	for (size_t i = 0; i < length; i++) {
-		if (text[i] <= ' ' || text[i] > '~' || strchr(":;*!\\", text[i]))
-			return false;
-	}
-	return true;
+	*role = strcmp(word, "reader") == 0   ? DB_ROLE_OBSERVER :
+	        strcmp(word, "operator") == 0 ? DB_ROLE_ENGINEER :
+	                                        DB_ROLE_NONE;
+	return *role != DB_ROLE_NONE;
 }
 
-/* Splits a line at its colons. NULL: it is valid, else the mistake. */
+/* NULL: the line is valid, else the mistake. */
 static const char *parse_line(char *line, struct db_user *user)
 {
-	char *role = strchr(line, ':');
-	char *hash = role ? strchr(role + 1, ':') : NULL;
+	char *role = split(line);
+	char *drives = split(role);
+	char *hash = split(drives);
+	bool old = drives && !hash;
+	char all[] = "*";
 
-	if (!hash)
-		return "a line is NAME:ROLE:HASH";
-	*role++ = '\0';
-	*hash++ = '\0';
+	if (!drives)
+		return "a line is NAME:ROLE:DRIVES:PASSWORD";
+	if (old)
+		hash = drives;
+	*user = (struct db_user){ .pam = !old && strcmp(hash, PAM) == 0 };
 	if (!db_users_name_is_good(line))
 		return "a name has 1 to 32 letters, digits, '.', '-' and '_'";
-	if (!db_role_read(role, &user->role))
-		return "a role is reader or operator";
-	if (!is_hash(hash))
+	if (old && !read_former_role(role, &user->grant.role))
+		return "in a line of three parts a role is reader or operator";
+	if (!old && !db_role_read(role, &user->grant.role))
+		return "a role is observer, operator, engineer or administrator";
+	if (!old && !db_drives_are_good(drives))
+		return "drives are * or names with commas between them";
+	if (!user->pam && !db_password_is_hash(hash))
 		return "this is no hash of a password; --add-user makes them";
-	/* Both fit, as checked above. */
+	/* All fit, as checked above. */
 	memcpy(user->name, line, strlen(line) + 1);
-	memcpy(user->hash, hash, strlen(hash) + 1);
+	if (old)
+		drives = all;
+	memcpy(user->grant.drives, drives, strlen(drives) + 1);
+	if (!user->pam)
+		memcpy(user->hash, hash, strlen(hash) + 1);
 	return NULL;
 }
 
-bool db_users_parse(struct db_users *users, const char *text, const char *path, FILE *out)
+/* Adds the users of a text; of a file of before those whose names are new. */
+static bool add_users(struct db_users *users, const char *text, const char *path, bool former,
+                      FILE *out)
 {
-	char line[512];
+	size_t known = users->count;
+	char line[1024];
 	unsigned number = 0;
 	bool good = true;
 
-	*users = (struct db_users){ .list = calloc(DB_USERS_MAX, sizeof(*users->list)) };
-	if (!users->list)
-		return false;
 	while (*text) {
 		size_t length = strcspn(text, "\n");
 		struct db_user *user = &users->list[users->count];
+		const struct db_user *same = NULL;
 		const char *why = NULL;
 
 		number++;
@@ -98,9 +106,11 @@ bool db_users_parse(struct db_users *users, const char *text, const char *path, 
 			if (line[0] != '#' && line[strspn(line, " \t\r")] != '\0') {
 				why = users->count + 1 == DB_USERS_MAX ? "there are too many" :
 				                                         parse_line(line, user);
-				if (!why && db_users_find(users, user->name))
+				same = why ? NULL : db_users_find(users, user->name);
+				if (same && same >= users->list + known)
 					why = "this name stands there already";
-				users->count += !why;
+				user->former = former;
+				users->count += !why && !same;
 			}
 		}
 		if (why && out)
@@ -111,6 +121,17 @@ bool db_users_parse(struct db_users *users, const char *text, const char *path, 
 	}
 	explicit_bzero(line, sizeof(line));
 	return good;
+}
+
+static bool begin_users(struct db_users *users)
+{
+	*users = (struct db_users){ .list = calloc(DB_USERS_MAX, sizeof(*users->list)) };
+	return users->list;
+}
+
+bool db_users_parse(struct db_users *users, const char *text, const char *path, FILE *out)
+{
+	return begin_users(users) && add_users(users, text, path, false, out);
 }
 
 /* The whole text; NULL with errno. A missing file counts as an empty text. */
@@ -140,14 +161,24 @@ static char *read_text(const char *path, struct stat *status)
 	return text;
 }
 
-bool db_users_load(struct db_users *users, const char *path, const struct db_users_keeper *keeper,
-                   FILE *out)
+void db_users_former(const char *path, const struct db_users_keeper *keeper, char *former,
+                     size_t size)
+{
+	static const char common[] = "/access/users";
+	size_t length = strlen(path);
+	size_t end = sizeof(common) - 1;
+
+	former[0] = '\0';
+	if (length > end && strcmp(path + length - end, common) == 0)
+		(void)snprintf(former, size, "%.*s/%s", (int)(length - end), path, keeper->former);
+}
+
+static bool load_file(struct db_users *users, const char *path, bool former, FILE *out)
 {
 	struct stat status;
 	char *text = read_text(path, &status);
 	bool good = false;
 
-	*users = (struct db_users){ .list = NULL };
 	if (!text) {
 		if (out)
 			(void)fprintf(out, "%s: %s\n", path, strerror(errno));
@@ -156,13 +187,25 @@ bool db_users_load(struct db_users *users, const char *path, const struct db_use
 			(void)fprintf(out,
 			              "%s: can be read or written by everybody: chmod 0640 %s, and "
 			              "chgrp it to the group %s\n",
-			              path, path, keeper->group);
+			              path, path, DB_USERS_GROUP);
 	} else {
-		good = db_users_parse(users, text, path, out);
+		good = add_users(users, text, path, former, out);
 	}
 	if (text)
 		explicit_bzero(text, strlen(text));
 	free(text);
+	return good;
+}
+
+bool db_users_load(struct db_users *users, const char *path, const struct db_users_keeper *keeper,
+                   FILE *out)
+{
+	char former[PATH_MAX_BYTES];
+	bool good = begin_users(users) && load_file(users, path, false, out);
+
+	db_users_former(path, keeper, former, sizeof(former));
+	if (good && former[0] != '\0')
+		good = load_file(users, former, true, out);
 	return good;
 }
 
@@ -183,7 +226,16 @@ const struct db_user *db_users_find(const struct db_users *users, const char *na
 	return NULL;
 }
 
-uint64_t db_users_stamp(const char *path)
+size_t db_users_count_former(const struct db_users *users)
+{
+	size_t count = 0;
+
+	for (size_t i = 0; i < users->count; i++)
+		count += users->list[i].former;
+	return count;
+}
+
+static uint64_t stamp_file(const char *path)
 {
 	struct stat status;
 
@@ -193,13 +245,27 @@ uint64_t db_users_stamp(const char *path)
 	       (uint64_t)status.st_ino;
 }
 
+uint64_t db_users_stamp(const char *path, const struct db_users_keeper *keeper)
+{
+	char former[PATH_MAX_BYTES];
+
+	db_users_former(path, keeper, former, sizeof(former));
+	/* Odd factors: a change of one file is not undone by one of the other. */
+	return stamp_file(path) + 3 * (former[0] ? stamp_file(former) : 0);
+}
+
+static unsigned long add_text(unsigned long digest, const char *text)
+{
+	for (const char *at = text; *at; at++)
+		digest = digest * 33 + (unsigned char)*at;
+	return digest * 33;
+}
+
 unsigned long db_users_digest(const struct db_user *user)
 {
-	unsigned long digest = 5381 + (unsigned long)user->role;
+	unsigned long digest = 5381 + 2 * (unsigned long)user->grant.role + user->pam;
 
-	for (const char *at = user->hash; *at; at++)
-		digest = digest * 33 + (unsigned char)*at;
-	return digest;
+	return add_text(add_text(digest, user->grant.drives), user->hash);
 }
 
 /* --- changing --------------------------------------------------------------------------------- */
@@ -218,23 +284,31 @@ static void put_others(FILE *file, const char *text, const char *name)
 	}
 }
 
-/* Owner and mode of the former file; without one, the group that reads it. */
-static bool give_rights(const struct db_users_keeper *keeper, int fd, const struct stat *old)
+/* Owner and mode of the old file; without one, the group that reads it. */
+static bool give_rights(int fd, const struct stat *old)
 {
-	const struct group *group = old->st_mode ? NULL : getgrnam(keeper->group);
+	const struct group *group = old->st_mode ? NULL : getgrnam(DB_USERS_GROUP);
+	struct stat fresh;
 
-	if (old->st_mode)
-		return fchown(fd, old->st_uid, old->st_gid) == 0 &&
+	if (fstat(fd, &fresh) != 0)
+		return false;
+	if (old->st_mode) {
+		/* Only root gives files to others: what the page's server writes is its own, and
+		 * has the folder's group. Its unit does not even let it try. */
+		uid_t owner = geteuid() == 0 ? old->st_uid : fresh.st_uid;
+		bool same = fresh.st_uid == owner && fresh.st_gid == old->st_gid;
+
+		return (same || fchown(fd, owner, old->st_gid) == 0) &&
 		       fchmod(fd, old->st_mode & 0777) == 0;
-	/* Another user than root owns the new file. */
+	}
 	if (group && geteuid() == 0 && fchown(fd, 0, group->gr_gid) != 0)
 		return false;
 	return fchmod(fd, 0640) == 0;
 }
 
-static bool replace_file(const struct db_users_keeper *keeper, const char *path, const char *text,
-                         const struct stat *old, const char *name, enum db_role role,
-                         const char *hash)
+/* The text with the user's line replaced, or without it if `user` is NULL. */
+static bool replace_file(const char *path, const char *text, const struct stat *old,
+                         const char *name, const struct db_user *user)
 {
 	char *other = NULL;
 	FILE *file = NULL;
@@ -247,9 +321,11 @@ static bool replace_file(const struct db_users_keeper *keeper, const char *path,
 	file = fd >= 0 ? fdopen(fd, "w") : NULL;
 	if (file) {
 		put_others(file, text, name);
-		if (hash)
-			(void)fprintf(file, "%s:%s:%s\n", name, db_role_name(role), hash);
-		good = fflush(file) == 0 && give_rights(keeper, fd, old) && fsync(fd) == 0;
+		if (user)
+			(void)fprintf(file, "%s:%s:%s:%s\n", user->name,
+			              db_role_name(user->grant.role), user->grant.drives,
+			              user->pam ? PAM : user->hash);
+		good = fflush(file) == 0 && give_rights(fd, old) && fsync(fd) == 0;
 		good = fclose(file) == 0 && good;
 		good = good && rename(other, path) == 0;
 		if (!good) {
@@ -265,74 +341,117 @@ static bool replace_file(const struct db_users_keeper *keeper, const char *path,
 	return good;
 }
 
-bool db_users_change(const struct db_users_keeper *keeper, const char *path, const char *name,
-                     enum db_role role, const char *hash, FILE *out)
+/* The folder of all programs' file is made with it: members of the group may replace the file. */
+static void make_folder(const char *folder)
 {
-	const char *slash = strrchr(path, '/');
-	char *folder = slash ? strndup(path, (size_t)(slash - path) + 1) : strdup(".");
-	int lock = folder ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
+	const struct group *group = getgrnam(DB_USERS_GROUP);
+
+	if (mkdir(folder, 0750) != 0 || !group || geteuid() != 0)
+		return;
+	if (chown(folder, 0, group->gr_gid) == 0)
+		(void)chmod(folder, 02770);
+}
+
+static bool is_as_before(const struct db_user *now, const struct db_user *before)
+{
+	return !before || (now ? db_users_digest(now) == db_users_digest(before) : before->former);
+}
+
+/* Puts a user's line into one file, or removes it if `user` is NULL. */
+static bool change_file(const char *path, const char *name, const struct db_user *user,
+                        const struct db_user *before, FILE *out)
+{
+	char *copy = strdup(path);
+	const char *folder = copy ? dirname(copy) : NULL;
 	struct db_users users = { .list = NULL };
 	struct stat status;
 	char *text = NULL;
 	bool good = false;
+	int lock = -1;
 
+	if (folder && user)
+		make_folder(folder);
+	lock = folder ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
 	/* Two administrators at the same time: one after the other. */
 	if (lock >= 0 && flock(lock, LOCK_EX) == 0)
 		text = read_text(path, &status);
 	if (!text)
 		(void)fprintf(out, "%s: %s\n", path, strerror(errno));
 	else if (db_users_parse(&users, text, path, out)) {
-		if (!hash && !db_users_find(&users, name))
+		if (!is_as_before(db_users_find(&users, name), before))
+			(void)fprintf(out, "%s: the user %s was changed meanwhile\n", path, name);
+		else if (!user && !db_users_find(&users, name))
 			(void)fprintf(out, "%s: there is no user %s\n", path, name);
-		else if (hash && !db_users_find(&users, name) && users.count + 1 == DB_USERS_MAX)
+		else if (user && !db_users_find(&users, name) && users.count + 1 == DB_USERS_MAX)
 			(void)fprintf(out, "%s: there are too many users\n", path);
-		else if (!replace_file(keeper, path, text, &status, name, role, hash))
+		else if (!replace_file(path, text, &status, name, user))
 			(void)fprintf(out, "%s: %s\n", path, strerror(errno));
 		else
 			good = true;
 	}
 	db_users_clear(&users);
+	if (text)
+		explicit_bzero(text, strlen(text));
 	free(text);
-	free(folder);
+	free(copy);
 	if (lock >= 0)
 		(void)close(lock);
 	return good;
 }
 
-bool db_users_hash(const char *password, char *hash, size_t size)
+/* Whether a name stands in this one file. */
+static bool stands_in(const char *path, const char *name)
 {
-	char setting[CRYPT_GENSALT_OUTPUT_SIZE];
-	struct crypt_data *data = calloc(1, sizeof(*data));
-	const char *made = NULL;
+	struct db_users users = { .list = NULL };
+	bool found = begin_users(&users) && load_file(&users, path, false, NULL) &&
+	             db_users_find(&users, name);
 
-	if (data && crypt_gensalt_rn(METHOD, COST, NULL, 0, setting, sizeof(setting)))
-		made = crypt_rn(password, setting, data, sizeof(*data));
-	if (made && strlen(made) < size)
-		(void)snprintf(hash, size, "%s", made);
-	else
-		made = NULL;
-	if (data)
-		explicit_bzero(data, sizeof(*data));
-	free(data);
-	return made;
+	db_users_clear(&users);
+	return found;
 }
 
-/* Takes a time that does not depend on how much of it is right. */
-bool db_users_has_password(const char *hash, const char *password)
+/* Removes a name from all programs' files of before where it stands in them. */
+static bool change_former(const char *path, const char *name, FILE *out, bool *found)
 {
-	struct crypt_data *data = calloc(1, sizeof(*data));
-	const char *made = data ? crypt_rn(password, hash, data, sizeof(*data)) : NULL;
-	size_t length = strlen(hash);
-	unsigned char differ = 0;
-	bool right = false;
+	static const struct db_users_keeper keepers[] = { { .former = DB_USERS_FORMER_WEB },
+		                                          { .former = DB_USERS_FORMER_OPCUA } };
+	char former[PATH_MAX_BYTES];
+	bool good = true;
 
-	if (made && made[0] != '*' && strlen(made) == length) {
-		for (size_t i = 0; i < length; i++)
-			differ |= (unsigned char)(made[i] ^ hash[i]);
-		right = differ == 0;
+	*found = false;
+	for (size_t i = 0; i < sizeof(keepers) / sizeof(keepers[0]); i++) {
+		db_users_former(path, &keepers[i], former, sizeof(former));
+		if (former[0] == '\0' || !stands_in(former, name))
+			continue;
+		*found = true;
+		good = change_file(former, name, NULL, NULL, out) && good;
 	}
-	if (data)
-		explicit_bzero(data, sizeof(*data));
-	free(data);
-	return right;
+	return good;
+}
+
+bool db_users_put(const char *path, const struct db_user *user, const struct db_user *before,
+                  FILE *out)
+{
+	FILE *nowhere;
+	bool found;
+
+	if (!change_file(path, user->name, user, before, out))
+		return false;
+	/* Where that cannot be changed, the new line counts all the same. */
+	nowhere = fopen("/dev/null", "we");
+	if (nowhere) {
+		(void)change_former(path, user->name, nowhere, &found);
+		(void)fclose(nowhere);
+	}
+	return true;
+}
+
+bool db_users_remove(const char *path, const char *name, FILE *out)
+{
+	bool found;
+
+	/* First those of before: an old line must not come to count again. */
+	if (!change_former(path, name, out, &found))
+		return false;
+	return (found && !stands_in(path, name)) || change_file(path, name, NULL, NULL, out);
 }

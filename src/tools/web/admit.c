@@ -68,12 +68,15 @@ static void find_session(struct db_web_request *request)
 	const struct db_web_session *session =
 		cookie ? db_web_sessions_find(server->sessions, cookie, db_client_now()) : NULL;
 
-	request->role = server->config->read == DB_WEB_READ_ALL ? DB_ROLE_READER : DB_ROLE_NONE;
+	request->grant = db_web_grant_of_nobody(server->config);
 	if (session) {
 		(void)snprintf(request->user, sizeof(request->user), "%s", session->user);
 		(void)snprintf(request->session, sizeof(request->session), "%s", session->id);
 		(void)snprintf(request->token, sizeof(request->token), "%s", session->token);
-		request->role = session->role;
+		request->grant = session->grant;
+		request->grant.stops = server->config->readers_may_stop == DB_WEB_YES;
+		request->weak = session->weak;
+		request->pam = session->pam;
 	} else if (cookie && cookie[0] == DB_WEB_NOBODY && db_web_secret_is_good(cookie + 1)) {
 		(void)snprintf(request->token, sizeof(request->token), "%s", cookie + 1);
 	}
@@ -86,6 +89,27 @@ static bool is_json(const char *type)
 
 	return type && strncasecmp(type, json, length) == 0 &&
 	       (type[length] == '\0' || type[length] == ';' || type[length] == ' ');
+}
+
+struct db_grant db_web_grant_of_nobody(const struct db_web_config *config)
+{
+	return (struct db_grant){
+		.role = config->read == DB_WEB_READ_ALL ? DB_ROLE_OBSERVER : DB_ROLE_NONE,
+		.drives = "*",
+	};
+}
+
+static bool may_at_all(const struct db_web_request *request)
+{
+	return db_grant_has(&request->grant, request->route.needs, NULL);
+}
+
+static void refuse_deed(struct db_web_request *request, enum db_may may, const char *drive)
+{
+	char why[256];
+
+	db_grant_explain(&request->grant, may, drive, why, sizeof(why));
+	db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "NotAllowed", "%s", why);
 }
 
 /* Refuses what a page of another site could make a browser send. */
@@ -105,16 +129,15 @@ static void check_post(struct db_web_request *request)
 	else if (!is_json(head(request, MHD_HTTP_HEADER_CONTENT_TYPE)))
 		db_web_request_refuse(request, MHD_HTTP_UNSUPPORTED_MEDIA_TYPE, "BadContentType",
 		                      "the body's type is to be application/json");
-	else if (request->role < request->route.role && request->user[0] == '\0')
+	else if (!may_at_all(request) && request->user[0] == '\0')
 		db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginRequired",
 		                      "this needs a login");
 	else if (!token || !db_web_secret_equal(token, request->token))
 		db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "BadToken",
 		                      "the token in X-Drivebridge is not this session's; fetch "
 		                      "/api/session");
-	else if (request->role < request->route.role)
-		db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "NotAllowed",
-		                      "this needs the role %s", db_role_name(request->route.role));
+	else if (!may_at_all(request))
+		refuse_deed(request, request->route.needs, NULL);
 	else if (length && strtoul(length, NULL, 10) > db_web_body_max(&request->route))
 		db_web_request_refuse(request, MHD_HTTP_CONTENT_TOO_LARGE, "TooLong",
 		                      "the body may have %zu bytes",
@@ -156,4 +179,42 @@ void db_web_admit(struct db_web_request *request)
 	find_peer(request, lines.forwarded);
 	find_session(request);
 	check_head(request, lines.hosts);
+}
+
+/* What a write of several registers needs: of each. False: it is refused. */
+static bool admit_writes(struct db_web_request *request, const char *drive)
+{
+	json_t *values = json_object_get(request->parameters, "values");
+	const char *name;
+	json_t *value;
+
+	json_object_foreach(values, name, value)
+	{
+		enum db_may needs = db_may_of_write(drive, name, json_number_value(value));
+
+		if (!db_grant_has(&request->grant, needs, drive)) {
+			refuse_deed(request, needs, drive);
+			return false;
+		}
+	}
+	/* A write of nothing is the service's to refuse, of who may write. */
+	return json_object_size(values) > 0 || db_grant_has(&request->grant, DB_MAY_MOVE, drive);
+}
+
+void db_web_admit_content(struct db_web_request *request)
+{
+	const struct db_web_route *route = &request->route;
+	const char *command = json_string_value(json_object_get(request->parameters, "command"));
+	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
+	enum db_may needs = route->needs;
+
+	if (route->kind == DB_WEB_CALL && strcmp(route->name, "Write") == 0) {
+		if (!admit_writes(request, drive ? drive : "") && request->status == 0)
+			refuse_deed(request, DB_MAY_MOVE, drive);
+		return;
+	}
+	if (route->kind == DB_WEB_CALL && strcmp(route->name, "Run") == 0)
+		needs = command ? db_may_of_command(command, &drive) : DB_MAY_MOVE;
+	if (!db_grant_has(&request->grant, needs, drive))
+		refuse_deed(request, needs, drive);
 }

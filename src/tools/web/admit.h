@@ -1,12 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Who sent a request, and whether that user may send it: by its headers alone. One thread. */
+/* Who sent a request, and whether that user may send it. One thread. */
 #ifndef DRIVEBRIDGE_WEB_ADMIT_H
 #define DRIVEBRIDGE_WEB_ADMIT_H
 
 #include "web/request.h"
 
-/* Fills in address, user, session, role and tab of a request whose route is known, and refuses what
- * is not allowed. */
+/* What a browser without a login may. */
+struct db_grant db_web_grant_of_nobody(const struct db_web_config *config);
+
+/* Fills in address, user, session, rights and tab of a request whose route is known, by its
+ * headers alone, and refuses what is not allowed. */
 void db_web_admit(struct db_web_request *request);
+
+/* Refuses what the user may not do by the parameters of an admitted request: a command of more than
+ * his role, a drive that is not his. */
+void db_web_admit_content(struct db_web_request *request);
 
 #endif

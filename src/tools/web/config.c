@@ -10,7 +10,7 @@
 
 const struct db_users_keeper db_web_keeper = {
 	.program = "drivebridge-webd",
-	.group = "drivebridge-web",
+	.former = DB_USERS_FORMER_WEB,
 };
 
 static void check_certificate(struct db_settings *settings)
@@ -31,7 +31,7 @@ static void check_certificate(struct db_settings *settings)
 		                      "%s", why);
 	db_certificate_pair_clear(&pair);
 	db_settings_check_secret(settings, "server", "key-file", config->key_file,
-	                         db_web_keeper.group);
+	                         "drivebridge-web");
 }
 
 static void check_networks(struct db_settings *settings, const char *section, const char *name,

@@ -12,6 +12,7 @@ extern const struct db_users_keeper db_web_keeper;
 
 /* Indexes of words. */
 enum { DB_WEB_READ_USERS, DB_WEB_READ_ALL };
+enum { DB_WEB_NO, DB_WEB_YES };
 enum { DB_WEB_METRICS_LOCAL, DB_WEB_METRICS_NONE, DB_WEB_METRICS_ALL };
 
 struct db_web_config {
@@ -29,6 +30,9 @@ struct db_web_config {
 
 	char *users_file;
 	unsigned read;
+	unsigned readers_may_stop;
+	unsigned password_min_length;
+	char *pam_folder; /* "": PAM's own */
 	unsigned session_idle_min;
 	unsigned session_h;
 

@@ -1,22 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/hasher.h"
-#include "users/users.h"
+#include "users/pam.h"
 
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
+#include <time.h>
 #include <unistd.h>
+
+/* At the end, for a job that is running: PAM may wait for a directory that does not answer. */
+#define END_WITHIN_S 3
 
 enum state { FREE, WAITS, RUNS, DONE };
 
 struct job {
 	enum state state;
-	bool right;
-	uint64_t number;
-	char password[DB_USERS_PASSWORD_MAX + 1];
-	char hash[sizeof(((struct db_user *)0)->hash)];
+	struct db_web_work work;
 };
 
 struct db_web_hasher {
@@ -41,6 +42,58 @@ static struct job *find_job(struct db_web_hasher *hasher, enum state state)
 	return NULL;
 }
 
+/* The last line of what was said, without its end. */
+static void take_last_line(char *said, char *why, size_t size)
+{
+	size_t length = strlen(said);
+	char *last;
+
+	while (length > 0 && said[length - 1] == '\n')
+		said[--length] = '\0';
+	last = strrchr(said, '\n');
+	(void)snprintf(why, size, "%s", last ? last + 1 : said);
+}
+
+static bool change_users(struct db_web_work *work)
+{
+	char *said = NULL;
+	size_t size = 0;
+	FILE *out = open_memstream(&said, &size);
+	bool good = out != NULL;
+
+	if (good && work->fresh_password[0] != '\0' &&
+	    !db_password_hash(work->fresh_password, work->fresh.hash)) {
+		(void)fputs("no hash could be made", out);
+		good = false;
+	}
+	if (good)
+		good = work->change == DB_WEB_CHANGE_PUT ?
+		               db_users_put(work->path, &work->fresh,
+		                            work->compares ? &work->user : NULL, out) :
+		               db_users_remove(work->path, work->fresh.name, out);
+	if (out)
+		(void)fclose(out);
+	if (said && !good)
+		take_last_line(said, work->why, sizeof(work->why));
+	free(said);
+	return good;
+}
+
+static void do_work(struct db_web_work *work)
+{
+	work->right = true;
+	work->done = false;
+	if (work->compares && work->user.pam)
+		work->right = db_pam_check(work->pam_folder, work->user.name, work->password,
+		                           work->why, sizeof(work->why));
+	else if (work->compares)
+		work->right = db_password_matches(work->user.hash, work->password);
+	if (work->right && work->change != DB_WEB_CHANGE_NONE)
+		work->done = change_users(work);
+	explicit_bzero(work->password, sizeof(work->password));
+	explicit_bzero(work->fresh_password, sizeof(work->fresh_password));
+}
+
 static void *run(void *context)
 {
 	struct db_web_hasher *hasher = context;
@@ -49,7 +102,6 @@ static void *run(void *context)
 	(void)pthread_mutex_lock(&hasher->mutex);
 	while (!hasher->ends) {
 		struct job *job = find_job(hasher, WAITS);
-		bool right;
 
 		if (!job) {
 			(void)pthread_cond_wait(&hasher->changed, &hasher->mutex);
@@ -58,10 +110,8 @@ static void *run(void *context)
 		hasher->next = (unsigned)(job - hasher->jobs) + 1;
 		job->state = RUNS;
 		(void)pthread_mutex_unlock(&hasher->mutex);
-		right = db_users_has_password(job->hash, job->password);
+		do_work(&job->work);
 		(void)pthread_mutex_lock(&hasher->mutex);
-		explicit_bzero(job->password, sizeof(job->password));
-		job->right = right;
 		job->state = DONE;
 		(void)!write(hasher->fd, &one, sizeof(one));
 	}
@@ -90,13 +140,21 @@ struct db_web_hasher *db_web_hasher_new(void)
 
 void db_web_hasher_free(struct db_web_hasher *hasher)
 {
+	struct timespec until;
+
 	if (!hasher)
 		return;
 	(void)pthread_mutex_lock(&hasher->mutex);
 	hasher->ends = true;
 	(void)pthread_cond_signal(&hasher->changed);
 	(void)pthread_mutex_unlock(&hasher->mutex);
-	(void)pthread_join(hasher->thread, NULL);
+	(void)clock_gettime(CLOCK_REALTIME, &until);
+	until.tv_sec += END_WITHIN_S;
+	if (pthread_timedjoin_np(hasher->thread, NULL, &until) != 0) {
+		/* The memory stays the thread's until the program has ended. */
+		(void)pthread_detach(hasher->thread);
+		return;
+	}
 	(void)pthread_mutex_destroy(&hasher->mutex);
 	(void)pthread_cond_destroy(&hasher->changed);
 	(void)close(hasher->fd);
@@ -104,8 +162,7 @@ void db_web_hasher_free(struct db_web_hasher *hasher)
 	free(hasher);
 }
 
-bool db_web_hasher_ask(struct db_web_hasher *hasher, uint64_t number, const char *password,
-                       const char *hash, bool known)
+bool db_web_hasher_ask(struct db_web_hasher *hasher, const struct db_web_work *work, bool known)
 {
 	struct job *job = NULL;
 	unsigned free_jobs = 0;
@@ -117,9 +174,7 @@ bool db_web_hasher_ask(struct db_web_hasher *hasher, uint64_t number, const char
 		job = find_job(hasher, FREE);
 	if (job) {
 		job->state = WAITS;
-		job->number = number;
-		(void)snprintf(job->password, sizeof(job->password), "%s", password);
-		(void)snprintf(job->hash, sizeof(job->hash), "%s", hash);
+		job->work = *work;
 		(void)pthread_cond_signal(&hasher->changed);
 	}
 	(void)pthread_mutex_unlock(&hasher->mutex);
@@ -131,7 +186,7 @@ int db_web_hasher_fd(const struct db_web_hasher *hasher)
 	return hasher->fd;
 }
 
-bool db_web_hasher_take(struct db_web_hasher *hasher, uint64_t *number, bool *right)
+bool db_web_hasher_take(struct db_web_hasher *hasher, struct db_web_work *work)
 {
 	struct job *job;
 	uint64_t count;
@@ -140,8 +195,8 @@ bool db_web_hasher_take(struct db_web_hasher *hasher, uint64_t *number, bool *ri
 	(void)pthread_mutex_lock(&hasher->mutex);
 	job = find_job(hasher, DONE);
 	if (job) {
-		*number = job->number;
-		*right = job->right;
+		*work = job->work;
+		explicit_bzero(&job->work, sizeof(job->work));
 		job->state = FREE;
 	}
 	(void)pthread_mutex_unlock(&hasher->mutex);

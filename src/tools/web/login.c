@@ -3,10 +3,12 @@
 #include "client/log.h"
 #include "drivebridge/version.h"
 #include "users/users.h"
+#include "web/admit.h"
 #include "web/call.h"
 #include "web/service.h"
 #include "web/stream.h"
 #include "web/tabs.h"
+#include "web/try.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -30,6 +32,44 @@ static void end_session(struct db_web_server *server, const char *id)
 	db_web_stream_end(server, over, "LoginRequired", "the login has ended");
 }
 
+static json_t *list_mays(const struct db_grant *grant)
+{
+	json_t *list = json_array();
+
+	for (enum db_may may = DB_MAY_LOOK; may < DB_MAYS; may++) {
+		if (db_grant_has(grant, may, NULL))
+			(void)json_array_append_new(list, json_string(db_may_name(may)));
+	}
+	return list;
+}
+
+/* Which commands need more than to move a drive. */
+static json_t *list_commands(enum db_may may)
+{
+	json_t *list = json_array();
+
+	for (const char *const *name = db_may_commands(may); *name; name++)
+		(void)json_array_append_new(list, json_string(*name));
+	return list;
+}
+
+/* null: all. */
+static json_t *list_drives(const struct db_grant *grant)
+{
+	json_t *list;
+
+	if (db_grant_has_all(grant))
+		return json_null();
+	list = json_array();
+	for (const char *at = grant->drives; *at;) {
+		size_t word = strcspn(at, ",");
+
+		(void)json_array_append_new(list, json_stringn(at, word));
+		at += word + (at[word] == ',');
+	}
+	return list;
+}
+
 void db_web_login_tell(struct db_web_request *request)
 {
 	if (request->token[0] == '\0') {
@@ -46,63 +86,42 @@ void db_web_login_tell(struct db_web_request *request)
 		db_web_request_set_cookie(request, value);
 	}
 	/* The version helps who looks for holes. */
-	db_web_request_answer(request, MHD_HTTP_OK,
-	                      json_pack("{s:s?, s:s, s:s, s:s?, s:b, s:o, s:s?}", "user",
-	                                request->user[0] ? request->user : NULL, "role",
-	                                db_role_name(request->role), "token", request->token,
-	                                "version", request->role > DB_ROLE_NONE ? DB_VERSION : NULL,
-	                                "service", db_web_service_is_up(request->server->service),
-	                                "stops", db_web_service_stops(request->server->service),
-	                                "tab", request->tab[0] ? request->tab : NULL));
+	db_web_request_answer(
+		request, MHD_HTTP_OK,
+		json_pack(
+			"{s:s?, s:s, s:o, s:o, s:{s:o, s:o, s:o}, s:{s:b, s:s?, s:i}, s:s, s:s?, s:b, s:o, s:s?}",
+			"user", request->user[0] ? request->user : NULL, "role",
+			db_role_name(request->grant.role), "may", list_mays(&request->grant),
+			"drives", list_drives(&request->grant), "commands", "stop",
+			list_commands(DB_MAY_STOP), "engineer", list_commands(DB_MAY_ENGINEER),
+			"manage", list_commands(DB_MAY_MANAGE), "password", "own",
+			request->user[0] != '\0' && !request->pam, "weak", request->weak, "least",
+			(int)request->server->config->password_min_length, "token", request->token,
+			"version", request->grant.role > DB_ROLE_NONE ? DB_VERSION : NULL,
+			"service", db_web_service_is_up(request->server->service), "stops",
+			db_web_service_stops(request->server->service), "tab",
+			request->tab[0] ? request->tab : NULL));
 }
 
 /* By the address that the line names; a proxy's are together. */
-static void log_login(struct db_web_request *request, const char *what, const char *user)
+static void log_login(struct db_web_request *request, const char *what, const char *user,
+                      const char *why)
 {
 	struct db_web_caller caller = db_web_request_caller(request);
 	char address[DB_WEB_ADDRESS_TEXT];
 
 	db_web_address_write(request->proxied ? &request->proxy : &request->address, address);
 	db_client_log_rationed_for(&request->server->login_lines, address, db_client_now(),
-	                           DB_CLIENT_WARNING, "%s: login %s%.40s%s", caller.text,
-	                           user[0] ? "as " : "", user, what);
+	                           DB_CLIENT_WARNING, "%s: login %s%.40s%s%s%s", caller.text,
+	                           user[0] ? "as " : "", user, what, why[0] ? ": " : "", why);
 }
 
 static void refuse_often(struct db_web_request *request, db_time wait)
 {
 	request->retry_s = (unsigned)((wait + DB_NS_PER_S - 1) / DB_NS_PER_S);
-	log_login(request, "refused: too many attempts", "");
+	log_login(request, "refused: too many attempts", "", "");
 	db_web_request_refuse(request, MHD_HTTP_TOO_MANY_REQUESTS, "TooManyAttempts",
 	                      "too many attempts; again in %u s", request->retry_s);
-}
-
-static struct db_web_attempt attempt_of(const struct db_web_request *request, const char *user)
-{
-	return (struct db_web_attempt){ .address = request->address,
-		                        .proxy = request->proxied ? &request->proxy : NULL,
-		                        .user = user,
-		                        .device = request->device };
-}
-
-/* Whether this browser is one that the user has logged in with; else it becomes one if the password
- * is right. */
-static void find_device(struct db_web_request *request, const struct db_user *user)
-{
-	char name[DB_WEB_DEVICE_NAME];
-	const char *cookie;
-	struct db_web_secret number;
-
-	db_web_device_name(user->name, request->secure, name);
-	cookie = MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND, name);
-	if (cookie && db_web_device_read(cookie, user->name, user->hash, request->device)) {
-		(void)snprintf(request->device_cookie, sizeof(request->device_cookie), "%s",
-		               cookie);
-		return;
-	}
-	request->device[0] = '\0';
-	if (getrandom(&number, sizeof(number), 0) != (ssize_t)sizeof(number) ||
-	    !db_web_device_write(&number, user->name, user->hash, request->device_cookie))
-		request->device_cookie[0] = '\0';
 }
 
 void db_web_login(struct db_web_request *request)
@@ -112,41 +131,42 @@ void db_web_login(struct db_web_request *request)
 	json_t *secret = json_object_get(request->parameters, "password");
 	const char *password = json_string_value(secret);
 	struct db_users users = { .list = NULL };
-	struct db_web_attempt attempt;
 	const struct db_user *known = NULL;
-	const char *hash = NOBODY_HASH;
+	struct db_web_work work = { .number = request->number, .compares = true };
 	db_time wait;
 
 	if (!user || !password || json_string_length(secret) != strlen(password) ||
-	    strlen(password) > DB_USERS_PASSWORD_MAX || strlen(user) > DB_USERS_NAME_MAX) {
+	    strlen(password) > DB_PASSWORD_MAX || strlen(user) > DB_USERS_NAME_MAX) {
 		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
 		                      "a login is {\"user\": ..., \"password\": ...}");
 		return;
 	}
 	if (db_users_load(&users, server->config->users_file, &db_web_keeper, stderr))
 		known = db_users_find(&users, user);
-	if (known)
-		find_device(request, known);
-	attempt = attempt_of(request, user);
-	wait = db_web_attempts_take(&server->attempts, &attempt, db_client_now());
+	wait = db_web_try_password(request, user, known);
 	if (wait > 0) {
 		refuse_often(request, wait);
 		goto end;
 	}
-	/* An unknown user's answer takes as long as a known one's. */
-	if (known)
-		hash = known->hash;
-	else if (users.count > 0)
-		hash = users.list[0].hash;
 	request->answer_by = db_client_now() + HASH_WITHIN;
-	request->known = known;
-	if (known) {
-		request->login_role = known->role;
-		request->digest = db_users_digest(known);
-	}
-	if (!db_web_hasher_ask(server->hasher, request->number, password, hash,
+	if (known && (request->known = malloc(sizeof(*known))))
+		*request->known = *known;
+	/* An unknown user's answer takes as long as a known one's. */
+	if (!known)
+		(void)snprintf(work.user.hash, sizeof(work.user.hash), "%s",
+		               users.count > 0 && !users.list[0].pam ? users.list[0].hash :
+		                                                       NOBODY_HASH);
+	else
+		work.user = *known;
+	work.pam_folder = server->config->pam_folder;
+	(void)snprintf(work.password, sizeof(work.password), "%s", password);
+	if (known && !known->pam)
+		request->weak = db_password_judge(password, user,
+		                                  server->config->password_min_length);
+	if (!db_web_hasher_ask(work.user.pam ? server->asker : server->hasher, &work,
 	                       request->device[0] != '\0'))
 		refuse_often(request, DB_NS_PER_S);
+	explicit_bzero(&work, sizeof(work));
 	/* The password is needed nowhere else. */
 	if (request->body)
 		explicit_bzero(request->body, request->used);
@@ -154,7 +174,7 @@ end:
 	db_users_clear(&users);
 }
 
-static void begin_session(struct db_web_request *request, const char *user)
+static void begin_session(struct db_web_request *request)
 {
 	struct db_web_server *server = request->server;
 	struct db_web_secret secrets[2];
@@ -168,54 +188,48 @@ static void begin_session(struct db_web_request *request, const char *user)
 	/* The session of this cookie so far ends. */
 	if (request->session[0] != '\0')
 		end_session(server, request->session);
-	session = db_web_sessions_begin(server->sessions, user, request->login_role,
-	                                request->digest, secrets, db_client_now());
+	session = db_web_sessions_begin(server->sessions, request->known, request->weak, secrets,
+	                                db_client_now());
 	explicit_bzero(secrets, sizeof(secrets));
 	(void)snprintf(request->user, sizeof(request->user), "%s", session->user);
 	(void)snprintf(request->session, sizeof(request->session), "%s", session->id);
 	(void)snprintf(request->token, sizeof(request->token), "%s", session->token);
-	request->role = session->role;
+	request->pam = session->pam;
+	request->grant = session->grant;
+	request->grant.stops = server->config->readers_may_stop == DB_WEB_YES;
 	request->logged_in = true;
+	/* Already this connection is one of somebody who is logged in. */
+	if (request->place)
+		request->place->known = true;
 	db_web_request_set_cookie(request, session->id);
 	db_web_login_tell(request);
 }
 
-void db_web_login_compared(struct db_web_server *server)
+void db_web_login_end(struct db_web_request *request, const struct db_web_work *work)
 {
-	struct db_web_caller caller;
-	uint64_t number;
-	bool right;
+	struct db_web_server *server = request->server;
+	const char *user = json_string_value(json_object_get(request->parameters, "user"));
+	struct db_web_caller caller = db_web_request_caller(request);
 
-	while (db_web_hasher_take(server->hasher, &number, &right)) {
-		struct db_web_request *request = server->requests;
-		struct db_web_attempt attempt;
-		const char *user;
+	if (work->right && request->known) {
+		const char *role = db_role_name(request->known->grant.role);
 
-		while (request && request->number != number)
-			request = request->next;
-		if (!request || request->status != 0)
-			continue;
-		user = json_string_value(json_object_get(request->parameters, "user"));
-		caller = db_web_request_caller(request);
-		if (right && request->known) {
-			attempt = attempt_of(request, user);
-			db_web_attempts_give_back(&server->attempts, &attempt);
-			db_client_log(DB_CLIENT_NOTICE, "%s: logged in as %s, %s", caller.text,
-			              user, db_role_name(request->login_role));
-			db_web_service_note(server->service, "login", "in", user, caller.from,
-			                    db_role_name(request->login_role), false);
-			server->counts.logins++;
-			begin_session(request, user);
-		} else {
-			/* An unknown name may be a password typed in the wrong field. */
-			log_login(request, " failed", request->known ? user : "an unknown user");
-			db_web_service_note(server->service, "login", "in", "", caller.from,
-			                    request->known ? user : "an unknown user", true);
-			server->counts.failed_logins++;
-			db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginFailed",
-			                      "the user or the password is wrong");
-		}
+		db_web_try_was_right(request, user);
+		db_client_log(DB_CLIENT_NOTICE, "%s: logged in as %s, %s%s%s", caller.text, user,
+		              role, request->weak ? "; the password is weak: " : "",
+		              request->weak ? request->weak : "");
+		db_web_service_note(server->service, "login", "in", user, caller.from, role, false);
+		server->counts.logins++;
+		begin_session(request);
+		return;
 	}
+	/* An unknown name may be a password typed in the wrong field. */
+	log_login(request, " failed", request->known ? user : "an unknown user", work->why);
+	db_web_service_note(server->service, "login", "in", "", caller.from,
+	                    request->known ? user : "an unknown user", true);
+	server->counts.failed_logins++;
+	db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginFailed",
+	                      "the user or the password is wrong");
 }
 
 void db_web_logout(struct db_web_request *request)
@@ -233,25 +247,50 @@ void db_web_logout(struct db_web_request *request)
 	request->user[0] = '\0';
 	request->session[0] = '\0';
 	request->token[0] = '\0';
-	request->role = server->config->read == DB_WEB_READ_ALL ? DB_ROLE_READER : DB_ROLE_NONE;
+	request->grant = db_web_grant_of_nobody(server->config);
+	request->weak = NULL;
 	db_web_login_tell(request);
 }
 
-static bool may_stay(const void *context, const struct db_web_session *session)
+/* True while the user of this session changes his own password. */
+static bool changes_own_password(const struct db_web_server *server, const char *session)
 {
-	const struct db_user *user = db_users_find(context, session->user);
-	bool same = user && db_users_digest(user) == session->hash;
+	const struct db_web_request *request = server->requests;
 
-	if (!same)
-		db_client_log(DB_CLIENT_NOTICE, "%s: logged out, for the file of users has changed",
-		              session->user);
-	return same;
+	while (request && (request->route.kind != DB_WEB_PASSWORD || request->status != 0 ||
+	                   strcmp(request->session, session) != 0))
+		request = request->next;
+	return request;
+}
+
+struct review {
+	struct db_web_server *server;
+	struct db_users users;
+};
+
+static bool may_stay(void *context, const struct db_web_session *session)
+{
+	struct review *review = context;
+	const struct db_user *user = db_users_find(&review->users, session->user);
+
+	if (user && db_users_digest(user) == session->hash)
+		return true;
+	/* With another password alone, which he is just giving himself: looked at again then. */
+	if (user && user->grant.role == session->grant.role &&
+	    strcmp(user->grant.drives, session->grant.drives) == 0 &&
+	    changes_own_password(review->server, session->id)) {
+		review->server->users_stamp = 0;
+		return true;
+	}
+	db_client_log(DB_CLIENT_NOTICE, "%s: logged out, for the file of users has changed",
+	              session->user);
+	return false;
 }
 
 void db_web_login_review(struct db_web_server *server)
 {
-	struct db_users users;
-	uint64_t stamp = db_users_stamp(server->config->users_file);
+	struct review review = { .server = server };
+	uint64_t stamp = db_users_stamp(server->config->users_file, &db_web_keeper);
 
 	if (stamp == server->users_stamp)
 		return;
@@ -261,7 +300,7 @@ void db_web_login_review(struct db_web_server *server)
 		                    server->config->users_file, false);
 	server->users_stamp = stamp;
 	/* If the file cannot be read, there are no users. */
-	(void)db_users_load(&users, server->config->users_file, &db_web_keeper, stderr);
-	db_web_sessions_review(server->sessions, may_stay, &users);
-	db_users_clear(&users);
+	(void)db_users_load(&review.users, server->config->users_file, &db_web_keeper, stderr);
+	db_web_sessions_review(server->sessions, may_stay, &review);
+	db_users_clear(&review.users);
 }

@@ -12,8 +12,8 @@ void db_web_login_tell(struct db_web_request *request);
 void db_web_login(struct db_web_request *request);
 void db_web_logout(struct db_web_request *request);
 
-/* The hasher has answers. */
-void db_web_login_compared(struct db_web_server *server);
+/* The password of a login was compared. */
+void db_web_login_end(struct db_web_request *request, const struct db_web_work *work);
 
 /* Logs out users that were removed from the file of users, or have another password or role. */
 void db_web_login_review(struct db_web_server *server);

@@ -78,7 +78,7 @@ static bool may_fetch(const struct db_web_request *request)
 {
 	const struct db_setting_list *allow = &request->server->config->metrics_allow;
 
-	if (request->session[0] != '\0' && request->role >= DB_ROLE_READER)
+	if (request->session[0] != '\0' && db_grant_has(&request->grant, DB_MAY_LOOK, NULL))
 		return true;
 	if (allow->word == DB_SETTING_NAMED)
 		return db_web_networks_have(allow, &request->address);

@@ -296,6 +296,9 @@ void db_web_request_free(struct db_web_request *request)
 	if (request->end_stream)
 		request->end_stream(request->stream);
 	json_decref(request->parameters);
+	if (request->known)
+		explicit_bzero(request->known, sizeof(*request->known));
+	free(request->known);
 	if (request->body)
 		explicit_bzero(request->body, request->used);
 	free(request->body);

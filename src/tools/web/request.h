@@ -27,7 +27,9 @@ struct db_web_request {
 	struct db_web_address proxy;      /* that has told the address */
 	bool proxied;                     /* there is such a one */
 	bool secure;                      /* the browser's connection is encrypted */
-	enum db_role role;                /* at least the role that everybody has */
+	struct db_grant grant;            /* at least what everybody may */
+	const char *weak;                 /* what is wrong with the password, as of the session */
+	bool pam;                         /* likewise, PAM checks it */
 	char user[DB_USERS_NAME_MAX + 1]; /* "": nobody is logged in */
 	char session[DB_WEB_SECRET_TEXT]; /* "": nobody is logged in */
 	char token[DB_WEB_SECRET_TEXT];   /* "": there is no cookie */
@@ -40,11 +42,9 @@ struct db_web_request {
 	bool too_long;
 	json_t *parameters; /* of the body; an object */
 
-	/* For a login: whether the user exists, and the role after the login. */
-	bool known;
-	bool logged_in; /* by this request */
-	enum db_role login_role;
-	unsigned long digest;
+	/* For a login: the user; NULL: there is none of this name. */
+	struct db_user *known;
+	bool logged_in;                  /* by this request */
 	char device[DB_WEB_SECRET_TEXT]; /* the browser's; "": not known as this user's */
 
 	bool taken; /* it has been dispatched */

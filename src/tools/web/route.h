@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a request asks for, by its method and path: one table of all paths and the role that each
- * needs. Pure.
+ * What a request asks for, by its method and path: one table of all paths and what each needs. Pure.
  */
 #ifndef DRIVEBRIDGE_WEB_ROUTE_H
 #define DRIVEBRIDGE_WEB_ROUTE_H
@@ -19,6 +18,10 @@ enum db_web_kind {
 	DB_WEB_METRICS,
 	DB_WEB_LOGIN,
 	DB_WEB_LOGOUT,
+	DB_WEB_PASSWORD,  /* the user's own is changed */
+	DB_WEB_USERS,     /* the list of them */
+	DB_WEB_USERS_PUT, /* one is made, or changed */
+	DB_WEB_USERS_REMOVE,
 	DB_WEB_ALIVE,
 	DB_WEB_JOG,
 	DB_WEB_COMMISSION,       /* the stream of a commissioning */
@@ -37,9 +40,10 @@ enum db_web_kind {
 
 struct db_web_route {
 	enum db_web_kind kind;
-	const char *name;  /* the call's method, or the file; else "" */
-	enum db_role role; /* that the request needs */
-	bool acts;         /* uses the tab's own connection */
+	const char *name; /* the call's method, or the file; else "" */
+	/* What the request needs at least; its content may need more: db_web_admit_content(). */
+	enum db_may needs;
+	bool acts; /* uses the tab's own connection */
 };
 
 /* Largest body, in bytes: of a request, and of one with a file. */

@@ -15,6 +15,7 @@
 #include "web/stops.h"
 #include "web/stream.h"
 #include "web/tabs.h"
+#include "web/users.h"
 
 #include <errno.h>
 #include <signal.h>
@@ -102,7 +103,7 @@ static void make_call(struct db_web_request *request)
 
 static void begin_stream(struct db_web_request *request)
 {
-	if (request->route.role == DB_ROLE_OPERATOR)
+	if (request->route.needs > DB_MAY_LOOK)
 		db_web_log_action(request, request->route.name, request->parameters);
 	db_web_stream_begin(request);
 }
@@ -120,6 +121,10 @@ static void dispatch(struct db_web_request *request)
 		[DB_WEB_METRICS] = db_web_metrics,
 		[DB_WEB_LOGIN] = db_web_login,
 		[DB_WEB_LOGOUT] = db_web_logout,
+		[DB_WEB_PASSWORD] = db_web_users_take,
+		[DB_WEB_USERS] = db_web_users_take,
+		[DB_WEB_USERS_PUT] = db_web_users_take,
+		[DB_WEB_USERS_REMOVE] = db_web_users_take,
 		[DB_WEB_ALIVE] = db_web_tabs_keep_alive,
 		[DB_WEB_JOG] = db_web_tabs_jog,
 		[DB_WEB_COMMISSION] = db_web_commission_take,
@@ -143,6 +148,10 @@ static void dispatch(struct db_web_request *request)
 		return;
 	}
 	if (kind != DB_WEB_FILE && !parse_body(request))
+		return;
+	if (request->route.needs > DB_MAY_LOOK)
+		db_web_admit_content(request);
+	if (request->status != 0)
 		return;
 	if (request->session[0] != '\0' && kind != DB_WEB_ALIVE && kind != DB_WEB_COMMISSION_SAY)
 		db_web_sessions_touch(request->server->sessions, request->session, db_client_now());
@@ -375,12 +384,41 @@ static int on_turn(sd_event_source *source, void *data)
 	return 0;
 }
 
+static void take_compared(struct db_web_server *server, struct db_web_hasher *hasher)
+{
+	struct db_web_work work;
+
+	while (db_web_hasher_take(hasher, &work)) {
+		struct db_web_request *request = server->requests;
+
+		while (request && request->number != work.number)
+			request = request->next;
+		if (request && request->status != 0)
+			request = NULL;
+		if (work.change != DB_WEB_CHANGE_NONE ||
+		    (request && request->route.kind != DB_WEB_LOGIN))
+			db_web_users_end(server, request, &work);
+		else if (request)
+			db_web_login_end(request, &work);
+	}
+	explicit_bzero(&work, sizeof(work));
+}
+
 static int on_hashed(sd_event_source *source, int fd, uint32_t events, void *data)
 {
 	(void)source;
 	(void)fd;
 	(void)events;
-	db_web_login_compared(data);
+	take_compared(data, ((struct db_web_server *)data)->hasher);
+	return 0;
+}
+
+static int on_asked(sd_event_source *source, int fd, uint32_t events, void *data)
+{
+	(void)source;
+	(void)fd;
+	(void)events;
+	take_compared(data, ((struct db_web_server *)data)->asker);
 	return 0;
 }
 
@@ -579,12 +617,13 @@ static bool start(struct db_web_server *server)
 	server->sessions = db_web_sessions_new(config->session_idle_min * 60 * DB_NS_PER_S,
 	                                       config->session_h * 3600 * DB_NS_PER_S);
 	server->hasher = db_web_hasher_new();
+	server->asker = db_web_hasher_new();
 	server->service = db_web_service_new(server, on_service_changed, on_token, server);
 	server->stops = db_web_stops_new(server);
 	if (server->service)
 		server->overview = db_web_overview_new(server);
-	if (!server->connections || !server->sessions || !server->hasher || !server->stops ||
-	    !server->overview ||
+	if (!server->connections || !server->sessions || !server->hasher || !server->asker ||
+	    !server->stops || !server->overview ||
 	    sd_event_add_defer(server->loop, &server->turn, on_turn, server) < 0 ||
 	    sd_event_add_time_relative(server->loop, &server->pause, CLOCK_MONOTONIC, 0,
 	                               PAUSE_ACCURACY_US, on_pause, server) < 0 ||
@@ -592,6 +631,8 @@ static bool start(struct db_web_server *server)
 	                               TICK_ACCURACY_US, on_tick, server) < 0 ||
 	    sd_event_add_io(server->loop, &server->hashed, db_web_hasher_fd(server->hasher),
 	                    EPOLLIN, on_hashed, server) < 0 ||
+	    sd_event_add_io(server->loop, &server->asked, db_web_hasher_fd(server->asker), EPOLLIN,
+	                    on_asked, server) < 0 ||
 	    sd_event_add_signal(server->loop, &server->signals[0], SIGTERM, on_signal, server) <
 	            0 ||
 	    sd_event_add_signal(server->loop, &server->signals[1], SIGINT, on_signal, server) < 0 ||
@@ -643,6 +684,7 @@ int db_web_serve(const void *config, sd_event *loop)
 	db_web_setup_free(&server);
 	db_web_overview_free(server.overview);
 	db_web_hasher_free(server.hasher);
+	db_web_hasher_free(server.asker);
 	db_web_sessions_free(server.sessions);
 	db_web_page_free(server.page);
 	db_web_connections_free(server.connections);
@@ -652,6 +694,7 @@ int db_web_serve(const void *config, sd_event *loop)
 	sd_event_source_disable_unref(server.pause);
 	sd_event_source_disable_unref(server.tick);
 	sd_event_source_disable_unref(server.hashed);
+	sd_event_source_disable_unref(server.asked);
 	sd_event_source_disable_unref(server.signals[0]);
 	sd_event_source_disable_unref(server.signals[1]);
 	sd_event_source_disable_unref(server.signals[2]);

@@ -64,8 +64,7 @@ static bool is_over(const struct db_web_sessions *sessions, const struct db_web_
 }
 
 const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessions,
-                                                   const char *user, enum db_role role,
-                                                   unsigned long hash,
+                                                   const struct db_user *user, const char *weak,
                                                    const struct db_web_secret secrets[2],
                                                    db_time now)
 {
@@ -82,9 +81,11 @@ const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessi
 	clear(place);
 	db_web_secret_write(&secrets[0], place->id);
 	db_web_secret_write(&secrets[1], place->token);
-	(void)snprintf(place->user, sizeof(place->user), "%s", user);
-	place->role = role;
-	place->hash = hash;
+	(void)snprintf(place->user, sizeof(place->user), "%s", user->name);
+	place->grant = user->grant;
+	place->pam = user->pam;
+	place->weak = weak;
+	place->hash = db_users_digest(user);
 	place->begun = now;
 	place->used = now;
 	return place;
@@ -119,6 +120,17 @@ void db_web_sessions_touch(struct db_web_sessions *sessions, const char *id, db_
 		session->used = now;
 }
 
+void db_web_sessions_renew(struct db_web_sessions *sessions, const char *id,
+                           const struct db_user *user)
+{
+	struct db_web_session *session = look_up(sessions, id);
+
+	if (!session || strcmp(session->user, user->name) != 0)
+		return;
+	session->weak = NULL;
+	session->hash = db_users_digest(user);
+}
+
 void db_web_sessions_end(struct db_web_sessions *sessions, const char *id)
 {
 	struct db_web_session *session = look_up(sessions, id);
@@ -128,7 +140,7 @@ void db_web_sessions_end(struct db_web_sessions *sessions, const char *id)
 }
 
 void db_web_sessions_review(struct db_web_sessions *sessions, db_web_session_check_fn *check,
-                            const void *context)
+                            void *context)
 {
 	for (size_t i = 0; i < DB_WEB_SESSIONS_MAX; i++) {
 		struct db_web_session *session = &sessions->list[i];

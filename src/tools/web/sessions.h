@@ -13,7 +13,7 @@
 #define DRIVEBRIDGE_WEB_SESSIONS_H
 
 #include "drivebridge/time.h"
-#include "users/roles.h"
+#include "users/users.h"
 
 #include <stdbool.h>
 
@@ -31,7 +31,9 @@ struct db_web_session {
 	char id[DB_WEB_SECRET_TEXT]; /* "": the place is free */
 	char token[DB_WEB_SECRET_TEXT];
 	char user[DB_USERS_NAME_MAX + 1];
-	enum db_role role;
+	struct db_grant grant;
+	bool pam;           /* his password is not this program's */
+	const char *weak;   /* what is wrong with his password by today's rules; NULL: nothing */
 	unsigned long hash; /* of the user's line, to detect a change */
 	db_time begun;
 	db_time used;
@@ -53,10 +55,10 @@ bool db_web_secret_is_good(const char *text);
 /* True if two texts are equal, in a time that does not depend on where they differ. */
 bool db_web_secret_equal(const char *one, const char *other);
 
-/* Begins a session with two unused secrets. Belongs to the sessions, valid until the next call. */
+/* Begins a session with two unused secrets; `weak` is a constant. Belongs to the sessions, valid until
+ * the next call. */
 const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessions,
-                                                   const char *user, enum db_role role,
-                                                   unsigned long hash,
+                                                   const struct db_user *user, const char *weak,
                                                    const struct db_web_secret secrets[2],
                                                    db_time now);
 
@@ -68,11 +70,15 @@ const struct db_web_session *db_web_sessions_find(struct db_web_sessions *sessio
 /* It was used. */
 void db_web_sessions_touch(struct db_web_sessions *sessions, const char *id, db_time now);
 
+/* The user of this session has changed his own password: it stays when sessions are reviewed. */
+void db_web_sessions_renew(struct db_web_sessions *sessions, const char *id,
+                           const struct db_user *user);
+
 void db_web_sessions_end(struct db_web_sessions *sessions, const char *id);
 
 /* Ends sessions whose user was changed: `check` returns whether a session may stay. */
-typedef bool db_web_session_check_fn(const void *context, const struct db_web_session *session);
+typedef bool db_web_session_check_fn(void *context, const struct db_web_session *session);
 void db_web_sessions_review(struct db_web_sessions *sessions, db_web_session_check_fn *check,
-                            const void *context);
+                            void *context);
 
 #endif

@@ -50,6 +50,7 @@ struct db_web_server {
 	unsigned runs;          /* in a row, for no other reason than that the daemon asks for it */
 	sd_event_source *tick;
 	sd_event_source *hashed;
+	sd_event_source *asked;
 	sd_event_source *signals[3];
 	bool ending;
 	db_time end_by;
@@ -58,6 +59,7 @@ struct db_web_server {
 	struct db_attempts attempts;
 	struct db_client_log_rations login_lines; /* for failed logins */
 	struct db_web_hasher *hasher;
+	struct db_web_hasher *asker; /* of PAM, which may take seconds */
 	uint64_t users_stamp; /* of the file of users when sessions were last checked against it */
 	struct db_web_service *service;
 	struct db_web_stops *stops;

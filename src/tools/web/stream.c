@@ -407,8 +407,8 @@ static bool may_go_on(struct db_web_stream *stream, db_time now)
 
 	if (request->session[0] == '\0')
 		return true;
-	/* Viewing keeps a session alive without input; an operator's session has to expire. */
-	if (request->role < DB_ROLE_OPERATOR &&
+	/* Viewing keeps an observer's session alive without input; those of others have to expire. */
+	if (request->grant.role == DB_ROLE_OBSERVER &&
 	    db_web_sessions_find(sessions, request->session, now))
 		db_web_sessions_touch(sessions, request->session, now);
 	return db_web_sessions_find(sessions, request->session, now);

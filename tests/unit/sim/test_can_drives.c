@@ -168,7 +168,7 @@ static void a_power_cycle_forgets_answers(void **state)
 	assert_true(sim_can_bus_put(b->bus, &request, b->now));
 	/* Heard (a frame of two bytes takes less than 200 us), and the answer is in the making. */
 	assert_int_equal(run(b, 300 * DB_NS_PER_US), 0);
-	assert_int_equal(b->nodes[0].heard, 1);
+	assert_int_equal(b->nodes[0].received, 1);
 	sim_vsmd_power(b->nodes[0].drive, false, b->now);
 	sim_vsmd_power(b->nodes[0].drive, true, b->now);
 	assert_int_equal(run(b, ANSWERED), 0);

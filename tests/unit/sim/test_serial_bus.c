@@ -289,7 +289,7 @@ static void the_witness_hears_what_the_drive_obeys(void **state)
 	struct bench *b = *state;
 
 	testimony[0] = '\0';
-	b->nodes[0].witness.tell = remember;
+	b->nodes[0].witness.report = remember;
 	talk(b, "1 mov spd=10\n");
 	talk(b, "1 dev\n");
 	talk(b, "1 ena\n");

@@ -10,7 +10,7 @@
 #include "sched/engine.h"
 #include "sim/can_bus.h"
 #include "sim/servo_can_node.h"
-#include "sim/servo_view.h"
+#include "sim/servo_drive.h"
 #include "transport/transport_private.h"
 
 #include <math.h>
@@ -129,7 +129,7 @@ static void a_node_answers_its_own_frames(void **state)
 	/* Another's, another's command words, and what nobody documents. */
 	hear(&alone, 0x024, BYTES(0, 1));
 	hear(&alone, 0x0C5, BYTES(0, 0, 0, 0));
-	assert_int_equal(alone.node.heard, 3);
+	assert_int_equal(alone.node.received, 3);
 	hear(&alone, 0x0A5, BYTES(0x80, 0, 0, 0));
 	hear(&alone, 0x025, BYTES(0, 2));
 	assert_int_equal(alone.node.unknown, 2);

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The simulated servo: what its motor does, in made-up time. */
 #include "sim/servo_drive.h"
-#include "sim/servo_view.h"
 
 #include <math.h>
 #include <setjmp.h>

@@ -212,7 +212,7 @@ static void other_frames_are_nothing(void **state)
 		hear(b, others[i]);
 		assert_string_equal(next(b), "");
 	}
-	assert_int_equal(b->node.heard, 0);
+	assert_int_equal(b->node.received, 0);
 	assert_int_equal(refusals(b), 0);
 	assert_false(status_of(b).status & VSMD_ST_HS);
 }
@@ -223,7 +223,7 @@ static void a_broadcast_is_obeyed(void **state)
 
 	hear(b, "00040382#");
 	assert_int_equal(count(b, VSMD_OFF), 1);
-	assert_int_equal(b->node.heard, 1);
+	assert_int_equal(b->node.received, 1);
 	assert_string_equal(b->node.log[0].line, "00040382#");
 }
 

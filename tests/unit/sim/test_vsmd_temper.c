@@ -40,7 +40,7 @@ static struct vsmd_status told(struct bench *b)
 {
 	struct vsmd_status status;
 
-	sim_vsmd_tell_status(b->drive, true, b->now, &status);
+	sim_vsmd_report_status(b->drive, true, b->now, &status);
 	return status;
 }
 

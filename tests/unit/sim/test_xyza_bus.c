@@ -2,7 +2,7 @@
 /* XYZA controllers on a line, and the simulator with such a line in its configuration. */
 #include "sim/serial_bus.h"
 
-#include "codec/xyza.h"
+#include "codec/xyza_frames.h"
 #include "sim/commands.h"
 #include "sim/xyza_controller.h"
 
@@ -153,7 +153,7 @@ static void only_the_one_that_is_meant_answers(void **state)
 	const struct xyza_request nobody = { .verb = XYZA_VERB_ONLINE, .object = 3 };
 
 	assert_int_equal(reply_to(b, &other).object, 2);
-	assert_int_equal(b->nodes[0].heard, 0);
+	assert_int_equal(b->nodes[0].received, 0);
 	ask(b, &nobody);
 	assert_int_equal(b->length, 0);
 	assert_int_equal(sim_serial_bus_stats(b->bus)->foreign, 1);
@@ -180,7 +180,7 @@ static void replies_on_the_line_are_no_requests(void **state)
 
 	send_bytes(b, frame, sizeof(frame));
 	assert_int_equal(b->length, 0);
-	assert_int_equal(b->nodes[0].heard, 0);
+	assert_int_equal(b->nodes[0].received, 0);
 }
 
 static void noise_before_a_request_does_no_harm(void **state)
@@ -205,7 +205,7 @@ static void half_a_request_is_forgotten(void **state)
 	assert_int_equal(b->length, 0);
 	b->now += SECOND;
 	assert_int_equal(reply_to(b, &online).kind, XYZA_REPLY_DONE);
-	assert_int_equal(sim_serial_bus_stats(b->bus)->unheard, 1);
+	assert_int_equal(sim_serial_bus_stats(b->bus)->missed, 1);
 }
 
 /* --- faults --------------------------------------------------------------------------------------- */
@@ -321,7 +321,7 @@ static void silence_and_no_power_are_silent(void **state)
 	assert_int_equal(b->length, 0);
 	sim_xyza_power(b->nodes[0].xyza, true, b->now);
 	assert_int_equal(reply_to(b, &online).kind, XYZA_REPLY_DONE);
-	assert_int_equal(sim_serial_bus_stats(b->bus)->unheard, 2);
+	assert_int_equal(sim_serial_bus_stats(b->bus)->missed, 2);
 }
 
 static void two_of_one_number_are_not_understood(void **state)

@@ -10,12 +10,10 @@
  * is switched off, so that the move cannot begin later, and the move has failed; a speed or current
  * that does not show (a blocked motor, a slow ramp) is unproven.
  */
-#include "driver/servo_can/commands.h"
+#include "driver/servo_can/servo_can_private.h"
 
 #include "driver/servo_can/frames.h"
 #include "driver/servo_can/options.h"
-#include "driver/servo_can/settings.h"
-#include "driver/servo_can/state.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -43,21 +41,6 @@ static bool may_resend(struct db_conversation *talk)
 	return progress_of(talk)->resends++ < RESENDS_MAX;
 }
 
-/* True if it carries out a speed or current at once. */
-static bool obeys_setpoint(const struct db_device *device)
-{
-	bool by_setpoint = device->mode == SERVO_CAN_MODE_SPEED ||
-	                   device->mode == SERVO_CAN_MODE_CURRENT;
-
-	return by_setpoint && !device->synchronous;
-}
-
-/* True if speed or current 0 stops the motor; otherwise only switching its power off does. */
-static bool stops_by_setpoint(const struct db_device *device)
-{
-	return obeys_setpoint(device) && !device->stop_refused;
-}
-
 /* True if the power must be switched off because of a fault. Where speed or current 0 stops the
  * motor, this is not needed. */
 static bool fault_takes_power(const struct db_device *device)
@@ -65,22 +48,10 @@ static bool fault_takes_power(const struct db_device *device)
 	if (device->options->on_fault == SERVO_CAN_ON_FAULT_NONE)
 		return false;
 	return device->options->on_fault == SERVO_CAN_ON_FAULT_DISABLE ||
-	       !stops_by_setpoint(device);
+	       !servo_can_stops_by_setpoint(device);
 }
 
 /* --- power ------------------------------------------------------------------------------------ */
-
-/* Without power the trigger has no effect: it is reset now, so that the next move can raise it. */
-static enum db_step drop_trigger(struct db_conversation *talk, enum db_result result)
-{
-	if (talk->device->trigger != LEVEL_HIGH || progress_of(talk)->dropped)
-		return end_job(talk, result);
-	/* Tried once: a stop does not depend on it, and every move makes sure that the trigger is
-	 * low. */
-	progress_of(talk)->dropped = true;
-	talk->device->trigger = LEVEL_NOT_KNOWN;
-	return servo_can_say_trigger(talk, false);
-}
 
 /* If the power is off, the job ends with `result`; else it ends as `not_seen`. */
 static enum db_step confirm_no_power(struct db_conversation *talk, enum db_result result,
@@ -94,7 +65,15 @@ static enum db_step confirm_no_power(struct db_conversation *talk, enum db_resul
 		return took_too_long(talk) ? end_job(talk, not_seen) : servo_can_read_all(talk);
 	device->going = false;
 	device->has_target = false;
-	return drop_trigger(talk, result);
+	/* Without power the trigger has no effect: it is reset now, so that the next move can raise
+	 * it. */
+	if (talk->device->trigger != LEVEL_HIGH || progress_of(talk)->dropped)
+		return end_job(talk, result);
+	/* Tried once: a stop does not depend on it, and every move makes sure that the trigger is
+	 * low. */
+	progress_of(talk)->dropped = true;
+	talk->device->trigger = LEVEL_NOT_KNOWN;
+	return servo_can_send_trigger(talk, false);
 }
 
 static enum db_step confirm_disable(struct db_conversation *talk)
@@ -110,19 +89,19 @@ static enum db_step confirm_retreat(struct db_conversation *talk)
 
 /* Another program may have left a speed or a current: it is set to 0, if the drive accepts that
  * now. */
-static bool says_clear(struct db_conversation *talk, enum servo_can_mode mode, enum db_step *step)
+static bool sends_clear(struct db_conversation *talk, enum servo_can_mode mode, enum db_step *step)
 {
 	bool current = mode == SERVO_CAN_MODE_CURRENT;
 
 	if (mode == SERVO_CAN_MODE_POSITION ||
 	    is_done(talk, current ? STEP_CLEAR_CURRENT : STEP_CLEAR_SPEED))
 		return false;
-	*step = servo_can_say_clear(talk, current ? SERVO_CAN_CURRENT : SERVO_CAN_SPEED);
+	*step = servo_can_send_clear(talk, current ? SERVO_CAN_CURRENT : SERVO_CAN_SPEED);
 	return true;
 }
 
 /* The last speed or current sent by the bridge is set to 0, in its own mode. */
-static bool says_old_setpoint_0(struct db_conversation *talk, enum db_step *step)
+static bool sends_old_setpoint_0(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 
@@ -132,56 +111,56 @@ static bool says_old_setpoint_0(struct db_conversation *talk, enum db_step *step
 	if (device->synchronous)
 		*step = end_job(talk, DB_RESULT_BUSY);
 	else if (device->mode == device->setpoint_mode)
-		*step = servo_can_say_setpoint(talk, 0);
+		*step = servo_can_send_setpoint(talk, 0);
 	else
-		*step = servo_can_say_mode(talk, (enum servo_can_mode)device->setpoint_mode, NULL);
+		*step = servo_can_send_mode(talk, (enum servo_can_mode)device->setpoint_mode, NULL);
 	return true;
 }
 
 /* Sent whatever the drive's state seems to be: a drive that was reset unnoticed may have another
  * setpoint. It must accept the frame in the mode that it has just been given; in a mode that is
  * only assumed it may not use it. */
-static bool says_setpoint_0(struct db_conversation *talk, enum db_step *step)
+static bool sends_setpoint_0(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 
 	if (device->synchronous || device->mode == SERVO_CAN_MODE_POSITION)
 		return false;
 	if (device->mode == SERVO_CAN_MODE_NOT_KNOWN)
-		return says_clear(talk, SERVO_CAN_MODE_SPEED, step) ||
-		       says_clear(talk, SERVO_CAN_MODE_CURRENT, step);
+		return sends_clear(talk, SERVO_CAN_MODE_SPEED, step) ||
+		       sends_clear(talk, SERVO_CAN_MODE_CURRENT, step);
 	if (is_done(talk, STEP_SETPOINT) && device->setpoint_mode == device->mode)
 		return false;
 	if (!is_done(talk, STEP_MODE))
-		return says_clear(talk, (enum servo_can_mode)device->mode, step);
-	*step = servo_can_say_setpoint(talk, 0);
+		return sends_clear(talk, (enum servo_can_mode)device->mode, step);
+	*step = servo_can_send_setpoint(talk, 0);
 	return true;
 }
 
 /* Where moves have their own frame, that frame sets the demand, but a motor with power would move
  * there. */
-static enum db_step say_demand(struct db_conversation *talk, int32_t position)
+static enum db_step send_demand(struct db_conversation *talk, int32_t position)
 {
 	const struct db_device *device = talk->device;
 	bool moves = servo_can_is_powered(device) && position != device->sample.position;
 
 	return device->layout.move.set && !device->move_is_relative && !moves ?
-	               servo_can_say_move(talk, STEP_DEMAND, position) :
-	               servo_can_say_position(talk, STEP_DEMAND, position);
+	               servo_can_send_move(talk, STEP_DEMAND, position) :
+	               servo_can_send_position(talk, STEP_DEMAND, position);
 }
 
 /* The position to be held is the one where the motor stands, whatever was commanded before. */
-static bool says_demand(struct db_conversation *talk, enum db_step *step)
+static bool sends_demand(struct db_conversation *talk, enum db_step *step)
 {
 	if (is_done(talk, STEP_DEMAND))
 		return false;
-	*step = say_demand(talk, talk->device->sample.position);
+	*step = send_demand(talk, talk->device->sample.position);
 	return true;
 }
 
 /* Some drives accept a demand only when CTRG rises. Without power that moves nothing. Afterwards
  * CTRG is reset. */
-static bool says_load(struct db_conversation *talk, enum db_step *step)
+static bool sends_load(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 
@@ -189,19 +168,19 @@ static bool says_load(struct db_conversation *talk, enum db_step *step)
 	    (device->words[0] & SERVO_CAN_POSITIONS) != 0)
 		return false;
 	if (!is_done(talk, STEP_LOAD)) {
-		*step = servo_can_say_load(talk);
+		*step = servo_can_send_load(talk);
 		return true;
 	}
 	if (device->trigger != LEVEL_HIGH || progress_of(talk)->dropped)
 		return false;
 	progress_of(talk)->dropped = true;
-	*step = servo_can_say_trigger(talk, false);
+	*step = servo_can_send_trigger(talk, false);
 	return true;
 }
 
 /* A trigger that another program left high could not rise. Tried once: the drive's reaction is
  * watched. */
-static bool says_trigger_down(struct db_conversation *talk, bool to_rise, enum db_step *step)
+static bool sends_trigger_down(struct db_conversation *talk, bool to_rise, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 	bool needed = device->trigger == LEVEL_HIGH ||
@@ -209,24 +188,24 @@ static bool says_trigger_down(struct db_conversation *talk, bool to_rise, enum d
 
 	if (!needed || is_done(talk, STEP_TRIGGER_DOWN) || is_done(talk, STEP_LOAD))
 		return false;
-	*step = servo_can_say_trigger(talk, false);
+	*step = servo_can_send_trigger(talk, false);
 	return true;
 }
 
 /* A motor that gets power must not move: mode, setpoint and demand are sent each time, because a
  * drive that was reset for a moment has its own. */
-static bool says_before_power(struct db_conversation *talk, enum db_step *step)
+static bool sends_before_power(struct db_conversation *talk, enum db_step *step)
 {
 	const struct db_device *device = talk->device;
 	bool by_position;
 
-	if (says_old_setpoint_0(talk, step) || servo_can_says_all(talk, step) ||
-	    says_setpoint_0(talk, step))
+	if (sends_old_setpoint_0(talk, step) || servo_can_sends_all(talk, step) ||
+	    sends_setpoint_0(talk, step))
 		return true;
 	by_position = device->mode != SERVO_CAN_MODE_SPEED &&
 	              device->mode != SERVO_CAN_MODE_CURRENT;
-	return says_trigger_down(talk, by_position, step) ||
-	       (by_position && (says_demand(talk, step) || says_load(talk, step)));
+	return sends_trigger_down(talk, by_position, step) ||
+	       (by_position && (sends_demand(talk, step) || sends_load(talk, step)));
 }
 
 /* True if the motor moves unintentionally. A motor that turned when it got power may come to rest
@@ -261,43 +240,37 @@ static enum db_step confirm_enable(struct db_conversation *talk)
 		return end_job(talk, DB_RESULT_OK);
 	if (goes_astray(talk) || (progress->has_power && !powered) ||
 	    (powered && servo_can_shows_fault(device) && fault_takes_power(device)))
-		return servo_can_say_retreat(talk);
+		return servo_can_send_retreat(talk);
 	if (powered && !progress->has_power) {
 		progress->has_power = true;
 		progress->since = talk->now;
 	}
 	/* A stop that arrives now must not assume that the motor stands for good. */
-	device->unshown = !took_too_long(talk);
-	if (device->unshown)
-		return servo_can_look_again(talk);
-	return powered ? end_job(talk, DB_RESULT_OK) : servo_can_say_retreat(talk);
-}
-
-static enum db_step begin_power(struct db_conversation *talk)
-{
-	struct servo_can_progress *progress = progress_of(talk);
-	const struct db_device *device = talk->device;
-
-	progress->had_power = servo_can_is_powered(device);
-	progress->ran_out = servo_can_stands(device);
-	progress->from = device->sample.position;
-	progress->before = device->sample.speed;
-	return servo_can_say_power(talk, true);
+	device->may_begin = !took_too_long(talk);
+	if (device->may_begin)
+		return servo_can_read_again(talk);
+	return powered ? end_job(talk, DB_RESULT_OK) : servo_can_send_retreat(talk);
 }
 
 static enum db_step continue_enable(struct db_conversation *talk)
 {
+	struct servo_can_progress *progress = progress_of(talk);
+	const struct db_device *device = talk->device;
 	enum db_step step;
 
-	if (!is_done(talk, STEP_LOOK))
+	if (!is_done(talk, STEP_READ))
 		return servo_can_read_all(talk);
 	if (is_done(talk, STEP_RETREAT))
 		return confirm_retreat(talk);
 	if (is_done(talk, STEP_POWER))
 		return confirm_enable(talk);
-	if (!servo_can_is_powered(talk->device) && says_before_power(talk, &step))
+	if (!servo_can_is_powered(talk->device) && sends_before_power(talk, &step))
 		return step;
-	return begin_power(talk);
+	progress->had_power = servo_can_is_powered(device);
+	progress->ran_out = servo_can_stands(device);
+	progress->from = device->sample.position;
+	progress->before = device->sample.speed;
+	return servo_can_send_power(talk, true);
 }
 
 /* --- stops ------------------------------------------------------------------------------------ */
@@ -313,42 +286,15 @@ static enum db_step continue_stop(struct db_conversation *talk)
 		return end_job(talk, DB_RESULT_OK);
 	}
 	device->has_target = false;
-	if (stops_by_setpoint(device) && servo_can_is_powered(device))
-		return servo_can_say_setpoint(talk, 0);
-	if (device->mode != SERVO_CAN_MODE_POSITION || device->going || device->unshown)
-		return servo_can_say_power(talk, false);
-	if (!is_done(talk, STEP_LOOK))
+	if (servo_can_stops_by_setpoint(device) && servo_can_is_powered(device))
+		return servo_can_send_setpoint(talk, 0);
+	if (device->mode != SERVO_CAN_MODE_POSITION || device->going || device->may_begin)
+		return servo_can_send_power(talk, false);
+	if (!is_done(talk, STEP_READ))
 		return servo_can_read_all(talk);
 	return !servo_can_is_powered(device) || servo_can_is_at_rest(device) ?
 	               end_job(talk, DB_RESULT_OK) :
-	               servo_can_say_power(talk, false);
-}
-
-bool servo_can_write_interrupt(struct db_device *device, enum db_command command,
-                               struct db_exchange *exchange)
-{
-	struct servo_can_message message = { .node = device->node };
-	bool power = command == DB_CMD_DISABLE || !servo_can_is_powered(device);
-	struct db_can_frame frame;
-
-	if (!power && stops_by_setpoint(device))
-		message.kind = device->mode == SERVO_CAN_MODE_CURRENT ? SERVO_CAN_CURRENT :
-		                                                        SERVO_CAN_SPEED;
-	else if (power || device->going || device->unshown ||
-	         (device->mode != SERVO_CAN_MODE_POSITION && !servo_can_is_at_rest(device)))
-		message.kind = SERVO_CAN_ENABLE;
-	/* a drive that seems to hold its position keeps its power until that was read */
-	else
-		return false;
-	if (servo_can_encode(&message, &device->layout, &frame) != SERVO_CAN_OK ||
-	    exchange->request_size < sizeof frame)
-		return false;
-	memcpy(exchange->request, &frame, sizeof frame);
-	exchange->request_length = sizeof frame;
-	exchange->answer_length = 0;
-	/* What is read from now on may show it already. */
-	device->power_taken |= message.kind == SERVO_CAN_ENABLE;
-	return true;
+	               servo_can_send_power(talk, false);
 }
 
 /* --- speed and current ------------------------------------------------------------------------ */
@@ -363,16 +309,6 @@ static enum servo_can_mode mode_of(enum db_command command)
 	default:
 		return SERVO_CAN_MODE_POSITION;
 	}
-}
-
-static int16_t setpoint_of(const struct db_device *device, const struct db_request *request)
-{
-	double steps = request->command == DB_CMD_MOVE_CURRENT ?
-	                       (double)request->args->target_current /
-	                               device->current_command_scale :
-	                       (double)request->args->target_velocity / device->speed_command_scale;
-
-	return (int16_t)lrint(steps);
 }
 
 /* True if the measured value follows the setpoint. */
@@ -401,8 +337,8 @@ static enum db_step retreat_to_0(struct db_conversation *talk)
 {
 	progress_of(talk)->gives_up = true;
 	return talk->device->mode == (int)mode_of(request_of(talk)->command) ?
-	               servo_can_say_setpoint(talk, 0) :
-	               servo_can_say_retreat(talk);
+	               servo_can_send_setpoint(talk, 0) :
+	               servo_can_send_retreat(talk);
 }
 
 static enum db_step prove_setpoint(struct db_conversation *talk)
@@ -439,19 +375,24 @@ static enum db_step change_mode(struct db_conversation *talk, enum servo_can_mod
 		return end_job(talk, DB_RESULT_REFUSED);
 	if (!servo_can_is_at_rest(talk->device))
 		return end_job(talk, DB_RESULT_BUSY);
-	if (mode == SERVO_CAN_MODE_POSITION && says_demand(talk, &step))
+	if (mode == SERVO_CAN_MODE_POSITION && sends_demand(talk, &step))
 		return step;
 	if (!talk->device->synchronous && !talk->device->setpoint_known[mode] &&
-	    says_clear(talk, mode, &step))
+	    sends_clear(talk, mode, &step))
 		return step;
-	return servo_can_say_mode(talk, mode, NULL);
+	return servo_can_send_mode(talk, mode, NULL);
 }
 
 static enum db_step continue_setpoint(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 	enum servo_can_mode mode = mode_of(request_of(talk)->command);
-	int16_t setpoint = setpoint_of(device, request_of(talk));
+	double steps = request_of(talk)->command == DB_CMD_MOVE_CURRENT ?
+	                       (double)request_of(talk)->args->target_current /
+	                               device->current_command_scale :
+	                       (double)request_of(talk)->args->target_velocity /
+	                               device->speed_command_scale;
+	int16_t setpoint = (int16_t)lrint(steps);
 
 	if (is_done(talk, STEP_RETREAT))
 		return confirm_retreat(talk);
@@ -461,24 +402,15 @@ static enum db_step continue_setpoint(struct db_conversation *talk)
 	}
 	/* 0 in the drive's mode is as good as a stop: it is sent without waiting. */
 	if (device->mode == (int)mode && setpoint == 0)
-		return servo_can_say_setpoint(talk, 0);
-	if (!is_done(talk, STEP_LOOK))
+		return servo_can_send_setpoint(talk, 0);
+	if (!is_done(talk, STEP_READ))
 		return servo_can_read_all(talk);
 	/* Without power, or with a fault, the motion would begin when the power returns or the
 	 * fault ends. */
 	if (setpoint != 0 && (!servo_can_is_powered(device) || servo_can_has_fault(device)))
 		return end_job(talk, DB_RESULT_REFUSED);
-	return device->mode == (int)mode ? servo_can_say_setpoint(talk, setpoint) :
+	return device->mode == (int)mode ? servo_can_send_setpoint(talk, setpoint) :
 	                                   change_mode(talk, mode);
-}
-
-static enum db_step continue_sync_start(struct db_conversation *talk)
-{
-	if (!is_done(talk, STEP_SYNC))
-		return servo_can_say_sync(talk);
-	if (follows_setpoint(talk))
-		return end_job(talk, DB_RESULT_OK);
-	return took_too_long(talk) ? end_job(talk, DB_RESULT_UNPROVEN) : servo_can_read_all(talk);
 }
 
 /* --- position --------------------------------------------------------------------------------- */
@@ -528,16 +460,16 @@ static enum db_step begin_move(struct db_conversation *talk)
 
 	/* It may begin even if the acknowledgement never arrives. */
 	device->going = true;
-	device->unshown = true;
+	device->may_begin = true;
 	device->seen_at = device->sample.position;
 	device->seen_moving = talk->now;
 	device->stopping = false;
 	device->has_target = true;
 	device->target = progress_of(talk)->target;
 	if (device->layout.move.set)
-		return servo_can_say_move(talk, STEP_MOVE, device->target);
+		return servo_can_send_move(talk, STEP_MOVE, device->target);
 	device->trigger = LEVEL_HIGH;
-	return servo_can_say_trigger(talk, true);
+	return servo_can_send_trigger(talk, true);
 }
 
 /* A move that does not show may still begin later: it is reported as failed when it no longer
@@ -546,7 +478,7 @@ static enum db_step give_up_move(struct db_conversation *talk)
 {
 	return talk->device->follows_late && servo_can_is_powered(talk->device) ?
 	               end_job(talk, DB_RESULT_INDETERMINATE) :
-	               servo_can_say_retreat(talk);
+	               servo_can_send_retreat(talk);
 }
 
 static enum db_step prove_move(struct db_conversation *talk)
@@ -557,7 +489,7 @@ static enum db_step prove_move(struct db_conversation *talk)
 	if (talk->job->step == STEP_TRIGGER_UP || talk->job->step == STEP_MOVE)
 		return servo_can_read_all(talk);
 	if (follows_target(talk)) {
-		talk->device->unshown = false;
+		talk->device->may_begin = false;
 		return end_job(talk, DB_RESULT_OK);
 	}
 	if (!servo_can_is_powered(talk->device))
@@ -578,7 +510,7 @@ static enum db_step continue_position(struct db_conversation *talk)
 		return confirm_retreat(talk);
 	if (is_done(talk, STEP_TRIGGER_UP) || is_done(talk, STEP_MOVE))
 		return prove_move(talk);
-	if (!is_done(talk, STEP_LOOK))
+	if (!is_done(talk, STEP_READ))
 		return servo_can_read_all(talk);
 	if (servo_can_has_fault(device))
 		return end_job(talk, DB_RESULT_REFUSED);
@@ -592,9 +524,9 @@ static enum db_step continue_position(struct db_conversation *talk)
 	if (device->layout.move.set)
 		return begin_move(talk);
 	if (device->trigger != LEVEL_LOW && !is_done(talk, STEP_TARGET))
-		return servo_can_say_trigger(talk, false);
+		return servo_can_send_trigger(talk, false);
 	if (!is_done(talk, STEP_TARGET))
-		return servo_can_say_position(talk, STEP_TARGET, progress_of(talk)->target);
+		return servo_can_send_position(talk, STEP_TARGET, progress_of(talk)->target);
 	return begin_move(talk);
 }
 
@@ -618,7 +550,7 @@ static enum db_step prove_feedback(struct db_conversation *talk)
 	if (!servo_can_stands(device) || device->sample.position != progress_of(talk)->from ||
 	    !may_resend(talk))
 		return end_job(talk, DB_RESULT_INDETERMINATE);
-	return servo_can_say_position(talk, STEP_FEEDBACK, wanted);
+	return servo_can_send_position(talk, STEP_FEEDBACK, wanted);
 }
 
 /* Demand and position become equal, so that nothing jumps when the position is held again. */
@@ -630,16 +562,16 @@ static enum db_step continue_set_position(struct db_conversation *talk)
 
 	if (is_done(talk, STEP_FEEDBACK))
 		return prove_feedback(talk);
-	if (!is_done(talk, STEP_LOOK))
+	if (!is_done(talk, STEP_READ))
 		return servo_can_read_all(talk);
 	if (servo_can_is_powered(device) && held)
 		return end_job(talk, DB_RESULT_REFUSED);
 	if (!servo_can_is_at_rest(device))
 		return end_job(talk, DB_RESULT_BUSY);
 	if (!is_done(talk, STEP_DEMAND))
-		return say_demand(talk, wanted);
+		return send_demand(talk, wanted);
 	progress_of(talk)->from = device->sample.position;
-	return servo_can_say_position(talk, STEP_FEEDBACK, wanted);
+	return servo_can_send_position(talk, STEP_FEEDBACK, wanted);
 }
 
 /* --- commands --------------------------------------------------------------------------------- */
@@ -651,7 +583,7 @@ enum db_step servo_can_continue_command(struct db_conversation *talk)
 		return continue_enable(talk);
 	case DB_CMD_DISABLE:
 		return is_done(talk, STEP_POWER) ? confirm_disable(talk) :
-		                                   servo_can_say_power(talk, false);
+		                                   servo_can_send_power(talk, false);
 	case DB_CMD_STOP:
 	case DB_CMD_QUICK_STOP:
 		return continue_stop(talk);
@@ -664,9 +596,14 @@ enum db_step servo_can_continue_command(struct db_conversation *talk)
 	case DB_CMD_SET_POSITION:
 		return continue_set_position(talk);
 	case DB_CMD_SYNC_START:
-		return continue_sync_start(talk);
+		if (!is_done(talk, STEP_SYNC))
+			return servo_can_send_sync(talk);
+		if (follows_setpoint(talk))
+			return end_job(talk, DB_RESULT_OK);
+		return took_too_long(talk) ? end_job(talk, DB_RESULT_UNPROVEN) :
+		                             servo_can_read_all(talk);
 	case DB_CMD_READ_PARAMETERS:
-		if (!is_done(talk, STEP_LOOK))
+		if (!is_done(talk, STEP_READ))
 			return servo_can_read_all(talk);
 		/* There are no parameters that could be read. */
 		talk->device->params_valid = true;
@@ -687,7 +624,7 @@ enum db_step servo_can_continue_command(struct db_conversation *talk)
 
 /* No motion may begin by itself when the fault is gone. Sent again with each poll until this is
  * ensured. */
-static bool says_because_of_fault(struct db_conversation *talk, enum db_step *step)
+static bool sends_because_of_fault(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 
@@ -697,16 +634,16 @@ static bool says_because_of_fault(struct db_conversation *talk, enum db_step *st
 	 * Also when it has none now: some drives restore it by themselves when the fault is
 	 * gone. */
 	if (fault_takes_power(device) && !is_done(talk, STEP_POWER)) {
-		*step = servo_can_say_power(talk, false);
+		*step = servo_can_send_power(talk, false);
 		return true;
 	}
-	if (obeys_setpoint(device) && !is_done(talk, STEP_SETPOINT) &&
+	if (servo_can_obeys_setpoint(device) && !is_done(talk, STEP_SETPOINT) &&
 	    (device->setpoint != 0 || !device->setpoint_known[device->mode])) {
-		*step = servo_can_say_setpoint(talk, 0);
+		*step = servo_can_send_setpoint(talk, 0);
 		return true;
 	}
-	if (is_done(talk, STEP_POWER) && !progress_of(talk)->looked) {
-		progress_of(talk)->looked = true;
+	if (is_done(talk, STEP_POWER) && !progress_of(talk)->power_read) {
+		progress_of(talk)->power_read = true;
 		*step = servo_can_read_all(talk);
 		return true;
 	}
@@ -721,18 +658,18 @@ enum db_step servo_can_continue_poll(struct db_conversation *talk)
 	struct db_device *device = talk->device;
 	enum db_step step;
 
-	if (!is_done(talk, STEP_LOOK))
-		return servo_can_read_parts(talk, STEP_LOOK,
-		                            servo_can_reports_come(device, talk->now) ?
+	if (!is_done(talk, STEP_READ))
+		return servo_can_read_parts(talk, STEP_READ,
+		                            servo_can_reports_often(device, talk->now) ?
 		                                    SERVO_CAN_GIVES_STATUS :
 		                                    SERVO_CAN_ALL_PARTS);
 	if (talk->job->step == STEP_ANALOGUE)
 		return end_job(talk, DB_RESULT_OK);
-	if (says_because_of_fault(talk, &step))
+	if (sends_because_of_fault(talk, &step))
 		return step;
 	if (device->trigger == LEVEL_HIGH && !device->going && talk->now >= device->drop_at) {
 		device->drop_at = talk->now + (device->drop_at != 0 ? DROP_AGAIN : 0);
-		return servo_can_say_trigger(talk, false);
+		return servo_can_send_trigger(talk, false);
 	}
 	if (device->analogue_at == 0 || talk->now - device->analogue_at >= ANALOGUE_INTERVAL)
 		return servo_can_read_parts(talk, STEP_ANALOGUE, SERVO_CAN_GIVES_ANALOGUE);

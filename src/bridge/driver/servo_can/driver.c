@@ -26,12 +26,9 @@
  */
 #include "codec/servo_can_describe.h"
 #include "driver/list.h"
-#include "driver/servo_can/commands.h"
 #include "driver/servo_can/frames.h"
 #include "driver/servo_can/options.h"
-#include "driver/servo_can/settings.h"
-#include "driver/servo_can/state.h"
-#include "driver/servo_can/steps.h"
+#include "driver/servo_can/servo_can_private.h"
 
 #include <string.h>
 
@@ -84,9 +81,9 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 	struct db_can_frame frame;
 	enum servo_can_error error;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return DB_FRAME_BAD;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	error = servo_can_decode(&frame, &layout, SERVO_CAN_FROM_DRIVE, &message);
 	if (message.kind == SERVO_CAN_FOREIGN)
 		return DB_FRAME_FOREIGN;
@@ -120,7 +117,7 @@ static void describe_frame(const struct db_bus_config *bus, bool sent, const uin
 	struct servo_can_layout layout = servo_can_read_layout(bus);
 	struct db_can_frame frame = { .id = 0 };
 
-	memcpy(&frame, bytes, length < sizeof frame ? length : sizeof frame);
+	memcpy(&frame, bytes, length < sizeof(frame) ? length : sizeof(frame));
 	servo_can_describe(&frame, &layout, sent ? SERVO_CAN_FROM_HOST : SERVO_CAN_FROM_DRIVE,
 	                   description);
 }
@@ -162,10 +159,10 @@ static bool write_broadcast(enum db_command command, const struct db_bus_config 
 		return false;
 	message.u.enable = command == DB_CMD_ENABLE;
 	if (servo_can_encode(&message, &layout, &frame) != SERVO_CAN_OK ||
-	    exchange->request_size < sizeof frame)
+	    exchange->request_size < sizeof(frame))
 		return false;
-	memcpy(exchange->request, &frame, sizeof frame);
-	exchange->request_length = sizeof frame;
+	memcpy(exchange->request, &frame, sizeof(frame));
+	exchange->request_length = sizeof(frame);
 	exchange->answer_length = 0;
 	return true;
 }
@@ -176,16 +173,16 @@ static bool begin_all(const struct db_device *device, const struct db_exchange *
 	struct servo_can_message message;
 	struct db_can_frame frame;
 
-	memcpy(&frame, prepared->request, sizeof frame);
+	memcpy(&frame, prepared->request, sizeof(frame));
 	if (servo_can_decode(&frame, &device->layout, SERVO_CAN_FROM_HOST, &message) !=
 	    SERVO_CAN_OK)
 		return false;
 	message.node = SERVO_CAN_BROADCAST;
 	if (servo_can_encode(&message, &device->layout, &frame) != SERVO_CAN_OK ||
-	    all->request_size < sizeof frame)
+	    all->request_size < sizeof(frame))
 		return false;
-	memcpy(all->request, &frame, sizeof frame);
-	all->request_length = sizeof frame;
+	memcpy(all->request, &frame, sizeof(frame));
+	all->request_length = sizeof(frame);
 	all->answer_length = 0;
 	return true;
 }
@@ -207,10 +204,10 @@ static bool write_inquiry(const struct db_bus_config *bus, const struct db_inqui
 		return false;
 	message.u.selector = (uint8_t)servo_can_selector(SERVO_CAN_GIVES_ANALOGUE);
 	if (servo_can_encode(&message, &layout, &frame) != SERVO_CAN_OK ||
-	    exchange->request_size < sizeof frame)
+	    exchange->request_size < sizeof(frame))
 		return false;
-	memcpy(exchange->request, &frame, sizeof frame);
-	exchange->request_length = sizeof frame;
+	memcpy(exchange->request, &frame, sizeof(frame));
+	exchange->request_length = sizeof(frame);
 	exchange->answer_length = 8 + ANSWER_DATA;
 	exchange->extra_time = 0;
 	return true;
@@ -218,21 +215,21 @@ static bool write_inquiry(const struct db_bus_config *bus, const struct db_inqui
 
 static enum db_recognised recognise_frame(const struct db_bus_config *bus,
                                           const struct db_inquiry *inquiry, const uint8_t *bytes,
-                                          size_t length, struct db_inquired *said)
+                                          size_t length, struct db_inquired *sent)
 {
 	struct servo_can_layout layout = servo_can_read_layout(bus);
 	struct servo_can_message message;
 	struct db_can_frame frame;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return DB_RECOGNISED_NOTHING;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	if (servo_can_decode(&frame, &layout, SERVO_CAN_FROM_DRIVE, &message) != SERVO_CAN_OK ||
 	    message.kind != SERVO_CAN_ANSWER_ANALOGUE || message.node != inquiry->address)
 		return DB_RECOGNISED_NOTHING;
-	if (said->parts > 0)
+	if (sent->parts > 0)
 		return DB_RECOGNISED_AGAIN;
-	said->parts = 1;
+	sent->parts = 1;
 	return DB_RECOGNISED_ANSWER;
 }
 

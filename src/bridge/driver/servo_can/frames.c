@@ -3,7 +3,7 @@
 #include "driver/servo_can/frames.h"
 
 #include "driver/servo_can/options.h"
-#include "driver/servo_can/state.h"
+#include "driver/servo_can/servo_can_private.h"
 
 #include <math.h>
 #include <string.h>
@@ -32,16 +32,16 @@ static bool add_frame(const struct db_device *device, const struct servo_can_mes
 {
 	struct db_can_frame frame;
 
-	if (exchange->request_length + sizeof frame > exchange->request_size ||
+	if (exchange->request_length + sizeof(frame) > exchange->request_size ||
 	    servo_can_encode(message, &device->layout, &frame) != SERVO_CAN_OK)
 		return false;
-	memcpy(exchange->request + exchange->request_length, &frame, sizeof frame);
-	exchange->request_length += sizeof frame;
+	memcpy(exchange->request + exchange->request_length, &frame, sizeof(frame));
+	exchange->request_length += sizeof(frame);
 	return true;
 }
 
-static enum db_step say_message(struct db_conversation *talk, enum servo_can_step step,
-                                struct servo_can_message message, bool repeatable)
+static enum db_step send_message(struct db_conversation *talk, enum servo_can_step step,
+                                 struct servo_can_message message, bool repeatable)
 {
 	struct db_exchange *exchange = talk->exchange;
 
@@ -58,14 +58,14 @@ static enum db_step say_message(struct db_conversation *talk, enum servo_can_ste
 
 /* After a frame that nothing acknowledges a read follows: its answer shows that the frame was sent,
  * and that the drive is there. */
-static enum db_step say_and_read(struct db_conversation *talk, enum servo_can_step step,
-                                 struct servo_can_message message, bool repeatable)
+static enum db_step send_and_read(struct db_conversation *talk, enum servo_can_step step,
+                                  struct servo_can_message message, bool repeatable)
 {
 	struct servo_can_message read = { .kind = SERVO_CAN_READ, .node = talk->device->node };
-	enum db_step said = say_message(talk, step, message, repeatable);
+	enum db_step sent = send_message(talk, step, message, repeatable);
 
-	if (said != DB_STEP_SEND)
-		return said;
+	if (sent != DB_STEP_SEND)
+		return sent;
 	read.u.selector = (uint8_t)servo_can_selector(SERVO_CAN_ALL_PARTS);
 	talk->exchange->answer_length = answer_length(
 		talk->device, servo_can_count_bits(SERVO_CAN_ALL_PARTS), ANSWER_DATA);
@@ -77,21 +77,21 @@ enum db_step servo_can_read_parts(struct db_conversation *talk, enum servo_can_s
                                   unsigned parts)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_READ };
-	enum db_step said;
+	enum db_step sent;
 
 	message.u.selector = (uint8_t)servo_can_selector(parts);
-	said = say_message(talk, step, message, true);
+	sent = send_message(talk, step, message, true);
 	talk->exchange->answer_length = answer_length(talk->device, servo_can_count_bits(parts),
 	                                              ANSWER_DATA);
-	return said;
+	return sent;
 }
 
 enum db_step servo_can_read_all(struct db_conversation *talk)
 {
-	return servo_can_read_parts(talk, STEP_LOOK, SERVO_CAN_ALL_PARTS);
+	return servo_can_read_parts(talk, STEP_READ, SERVO_CAN_ALL_PARTS);
 }
 
-enum db_step servo_can_look_again(struct db_conversation *talk)
+enum db_step servo_can_read_again(struct db_conversation *talk)
 {
 	talk->exchange->again = true;
 	return servo_can_read_all(talk);
@@ -99,8 +99,8 @@ enum db_step servo_can_look_again(struct db_conversation *talk)
 
 /* --- mode, speed and current ------------------------------------------------------------------ */
 
-enum db_step servo_can_say_mode(struct db_conversation *talk, enum servo_can_mode mode,
-                                const uint16_t *max_speed)
+enum db_step servo_can_send_mode(struct db_conversation *talk, enum servo_can_mode mode,
+                                 const uint16_t *max_speed)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_MODE };
 	struct db_device *device = talk->device;
@@ -117,19 +117,19 @@ enum db_step servo_can_say_mode(struct db_conversation *talk, enum servo_can_mod
 	/* Until it is acknowledged the drive may be in either mode. */
 	if (device->mode != (int)mode)
 		device->mode = SERVO_CAN_MODE_NOT_KNOWN;
-	return say_message(talk, STEP_MODE, message, true);
+	return send_message(talk, STEP_MODE, message, true);
 }
 
-enum db_step servo_can_say_clear(struct db_conversation *talk, enum servo_can_kind kind)
+enum db_step servo_can_send_clear(struct db_conversation *talk, enum servo_can_kind kind)
 {
 	struct servo_can_message message = { .kind = kind };
 
 	/* Not repeated: some drives do not answer a frame that their mode does not use. */
-	return say_message(talk, kind == SERVO_CAN_SPEED ? STEP_CLEAR_SPEED : STEP_CLEAR_CURRENT,
-	                   message, false);
+	return send_message(talk, kind == SERVO_CAN_SPEED ? STEP_CLEAR_SPEED : STEP_CLEAR_CURRENT,
+	                    message, false);
 }
 
-enum db_step servo_can_say_setpoint(struct db_conversation *talk, int16_t setpoint)
+enum db_step servo_can_send_setpoint(struct db_conversation *talk, int16_t setpoint)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_SPEED };
 	struct db_device *device = talk->device;
@@ -150,22 +150,22 @@ enum db_step servo_can_say_setpoint(struct db_conversation *talk, int16_t setpoi
 		device->stopping = false;
 	}
 	talk->exchange->begins = setpoint != 0 && !device->synchronous;
-	return say_message(talk, STEP_SETPOINT, message, true);
+	return send_message(talk, STEP_SETPOINT, message, true);
 }
 
-enum db_step servo_can_say_sync(struct db_conversation *talk)
+enum db_step servo_can_send_sync(struct db_conversation *talk)
 {
 	progress_of(talk)->setpoint = talk->device->setpoint;
 	progress_of(talk)->before = talk->device->mode == SERVO_CAN_MODE_CURRENT ?
 	                                    talk->device->sample.current :
 	                                    talk->device->sample.speed;
-	return say_and_read(talk, STEP_SYNC, (struct servo_can_message){ .kind = SERVO_CAN_SYNC },
-	                    false);
+	return send_and_read(talk, STEP_SYNC, (struct servo_can_message){ .kind = SERVO_CAN_SYNC },
+	                     false);
 }
 
 /* --- power, position, command words ----------------------------------------------------------- */
 
-enum db_step servo_can_say_power(struct db_conversation *talk, bool on)
+enum db_step servo_can_send_power(struct db_conversation *talk, bool on)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_ENABLE };
 
@@ -174,72 +174,72 @@ enum db_step servo_can_say_power(struct db_conversation *talk, bool on)
 	/* It may have been sent this together with the others already. */
 	if (!on && talk->job->kind == DB_JOB_COMMAND)
 		talk->device->lost_power = false;
-	return say_message(talk, STEP_POWER, message, true);
+	return send_message(talk, STEP_POWER, message, true);
 }
 
-enum db_step servo_can_say_retreat(struct db_conversation *talk)
+enum db_step servo_can_send_retreat(struct db_conversation *talk)
 {
 	progress_of(talk)->gives_up = true;
 	talk->device->power_taken = true;
-	return say_message(talk, STEP_RETREAT,
-	                   (struct servo_can_message){ .kind = SERVO_CAN_ENABLE }, true);
+	return send_message(talk, STEP_RETREAT,
+	                    (struct servo_can_message){ .kind = SERVO_CAN_ENABLE }, true);
 }
 
 /* A frame described by the user may have no acknowledgement. */
-static enum db_step say_described(struct db_conversation *talk, enum servo_can_step step,
-                                  struct servo_can_message message, bool repeatable)
+static enum db_step send_described(struct db_conversation *talk, enum servo_can_step step,
+                                   struct servo_can_message message, bool repeatable)
 {
 	message.node = talk->device->node;
 	return servo_can_ack_expected(&message, &talk->device->layout) == SERVO_CAN_ACK_NONE ?
-	               say_and_read(talk, step, message, repeatable) :
-	               say_message(talk, step, message, repeatable);
+	               send_and_read(talk, step, message, repeatable) :
+	               send_message(talk, step, message, repeatable);
 }
 
-static enum db_step say_word_frame(struct db_conversation *talk, enum servo_can_step step,
-                                   const uint16_t words[2], bool trigger, bool repeatable)
+static enum db_step send_word_frame(struct db_conversation *talk, enum servo_can_step step,
+                                    const uint16_t words[2], bool trigger, bool repeatable)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_WORDS };
 
-	memcpy(progress_of(talk)->words, words, sizeof progress_of(talk)->words);
+	memcpy(progress_of(talk)->words, words, sizeof(progress_of)(talk)->words);
 	message.u.words.word0 = trigger ? words[0] | SERVO_CAN_CTRG : words[0];
 	/* Selects the internal position for moves, unless the PLC has selected one. */
 	if ((words[0] & SERVO_CAN_POSITIONS) == 0)
 		message.u.words.word0 |= (uint16_t)(talk->device->layout.slot * SERVO_CAN_POS0);
 	if (!talk->device->layout.word1.set)
 		message.u.words.word1 = words[1];
-	return say_described(talk, step, message, repeatable);
+	return send_described(talk, step, message, repeatable);
 }
 
-enum db_step servo_can_say_trigger(struct db_conversation *talk, bool up)
+enum db_step servo_can_send_trigger(struct db_conversation *talk, bool up)
 {
 	talk->exchange->begins = up;
 	/* A rise is not repeated blindly: the trigger could have been reset between two. */
-	return say_word_frame(talk, up ? STEP_TRIGGER_UP : STEP_TRIGGER_DOWN, talk->device->words,
-	                      up, !up);
+	return send_word_frame(talk, up ? STEP_TRIGGER_UP : STEP_TRIGGER_DOWN, talk->device->words,
+	                       up, !up);
 }
 
-enum db_step servo_can_say_load(struct db_conversation *talk)
+enum db_step servo_can_send_load(struct db_conversation *talk)
 {
 	talk->device->trigger = LEVEL_HIGH;
-	return say_word_frame(talk, STEP_LOAD, talk->device->words, true, false);
+	return send_word_frame(talk, STEP_LOAD, talk->device->words, true, false);
 }
 
-enum db_step servo_can_say_words(struct db_conversation *talk, const uint16_t words[2])
+enum db_step servo_can_send_words(struct db_conversation *talk, const uint16_t words[2])
 {
-	return say_word_frame(talk, STEP_WORDS, words, talk->device->trigger == LEVEL_HIGH, true);
+	return send_word_frame(talk, STEP_WORDS, words, talk->device->trigger == LEVEL_HIGH, true);
 }
 
-enum db_step servo_can_say_word_1(struct db_conversation *talk, uint16_t word)
+enum db_step servo_can_send_word_1(struct db_conversation *talk, uint16_t word)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_WORD_1 };
 
 	message.u.word1 = word;
 	progress_of(talk)->words[1] = word;
-	return say_described(talk, STEP_WORD_1, message, true);
+	return send_described(talk, STEP_WORD_1, message, true);
 }
 
-enum db_step servo_can_say_move(struct db_conversation *talk, enum servo_can_step step,
-                                int32_t target)
+enum db_step servo_can_send_move(struct db_conversation *talk, enum servo_can_step step,
+                                 int32_t target)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_MOVE };
 	const struct db_device *device = talk->device;
@@ -255,11 +255,11 @@ enum db_step servo_can_say_move(struct db_conversation *talk, enum servo_can_ste
 	message.u.target = llround(way);
 	talk->exchange->begins = step == STEP_MOVE;
 	/* Not repeated blindly: its effect is read first. */
-	return say_described(talk, step, message, step != STEP_MOVE);
+	return send_described(talk, step, message, step != STEP_MOVE);
 }
 
-enum db_step servo_can_say_position(struct db_conversation *talk, enum servo_can_step step,
-                                    int32_t position)
+enum db_step servo_can_send_position(struct db_conversation *talk, enum servo_can_step step,
+                                     int32_t position)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_SET_FEEDBACK };
 	double steps = servo_can_turn_position(talk->device, position);
@@ -271,15 +271,42 @@ enum db_step servo_can_say_position(struct db_conversation *talk, enum servo_can
 			return end_job(talk, DB_RESULT_OUT_OF_RANGE);
 	}
 	message.u.position = (int32_t)steps;
-	return say_described(talk, step, message, step != STEP_FEEDBACK);
+	return send_described(talk, step, message, step != STEP_FEEDBACK);
 }
 
-enum db_step servo_can_say_ramps(struct db_conversation *talk, uint32_t acceleration,
-                                 uint32_t deceleration)
+enum db_step servo_can_send_ramps(struct db_conversation *talk, uint32_t acceleration,
+                                  uint32_t deceleration)
 {
 	struct servo_can_message message = { .kind = SERVO_CAN_RAMPS };
 
 	message.u.ramps.acceleration = acceleration;
 	message.u.ramps.deceleration = deceleration;
-	return say_message(talk, STEP_RAMPS, message, true);
+	return send_message(talk, STEP_RAMPS, message, true);
+}
+
+bool servo_can_write_interrupt(struct db_device *device, enum db_command command,
+                               struct db_exchange *exchange)
+{
+	struct servo_can_message message = { .node = device->node };
+	bool power = command == DB_CMD_DISABLE || !servo_can_is_powered(device);
+	struct db_can_frame frame;
+
+	if (!power && servo_can_stops_by_setpoint(device))
+		message.kind = device->mode == SERVO_CAN_MODE_CURRENT ? SERVO_CAN_CURRENT :
+		                                                        SERVO_CAN_SPEED;
+	else if (power || device->going || device->may_begin ||
+	         (device->mode != SERVO_CAN_MODE_POSITION && !servo_can_is_at_rest(device)))
+		message.kind = SERVO_CAN_ENABLE;
+	/* a drive that seems to hold its position keeps its power until that was read */
+	else
+		return false;
+	if (servo_can_encode(&message, &device->layout, &frame) != SERVO_CAN_OK ||
+	    exchange->request_size < sizeof(frame))
+		return false;
+	memcpy(exchange->request, &frame, sizeof(frame));
+	exchange->request_length = sizeof(frame);
+	exchange->answer_length = 0;
+	/* What is read from now on may show it already. */
+	device->power_taken |= message.kind == SERVO_CAN_ENABLE;
+	return true;
 }

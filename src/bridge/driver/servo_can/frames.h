@@ -4,11 +4,11 @@
 #define DRIVEBRIDGE_DRIVER_SERVO_CAN_FRAMES_H
 
 #include "driver/conversation.h"
-#include "driver/servo_can/device.h"
+#include "driver/servo_can/servo_can_private.h"
 
 /* The frame sent last in a conversation. */
 enum servo_can_step {
-	STEP_LOOK, /* a read of all parts, or of the status */
+	STEP_READ, /* a read of all parts, or of the status */
 	STEP_ANALOGUE,
 	STEP_MODE, /* mode and maximum speed */
 	STEP_CLEAR_SPEED,
@@ -55,34 +55,37 @@ enum db_step servo_can_read_parts(struct db_conversation *talk, enum servo_can_s
                                   unsigned parts);
 enum db_step servo_can_read_all(struct db_conversation *talk);
 /* The same, but others may go before it: this is repeated for some time. */
-enum db_step servo_can_look_again(struct db_conversation *talk);
+enum db_step servo_can_read_again(struct db_conversation *talk);
 /* Includes the profile's maximum speed, if the drive does not have it yet, or has another one. */
-enum db_step servo_can_say_mode(struct db_conversation *talk, enum servo_can_mode mode,
-                                const uint16_t *max_speed);
+enum db_step servo_can_send_mode(struct db_conversation *talk, enum servo_can_mode mode,
+                                 const uint16_t *max_speed);
 /* A speed 0 or current 0 for any mode of the drive. */
-enum db_step servo_can_say_clear(struct db_conversation *talk, enum servo_can_kind kind);
+enum db_step servo_can_send_clear(struct db_conversation *talk, enum servo_can_kind kind);
 /* In the units of the drive's mode. */
-enum db_step servo_can_say_setpoint(struct db_conversation *talk, int16_t setpoint);
-enum db_step servo_can_say_power(struct db_conversation *talk, bool on);
+enum db_step servo_can_send_setpoint(struct db_conversation *talk, int16_t setpoint);
+enum db_step servo_can_send_power(struct db_conversation *talk, bool on);
 /* Switches the power off, so that nothing of this command can begin any more. */
-enum db_step servo_can_say_retreat(struct db_conversation *talk);
+enum db_step servo_can_send_retreat(struct db_conversation *talk);
 /* Raises CTRG while the motor has no power: some drives accept a demand only then. */
-enum db_step servo_can_say_load(struct db_conversation *talk);
+enum db_step servo_can_send_load(struct db_conversation *talk);
 /* With the command words held. */
-enum db_step servo_can_say_trigger(struct db_conversation *talk, bool up);
+enum db_step servo_can_send_trigger(struct db_conversation *talk, bool up);
 /* Leaves CTRG unchanged. */
-enum db_step servo_can_say_words(struct db_conversation *talk, const uint16_t words[2]);
+enum db_step servo_can_send_words(struct db_conversation *talk, const uint16_t words[2]);
 /* Only where the word has its own frame. */
-enum db_step servo_can_say_word_1(struct db_conversation *talk, uint16_t word);
+enum db_step servo_can_send_word_1(struct db_conversation *talk, uint16_t word);
 /* Moves by the frame that starts a move by itself; ends the job where the way cannot be expressed.
  * `step`: STEP_MOVE, or STEP_DEMAND, where nothing is to move. */
-enum db_step servo_can_say_move(struct db_conversation *talk, enum servo_can_step step,
-                                int32_t target);
+enum db_step servo_can_send_move(struct db_conversation *talk, enum servo_can_step step,
+                                 int32_t target);
 /* STEP_DEMAND and STEP_TARGET: the internal position; STEP_FEEDBACK: the position itself. */
-enum db_step servo_can_say_position(struct db_conversation *talk, enum servo_can_step step,
-                                    int32_t position);
-enum db_step servo_can_say_sync(struct db_conversation *talk);
-enum db_step servo_can_say_ramps(struct db_conversation *talk, uint32_t acceleration,
-                                 uint32_t deceleration);
+enum db_step servo_can_send_position(struct db_conversation *talk, enum servo_can_step step,
+                                     int32_t position);
+enum db_step servo_can_send_sync(struct db_conversation *talk);
+enum db_step servo_can_send_ramps(struct db_conversation *talk, uint32_t acceleration,
+                                  uint32_t deceleration);
+/* See db_driver.interrupt. */
+bool servo_can_write_interrupt(struct db_device *device, enum db_command command,
+                               struct db_exchange *exchange);
 
 #endif

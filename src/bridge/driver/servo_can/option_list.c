@@ -88,8 +88,8 @@ const struct db_option servo_can_options[] = {
 		.words = "no yes",
 		.preset = "yes",
 		.unit = "",
-		.description = "The bridge may select position, speed or current mode as a command "
-			       "needs it, at standstill",
+		.description = "The bridge may select position, speed or current mode as a "
+			       "command needs it, at standstill",
 	},
 	{
 		DRIVE(mode),
@@ -245,8 +245,8 @@ const struct db_option servo_can_options[] = {
 		.unit = "",
 		.description =
 			"Where the direction of the speed is: in its own sign, or in reverse-bit "
-			"and forward-bit of the status word; those come with answers only, so reports of the "
-			"speed are not used then",
+			"and forward-bit of the status word; those come with answers only, so "
+			"reports of the speed are not used then",
 	},
 	{
 		DRIVE(power_on_window),
@@ -279,8 +279,8 @@ const struct db_option servo_can_options[] = {
 		NUMBER(1, DB_CAN_STANDARD_MASK),
 		.preset = "",
 		.description =
-			"Command word 1 has a frame of its own, with the id of this plus the node; "
-			"command-word-1-at is its place there",
+			"Command word 1 has a frame of its own, with the id of this plus the "
+			"node; command-word-1-at is its place there",
 	},
 	{
 		BUS(command_word_1_length),
@@ -309,8 +309,8 @@ const struct db_option servo_can_options[] = {
 		NUMBER(0, SERVO_CAN_SLOT_MAX),
 		.preset = "0",
 		.description =
-			"Internal position that moves go through, selected by pos0 to pos2 of command "
-			"word 0; another than 0 needs position-slot-base and -ack",
+			"Internal position that moves go through, selected by pos0 to pos2 of "
+			"command word 0; another than 0 needs position-slot-base and -ack",
 	},
 	{
 		BUS(position_slot_base),
@@ -318,8 +318,8 @@ const struct db_option servo_can_options[] = {
 		NUMBER(1, DB_CAN_STANDARD_MASK),
 		.preset = "",
 		.description =
-			"The frame that sets this internal position, four bytes, has the id of this "
-			"plus the node; not set: 128, which is that of internal position 0",
+			"The frame that sets this internal position, four bytes, has the id of "
+			"this plus the node; not set: 128, which is that of internal position 0",
 	},
 	{
 		BUS(position_slot_ack),
@@ -335,8 +335,9 @@ const struct db_option servo_can_options[] = {
 		NUMBER(1, DB_CAN_STANDARD_MASK),
 		.preset = "",
 		.description =
-			"A frame that moves the drive to a position by itself, from the vendor's full "
-			"manual, has the id of this plus the node; moves need no command words then",
+			"A frame that moves the drive to a position by itself, from the vendor's "
+			"full manual, has the id of this plus the node; moves need no command "
+			"words then",
 	},
 	{
 		BUS(move_frame_length),
@@ -373,8 +374,8 @@ const struct db_option servo_can_options[] = {
 		NUMBER(0, FIXED_MAX),
 		.preset = "0",
 		.description =
-			"The other bytes of that frame as one number, the last byte lowest; with the "
-			"ids of another frame byte 0 tells it from that",
+			"The other bytes of that frame as one number, the last byte lowest; with "
+			"the ids of another frame byte 0 tells it from that",
 	},
 	{
 		BUS(move_frame_ack),
@@ -391,8 +392,8 @@ const struct db_option servo_can_options[] = {
 		.preset = "absolute",
 		.unit = "",
 		.description =
-			"What the target in that frame is: a position, or how far to go from where the "
-			"motor stands",
+			"What the target in that frame is: a position, or how far to go from "
+			"where the motor stands",
 	},
 	{
 		BUS(move_frame_scale),
@@ -400,38 +401,40 @@ const struct db_option servo_can_options[] = {
 		SCALE,
 		.unit = "",
 		.description =
-			"How many counts of the reported position one step of the target is; negative "
-			"where it counts the other way",
+			"How many counts of the reported position one step of the target is; "
+			"negative where it counts the other way",
 	},
 	{
 		DRIVE(fault_bit),
 		.name = "fault-bit",
 		BIT("10"),
 		.description =
-			"Bit of the status word that tells of a fault or alarm, see error-bit; -1: none",
+			"Bit of the status word that tells of a fault or alarm, see error-bit; "
+			"-1: none",
 	},
 	{
 		DRIVE(standstill_bit),
 		.name = "standstill-bit",
 		BIT("2"),
 		.description =
-			"Bit of the status word for zero speed; -1: none, and standstill-speed decides",
+			"Bit of the status word for zero speed; -1: none, and standstill-speed "
+			"decides",
 	},
 	{
 		DRIVE(moving_bit),
 		.name = "moving-bit",
 		BIT("-1"),
 		.description =
-			"Bit of the status word that tells that the motor moves, whatever its speed "
-			"says; -1: none",
+			"Bit of the status word that tells that the motor moves, whatever its "
+			"speed says; -1: none",
 	},
 	{
 		DRIVE(target_bit),
 		.name = "target-bit",
 		BIT("-1"),
 		.description =
-			"Bit of the status word that a position move needs to be done, beside standing "
-			"at its target; -1: none",
+			"Bit of the status word that a position move needs to be done, beside "
+			"standing at its target; -1: none",
 	},
 	{
 		DRIVE(homed_bit),
@@ -449,9 +452,8 @@ const struct db_option servo_can_options[] = {
 		DRIVE(overload_bit),
 		.name = "overload-bit",
 		BIT("9"),
-		.description =
-			"Bit of the status word for being above the overload threshold, a warning as "
-			"well; -1: none",
+		.description = "Bit of the status word for being above the overload threshold, a "
+			       "warning as well; -1: none",
 	},
 	{
 		DRIVE(limit_bit),
@@ -465,7 +467,8 @@ const struct db_option servo_can_options[] = {
 		.name = "reverse-bit",
 		BIT("14"),
 		.description =
-			"Bit of the status word for turning in reverse, for speed-sign = bits; -1: none",
+			"Bit of the status word for turning in reverse, for speed-sign = bits; "
+			"-1: none",
 	},
 	{
 		DRIVE(forward_bit),
@@ -488,18 +491,16 @@ const struct db_option servo_can_options[] = {
 		.words = "normal reversed",
 		.preset = "normal",
 		.unit = "",
-		.description =
-			"Whether position is what the drive reports, or that with the other sign; what "
-			"is told to it follows",
+		.description = "Whether position is what the drive reports, or that with the other "
+			       "sign; what is told to it follows",
 	},
 	{
 		DRIVE(position_command_scale),
 		.name = "position-command-scale",
 		SCALE,
 		.unit = "",
-		.description =
-			"How many counts of the reported position one step of the internal position "
-			"is; negative where it counts the other way",
+		.description = "How many counts of the reported position one step of the internal "
+			       "position is; negative where it counts the other way",
 	},
 	{
 		DRIVE(speed_scale),
@@ -507,8 +508,8 @@ const struct db_option servo_can_options[] = {
 		SCALE,
 		.unit = "rpm",
 		.description =
-			"What one step of the reported speed is; negative where it has the other sign "
-			"than the way of the position",
+			"What one step of the reported speed is; negative where it has the other "
+			"sign than the way of the position",
 	},
 	{
 		DRIVE(speed_command_scale),
@@ -530,7 +531,7 @@ const struct db_option servo_can_options[] = {
 		.name = "current-command-scale",
 		SCALE_OF(""),
 		.unit = "A",
-		.description =
-			"What one step of the current that is commanded is; not set: current-scale",
+		.description = "What one step of the current that is commanded is; not set: "
+			       "current-scale",
 	},
 };

@@ -50,7 +50,7 @@ static bool is_set(const struct db_bus_config *bus, size_t offset)
 {
 	double value;
 
-	memcpy(&value, (const char *)bus->options + offset, sizeof value);
+	memcpy(&value, (const char *)bus->options + offset, sizeof(value));
 	return !isnan(value);
 }
 
@@ -97,47 +97,6 @@ static bool is_given(const struct db_bus_config *bus, const struct group *group)
 	return count_given(bus, group) == group->count;
 }
 
-static void set_words(struct servo_can_words_layout *words, const struct db_bus_config *bus)
-{
-	bool together = !isnan(of_bus(bus)->command_word_1_at) &&
-	                isnan(of_bus(bus)->command_word_1_base);
-
-	words->set = true;
-	words->base = (uint16_t)of_bus(bus)->command_word_base;
-	words->length = (uint8_t)of_bus(bus)->command_word_length;
-	words->word0 = (uint8_t)of_bus(bus)->command_word_0_at;
-	words->word1 = together ? (uint8_t)of_bus(bus)->command_word_1_at : SERVO_CAN_NO_WORD;
-	words->ack = (uint8_t)of_bus(bus)->command_word_ack;
-	servo_can_put_fixed(words, (uint64_t)of_bus(bus)->command_word_fixed);
-}
-
-static void set_word_1(struct servo_can_number_layout *word1, const struct db_bus_config *bus)
-{
-	*word1 = (struct servo_can_number_layout){
-		.set = true,
-		.base = (uint16_t)of_bus(bus)->command_word_1_base,
-		.length = (uint8_t)of_bus(bus)->command_word_1_length,
-		.at = (uint8_t)of_bus(bus)->command_word_1_at,
-		.size = sizeof(uint16_t),
-		.ack = (uint8_t)of_bus(bus)->command_word_1_ack,
-	};
-	servo_can_put_number_fixed(word1, (uint64_t)of_bus(bus)->command_word_1_fixed);
-}
-
-static void set_move(struct servo_can_number_layout *move, const struct db_bus_config *bus)
-{
-	*move = (struct servo_can_number_layout){
-		.set = true,
-		.base = (uint16_t)of_bus(bus)->move_frame_base,
-		.length = (uint8_t)of_bus(bus)->move_frame_length,
-		.at = (uint8_t)of_bus(bus)->move_frame_at,
-		.size = (uint8_t)of_bus(bus)->move_frame_bytes,
-		.low_first = of_bus(bus)->move_frame_order == LOW_FIRST,
-		.ack = (uint8_t)of_bus(bus)->move_frame_ack,
-	};
-	servo_can_put_number_fixed(move, (uint64_t)of_bus(bus)->move_frame_fixed);
-}
-
 struct servo_can_layout servo_can_read_layout(const struct db_bus_config *bus)
 {
 	struct servo_can_layout layout = {
@@ -146,17 +105,47 @@ struct servo_can_layout servo_can_read_layout(const struct db_bus_config *bus)
 	};
 
 	if (is_given(bus, &words_group)) {
-		set_words(&layout.words, bus);
+		bool together = !isnan(of_bus(bus)->command_word_1_at) &&
+		                isnan(of_bus(bus)->command_word_1_base);
+
+		layout.words.set = true;
+		layout.words.base = (uint16_t)of_bus(bus)->command_word_base;
+		layout.words.length = (uint8_t)of_bus(bus)->command_word_length;
+		layout.words.word0 = (uint8_t)of_bus(bus)->command_word_0_at;
+		layout.words.word1 = together ? (uint8_t)of_bus(bus)->command_word_1_at :
+		                                SERVO_CAN_NO_WORD;
+		layout.words.ack = (uint8_t)of_bus(bus)->command_word_ack;
+		servo_can_put_fixed(&layout.words, (uint64_t)of_bus(bus)->command_word_fixed);
 		layout.slot = (uint8_t)of_bus(bus)->position_slot;
-		if (is_given(bus, &word_1_group) && !isnan(of_bus(bus)->command_word_1_at))
-			set_word_1(&layout.word1, bus);
+		if (is_given(bus, &word_1_group) && !isnan(of_bus(bus)->command_word_1_at)) {
+			layout.word1 = (struct servo_can_number_layout){
+				.set = true,
+				.base = (uint16_t)of_bus(bus)->command_word_1_base,
+				.length = (uint8_t)of_bus(bus)->command_word_1_length,
+				.at = (uint8_t)of_bus(bus)->command_word_1_at,
+				.size = sizeof(uint16_t),
+				.ack = (uint8_t)of_bus(bus)->command_word_1_ack,
+			};
+			servo_can_put_number_fixed(&layout.word1,
+			                           (uint64_t)of_bus(bus)->command_word_1_fixed);
+		}
 	}
 	if (is_given(bus, &slot_group)) {
 		layout.slot_base = (uint16_t)of_bus(bus)->position_slot_base;
 		layout.slot_ack = (uint8_t)of_bus(bus)->position_slot_ack;
 	}
-	if (is_given(bus, &move_group))
-		set_move(&layout.move, bus);
+	if (is_given(bus, &move_group)) {
+		layout.move = (struct servo_can_number_layout){
+			.set = true,
+			.base = (uint16_t)of_bus(bus)->move_frame_base,
+			.length = (uint8_t)of_bus(bus)->move_frame_length,
+			.at = (uint8_t)of_bus(bus)->move_frame_at,
+			.size = (uint8_t)of_bus(bus)->move_frame_bytes,
+			.low_first = of_bus(bus)->move_frame_order == LOW_FIRST,
+			.ack = (uint8_t)of_bus(bus)->move_frame_ack,
+		};
+		servo_can_put_number_fixed(&layout.move, (uint64_t)of_bus(bus)->move_frame_fixed);
+	}
 	return layout;
 }
 
@@ -246,31 +235,9 @@ double servo_can_velocity_counts(const struct db_drive_config *drive)
 	return isnan(counts) ? 0.0 : counts / SECONDS_PER_MINUTE;
 }
 
-static struct servo_can_profile profile_of(const struct db_drive_config *drive)
-{
-	bool fixed = of_drive(drive)->allow_mode_change == NO;
-
-	return (struct servo_can_profile){
-		.mode = fixed ? SERVO_CAN_MODE_NOT_KNOWN : (int)of_drive(drive)->mode - 1,
-		.max_speed = of_drive(drive)->max_speed,
-		.acceleration = of_drive(drive)->ramp_acceleration,
-		.deceleration = of_drive(drive)->ramp_deceleration,
-	};
-}
-
 #define POWER_ON_COUNTS 100.0
 #define POWER_ON_TURN 0.01
 #define POWER_ON_LEAST 10.0
-
-static double power_window_of(const struct db_drive_config *drive)
-{
-	double given = of_drive(drive)->power_on_window;
-	double turn = of_drive(drive)->counts_per_turn;
-	double least = isnan(turn) ? POWER_ON_COUNTS : fmax(turn * POWER_ON_TURN, POWER_ON_LEAST);
-
-	return isnan(given) ? fmax(drive->in_position_window * drive->counts_per_unit, least) :
-	                      given * drive->counts_per_unit;
-}
 
 /* As a mask; 0: the drive has none. */
 static uint16_t bit_of(double bit)
@@ -278,41 +245,14 @@ static uint16_t bit_of(double bit)
 	return (uint16_t)(bit < 0 ? 0u : 1u << (unsigned)bit);
 }
 
-static void set_status_bits(struct db_device *device, const struct servo_can_drive_options *options)
-{
-	device->status_inverted = (uint16_t)options->status_inverted;
-	device->enabled_bit = bit_of(options->enabled_bit);
-	device->fault_bit = bit_of(options->fault_bit);
-	device->standstill_bit = bit_of(options->standstill_bit);
-	device->moving_bit = bit_of(options->moving_bit);
-	device->target_bit = bit_of(options->target_bit);
-	device->homed_bit = bit_of(options->homed_bit);
-	device->warning_bits = (uint16_t)(bit_of(options->warning_bit) |
-	                                  bit_of(options->overload_bit) |
-	                                  bit_of(options->limit_bit) | device->fault_bit);
-	device->reverse_bit = bit_of(options->reverse_bit);
-	device->forward_bit = bit_of(options->forward_bit);
-}
-
-static void set_scales(struct db_device *device, const struct db_bus_config *bus,
-                       const struct db_drive_config *drive)
-{
-	const struct servo_can_drive_options *options = of_drive(drive);
-
-	device->position_reversed = options->position_sign == REVERSED;
-	device->move_is_relative = of_bus(bus)->move_frame_target == RELATIVE;
-	device->speed_reversed = options->speed_scale < 0;
-	device->speed_scale = fabs(options->speed_scale);
-	device->speed_command_scale = speed_command_scale(drive);
-	device->current_reversed = options->current_scale < 0;
-	device->current_scale = fabs(options->current_scale);
-	device->current_command_scale = current_command_scale(drive);
-}
-
 void servo_can_configure(struct db_device *device, const struct db_bus_config *bus,
                          const struct db_drive_config *drive)
 {
 	const struct servo_can_drive_options *options = of_drive(drive);
+	bool fixed = of_drive(drive)->allow_mode_change == NO;
+	double given = of_drive(drive)->power_on_window;
+	double turn = of_drive(drive)->counts_per_turn;
+	double least = isnan(turn) ? POWER_ON_COUNTS : fmax(turn * POWER_ON_TURN, POWER_ON_LEAST);
 
 	DB_NAMEPLATE_INIT(&device->plate, &device->plate_room, SERVO_CAN_PARAM_COUNT);
 	device->options = options;
@@ -326,15 +266,41 @@ void servo_can_configure(struct db_device *device, const struct db_bus_config *b
 	device->error_is_fault = options->error_bit == ERROR_IS_FAULT;
 	device->speed_is_unsigned = options->speed_sign != SIGNED;
 	device->uses_reports = options->reports == USE_REPORTS && !device->speed_is_unsigned;
-	set_status_bits(device, options);
-	set_scales(device, bus, drive);
+	device->status_inverted = (uint16_t)options->status_inverted;
+	device->enabled_bit = bit_of(options->enabled_bit);
+	device->fault_bit = bit_of(options->fault_bit);
+	device->standstill_bit = bit_of(options->standstill_bit);
+	device->moving_bit = bit_of(options->moving_bit);
+	device->target_bit = bit_of(options->target_bit);
+	device->homed_bit = bit_of(options->homed_bit);
+	device->warning_bits = (uint16_t)(bit_of(options->warning_bit) |
+	                                  bit_of(options->overload_bit) |
+	                                  bit_of(options->limit_bit) | device->fault_bit);
+	device->reverse_bit = bit_of(options->reverse_bit);
+	device->forward_bit = bit_of(options->forward_bit);
+	device->position_reversed = options->position_sign == REVERSED;
+	device->move_is_relative = of_bus(bus)->move_frame_target == RELATIVE;
+	device->speed_reversed = options->speed_scale < 0;
+	device->speed_scale = fabs(options->speed_scale);
+	device->speed_command_scale = speed_command_scale(drive);
+	device->current_reversed = options->current_scale < 0;
+	device->current_scale = fabs(options->current_scale);
+	device->current_command_scale = current_command_scale(drive);
 	device->standstill_speed = (int)(options->standstill_speed / device->speed_scale);
 	device->reaction = (db_time)options->reaction_ms * DB_NS_PER_MS;
 	device->window = drive->in_position_window * drive->counts_per_unit;
-	device->power_window = power_window_of(drive);
+	device->power_window = isnan(given) ?
+	                               fmax(drive->in_position_window * drive->counts_per_unit,
+	                                    least) :
+	                               given * drive->counts_per_unit;
 	device->follows_late = options->late_move != DISABLES;
 	device->cycle = (db_time)bus->cycle_ms * DB_NS_PER_MS;
-	device->profile = profile_of(drive);
+	device->profile = (struct servo_can_profile){
+		.mode = fixed ? SERVO_CAN_MODE_NOT_KNOWN : (int)of_drive(drive)->mode - 1,
+		.max_speed = of_drive(drive)->max_speed,
+		.acceleration = of_drive(drive)->ramp_acceleration,
+		.deceleration = of_drive(drive)->ramp_deceleration,
+	};
 	device->mode = device->fixed_mode;
 }
 
@@ -347,10 +313,10 @@ static void check_group(const struct db_bus_config *bus, const struct group *gro
 
 	for (size_t i = 0; i < group->count && given > 0; i++) {
 		if (!is_set(bus, group->options[i]))
-			complain(
-				context, NULL, true,
-				"%s is missing, but another setting of %s is there; set all or none",
-				find_option("bus", group->options[i])->name, group->name);
+			complain(context, NULL, true,
+			         "%s is missing, but another setting of %s is there; set all or "
+			         "none",
+			         find_option("bus", group->options[i])->name, group->name);
 	}
 }
 
@@ -359,11 +325,11 @@ static void check_words(const struct db_bus_config *bus, db_complain_fn *complai
 	size_t given = count_given(bus, &words_group);
 
 	if (given == 0 && count_given(bus, &move_group) == 0)
-		complain(
-			context, NULL, false,
-			"position moves are refused: the frame that starts them is on a missing page "
-			"of the document; set command-word-base, -length, -0-at and -ack from the "
-			"vendor's full manual, or move-frame-base, -length, -at and -ack");
+		complain(context, NULL, false,
+		         "position moves are refused: the frame that starts them is on a missing "
+		         "page of the document; set command-word-base, -length, -0-at and -ack "
+		         "from the vendor's full manual, or move-frame-base, -length, -at and "
+		         "-ack");
 	if (given == 0 &&
 	    (!isnan(of_bus(bus)->command_word_1_at) || !isnan(of_bus(bus)->command_word_1_base)))
 		complain(context, NULL, true,
@@ -372,10 +338,9 @@ static void check_words(const struct db_bus_config *bus, db_complain_fn *complai
 		         !isnan(of_bus(bus)->command_word_1_base) ? "command-word-1-base" :
 		                                                    "command-word-1-at");
 	if (is_given(bus, &word_1_group) && isnan(of_bus(bus)->command_word_1_at))
-		complain(
-			context, NULL, true,
-			"command-word-1-base needs command-word-1-at, the first byte of the word in "
-			"that frame");
+		complain(context, NULL, true,
+		         "command-word-1-base needs command-word-1-at, the first byte of the "
+		         "word in that frame");
 }
 
 static void check_slot(const struct db_bus_config *bus, db_complain_fn *complain, void *context)
@@ -392,11 +357,10 @@ static void check_slot(const struct db_bus_config *bus, db_complain_fn *complain
 		return;
 	}
 	if (!is_given(bus, &words_group))
-		complain(
-			context, NULL, true,
-			"position-slot = %u is selected by command word 0, whose frame is not known; "
-			"set command-word-base, -length, -0-at and -ack",
-			slot);
+		complain(context, NULL, true,
+		         "position-slot = %u is selected by command word 0, whose frame is not "
+		         "known; set command-word-base, -length, -0-at and -ack",
+		         slot);
 	if (count_given(bus, &slot_group) == 0)
 		complain(context, NULL, true,
 		         "position-slot = %u needs the frame that sets internal position %u; set "
@@ -426,21 +390,6 @@ static void check_layout(const struct db_bus_config *bus, db_complain_fn *compla
 		         keys[which], reason);
 }
 
-static void check_bus(const struct db_bus_config *bus, db_complain_fn *complain, void *context)
-{
-	check_group(bus, &words_group, complain, context);
-	check_group(bus, &word_1_group, complain, context);
-	check_group(bus, &slot_group, complain, context);
-	check_group(bus, &move_group, complain, context);
-	check_words(bus, complain, context);
-	check_slot(bus, complain, context);
-	check_layout(bus, complain, context);
-	if (!(fabs(of_bus(bus)->move_frame_scale) > 0))
-		complain(context, NULL, true,
-		         "move-frame-scale = 0 makes every target the same; "
-		         "another number");
-}
-
 /* A bit may have only one meaning. */
 static void check_bits(const struct db_drive_config *drive, db_complain_fn *complain, void *context)
 {
@@ -451,19 +400,18 @@ static void check_bits(const struct db_drive_config *drive, db_complain_fn *comp
 	};
 	const struct servo_can_drive_options *options = of_drive(drive);
 
-	for (size_t i = 0; i < sizeof bits / sizeof bits[0]; i++) {
+	for (size_t i = 0; i < sizeof(bits) / sizeof(bits[0]); i++) {
 		int bit = (int)db_option_value(find_option("drive", bits[i]), options);
 
 		for (size_t j = 0; j < i; j++) {
 			if (bit < 0 ||
 			    (int)db_option_value(find_option("drive", bits[j]), options) != bit)
 				continue;
-			complain(
-				context, drive, true,
-				"%s = %d is also %s; set one of them to another bit, or to -1 where "
-				"the drive has none",
-				find_option("drive", bits[i])->name, bit,
-				find_option("drive", bits[j])->name);
+			complain(context, drive, true,
+			         "%s = %d is also %s; set one of them to another bit, or to -1 "
+			         "where the drive has none",
+			         find_option("drive", bits[i])->name, bit,
+			         find_option("drive", bits[j])->name);
 		}
 	}
 	if (options->speed_sign != SIGNED && options->reverse_bit < 0 && options->forward_bit < 0)
@@ -480,7 +428,7 @@ static void check_steps(const struct db_drive_config *drive, db_complain_fn *com
 		DRIVE(current_command_scale),
 	};
 
-	for (size_t i = 0; i < sizeof scales / sizeof scales[0]; i++) {
+	for (size_t i = 0; i < sizeof(scales) / sizeof(scales[0]); i++) {
 		const struct db_option *option = find_option("drive", scales[i]);
 
 		if (fabs(db_option_value(option, drive->options)) <= 0)
@@ -496,40 +444,14 @@ static void check_scale(const struct db_drive_config *drive, db_complain_fn *com
 		return;
 	/* It would be taken for a speed in counts, and allow nearly everything. */
 	if (!isnan(drive->max_velocity))
-		complain(
-			context, drive, true,
-			"max-velocity is in the user's unit, but the drive's speed is in rpm, and how "
-			"far a turn goes is not known; set counts-per-turn, or remove it and set "
-			"max-speed");
+		complain(context, drive, true,
+		         "max-velocity is in the user's unit, but the drive's speed is in rpm, "
+		         "and how far a turn goes is not known; set counts-per-turn, or remove "
+		         "it and set max-speed");
 	if (!isnan(drive->max_acceleration))
-		complain(
-			context, drive, true,
-			"max-acceleration is in the user's unit, but the drive's ramps are in rpm/s; "
-			"set counts-per-turn, or remove it");
-}
-
-static void check_profile(const struct db_drive_config *drive, db_complain_fn *complain,
-                          void *context)
-{
-	if (isnan(of_drive(drive)->ramp_acceleration) != isnan(of_drive(drive)->ramp_deceleration))
 		complain(context, drive, true,
-		         "ramp-acceleration and ramp-deceleration are one frame; set both or none");
-	if (of_drive(drive)->allow_mode_change == NO && !isnan(of_drive(drive)->max_speed))
-		complain(context, drive, true,
-		         "max-speed goes with the mode, which allow-mode-change = no leaves alone; "
-		         "remove it, or set it in the drive");
-}
-
-/* Servos usually stop some counts away from a target. */
-static void check_window(const struct db_bus_config *bus, const struct db_drive_config *drive,
-                         db_complain_fn *complain, void *context)
-{
-	if ((SERVO_CAN_POSITION_MOVES & ~servo_can_forbidden(bus, drive)) != 0 &&
-	    drive->in_position_window == 0.0)
-		complain(
-			context, drive, false,
-			"in-position-window is 0: a position move is done only when the drive rests "
-			"at its target to the count; set what is near enough for the machine");
+		         "max-acceleration is in the user's unit, but the drive's ramps are in "
+		         "rpm/s; set counts-per-turn, or remove it");
 }
 
 static void check_drive(const struct servo_can_layout *layout, const struct db_drive_config *drive,
@@ -540,13 +462,12 @@ static void check_drive(const struct servo_can_layout *layout, const struct db_d
 	bool known = of_drive(drive)->mode != MODE_UNKNOWN;
 
 	if (taken_for != SERVO_CAN_FOREIGN)
-		complain(
-			context, drive, false,
-			"address %u: the drive's acknowledgements have the id 0x%X, which is %s to "
-			"every drive on the bus; use another address, or set ack-base if the "
-			"drives have another",
-			drive->address, (unsigned)layout->ack_base + drive->address,
-			taken_for == SERVO_CAN_SYNC ? "a sync frame" : "an enable for all");
+		complain(context, drive, false,
+		         "address %u: the drive's acknowledgements have the id 0x%X, which is %s "
+		         "to every drive on the bus; use another address, or set ack-base if the "
+		         "drives have another",
+		         drive->address, (unsigned)layout->ack_base + drive->address,
+		         taken_for == SERVO_CAN_SYNC ? "a sync frame" : "an enable for all");
 	if (fixed && !known)
 		complain(context, drive, false,
 		         "allow-mode-change = no without mode: all moves are refused; set mode to "
@@ -554,7 +475,14 @@ static void check_drive(const struct servo_can_layout *layout, const struct db_d
 	check_bits(drive, complain, context);
 	check_steps(drive, complain, context);
 	check_scale(drive, complain, context);
-	check_profile(drive, complain, context);
+	if (isnan(of_drive(drive)->ramp_acceleration) != isnan(of_drive(drive)->ramp_deceleration))
+		complain(context, drive, true,
+		         "ramp-acceleration and ramp-deceleration are one frame; set both or "
+		         "none");
+	if (of_drive(drive)->allow_mode_change == NO && !isnan(of_drive(drive)->max_speed))
+		complain(context, drive, true,
+		         "max-speed goes with the mode, which allow-mode-change = no leaves "
+		         "alone; remove it, or set it in the drive");
 }
 
 void servo_can_check_config(const struct db_bus_config *bus,
@@ -563,9 +491,25 @@ void servo_can_check_config(const struct db_bus_config *bus,
 {
 	struct servo_can_layout layout = servo_can_read_layout(bus);
 
-	check_bus(bus, complain, context);
+	check_group(bus, &words_group, complain, context);
+	check_group(bus, &word_1_group, complain, context);
+	check_group(bus, &slot_group, complain, context);
+	check_group(bus, &move_group, complain, context);
+	check_words(bus, complain, context);
+	check_slot(bus, complain, context);
+	check_layout(bus, complain, context);
+	if (!(fabs(of_bus(bus)->move_frame_scale) > 0))
+		complain(context, NULL, true,
+		         "move-frame-scale = 0 makes every target the same; "
+		         "another number");
 	for (size_t i = 0; i < drive_count; i++) {
 		check_drive(&layout, drives[i], complain, context);
-		check_window(bus, drives[i], complain, context);
+		/* Servos usually stop some counts away from a target. */
+		if ((SERVO_CAN_POSITION_MOVES & ~servo_can_forbidden(bus, drives[i])) != 0 &&
+		    drives[i]->in_position_window == 0.0)
+			complain(context, drives[i], false,
+			         "in-position-window is 0: a position move is done only when the "
+			         "drive rests at its target to the count; set what is near "
+			         "enough for the machine");
 	}
 }

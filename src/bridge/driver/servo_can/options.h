@@ -4,7 +4,7 @@
 #ifndef DRIVEBRIDGE_DRIVER_SERVO_CAN_OPTIONS_H
 #define DRIVEBRIDGE_DRIVER_SERVO_CAN_OPTIONS_H
 
-#include "driver/servo_can/device.h"
+#include "driver/servo_can/servo_can_private.h"
 
 #define SERVO_CAN_STEPS_MAX 32767.0 /* range of a speed or current: signed 16 bits */
 
@@ -36,7 +36,8 @@ struct servo_can_bus_options {
 	double move_frame_scale;
 };
 
-/* Settings of a drive, named as their keys. NAN: not given. Words are numbered as they are listed. */
+/* Settings of a drive, named as their keys. NAN: not given. Words are numbered in the order of
+ * their list. */
 struct servo_can_drive_options {
 	unsigned allow_mode_change; /* no, yes */
 	unsigned mode;              /* unknown, position, speed, current */

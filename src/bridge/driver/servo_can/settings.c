@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Parameters and the profile of the configuration. No frame reads them back: what was written and
  * acknowledged is shown, and the write's result is UNPROVEN. */
-#include "driver/servo_can/settings.h"
+#include "driver/servo_can/servo_can_private.h"
 
 #include "driver/servo_can/frames.h"
 #include "driver/servo_can/options.h"
-#include "driver/servo_can/state.h"
 
 #include <math.h>
 #include <string.h>
@@ -22,9 +21,9 @@ const struct db_param servo_can_params[SERVO_CAN_PARAM_COUNT] = {
 		.type = DB_F32,
 		.unit = "rpm/s",
 		.max = UINT32_MAX,
-		.description = "Acceleration; write only in the drive and readable once written, also "
-			       "by the configuration's ramp-acceleration; written together with "
-			       "ramp_deceleration the first time",
+		.description = "Acceleration; write only in the drive and readable once written, "
+			       "also by the configuration's ramp-acceleration; written together "
+			       "with ramp_deceleration the first time",
 		.traits = DB_PARAM_TOGETHER,
 	},
 	[PARAM_DECELERATION] = {
@@ -40,18 +39,18 @@ const struct db_param servo_can_params[SERVO_CAN_PARAM_COUNT] = {
 		.type = DB_U16,
 		.unit = "rpm",
 		.max = UINT16_MAX,
-		.description = "Speed limit; write only in the drive and readable once written, also "
-			       "by the configuration's max-speed; goes with the mode, so while the "
-			       "motor stands; speed mode if the bridge knows none",
+		.description = "Speed limit; write only in the drive and readable once written, "
+			       "also by the configuration's max-speed; goes with the mode, so "
+			       "while the motor stands; speed mode if the bridge knows none",
 	},
-	[PARAM_CCLR] = LEVEL_OF("cclr", "Bit 1 of command word 0: clear the position error; what it "
-	                                "does depends on the drive's address 0x10A7; held until "
+	[PARAM_CCLR] = LEVEL_OF("cclr", "Bit 1 of command word 0: clear the position error; what "
+	                                "it does depends on the drive's address 0x10A7; held until "
 	                                "written again; needs the command-word keys"),
 	[PARAM_ZCLAMP] = LEVEL_OF("zclamp", "Bit 2 of command word 0: zero speed clamp; as cclr"),
 	[PARAM_TRQLM] = LEVEL_OF("trqlm", "Bit 4 of command word 0: torque limit; as cclr"),
 	[PARAM_SPDLM] = LEVEL_OF("spdlm", "Bit 5 of command word 0: speed limit; as cclr"),
-	[PARAM_POS0] = LEVEL_OF("pos0", "Bit 6 of command word 0: which internal position; as cclr; "
-	                                "move_absolute and move_relative need position 0"),
+	[PARAM_POS0] = LEVEL_OF("pos0", "Bit 6 of command word 0: which internal position; as "
+	                                "cclr; move_absolute and move_relative need position 0"),
 	[PARAM_POS1] = LEVEL_OF("pos1", "Bit 7 of command word 0: as pos0"),
 	[PARAM_POS2] = LEVEL_OF("pos2", "Bit 8 of command word 0: as pos0"),
 	[PARAM_WORD_1] = {
@@ -59,8 +58,8 @@ const struct db_param servo_can_params[SERVO_CAN_PARAM_COUNT] = {
 		.type = DB_U16,
 		.unit = "",
 		.max = UINT16_MAX,
-		.description = "Command word 1, whose bits only the vendor's full manual explains; held "
-			       "until written again; needs command-word-1-at",
+		.description = "Command word 1, whose bits only the vendor's full manual "
+			       "explains; held until written again; needs command-word-1-at",
 	},
 };
 
@@ -105,7 +104,7 @@ void servo_can_remember(struct db_device *device, enum servo_can_param param, do
 
 void servo_can_remember_words(struct db_device *device, db_time now)
 {
-	for (size_t i = 0; i < sizeof word_bits / sizeof word_bits[0]; i++)
+	for (size_t i = 0; i < sizeof(word_bits) / sizeof(word_bits[0]); i++)
 		servo_can_remember(device, (enum servo_can_param)(PARAM_CCLR + i),
 		                   (device->words[0] & word_bits[i]) != 0, now);
 	if (device->layout.words.word1 != SERVO_CAN_NO_WORD)
@@ -158,12 +157,12 @@ static uint64_t shared_words(const struct db_device *device)
 	return device->layout.word1.set ? WORDS & ~PARAM_BIT(PARAM_WORD_1) : WORDS;
 }
 
-static enum db_step say_words(struct db_conversation *talk)
+static enum db_step send_words(struct db_conversation *talk)
 {
 	uint64_t wanted = settings_wanted(talk->job->request);
 	uint16_t words[2] = { talk->device->words[0], talk->device->words[1] };
 
-	for (size_t i = 0; i < sizeof word_bits / sizeof word_bits[0]; i++) {
+	for (size_t i = 0; i < sizeof(word_bits) / sizeof(word_bits[0]); i++) {
 		enum servo_can_param param = (enum servo_can_param)(PARAM_CCLR + i);
 
 		if (!(wanted & PARAM_BIT(param)))
@@ -174,7 +173,7 @@ static enum db_step say_words(struct db_conversation *talk)
 	}
 	if ((wanted & PARAM_BIT(PARAM_WORD_1)) && !talk->device->layout.word1.set)
 		words[1] = (uint16_t)value_for(talk, PARAM_WORD_1);
-	return servo_can_say_words(talk, words);
+	return servo_can_send_words(talk, words);
 }
 
 /* The frame of the maximum speed contains a mode, too: the drive's present mode. An unknown mode
@@ -192,7 +191,7 @@ static enum db_result choose_mode(const struct db_device *device, enum servo_can
 	return servo_can_is_at_rest(device) ? DB_RESULT_OK : DB_RESULT_BUSY;
 }
 
-static enum db_step say_max_speed(struct db_conversation *talk)
+static enum db_step send_max_speed(struct db_conversation *talk)
 {
 	uint16_t max_speed = (uint16_t)value_for(talk, PARAM_MAX_SPEED);
 	enum servo_can_mode mode;
@@ -201,7 +200,7 @@ static enum db_step say_max_speed(struct db_conversation *talk)
 	/* Also when a stop was sent in between. */
 	if (result != DB_RESULT_OK)
 		return end_job(talk, result);
-	return servo_can_say_mode(talk, mode, &max_speed);
+	return servo_can_send_mode(talk, mode, &max_speed);
 }
 
 /* Nothing is sent unless all of it can be sent. */
@@ -221,7 +220,7 @@ enum db_step servo_can_continue_settings(struct db_conversation *talk)
 	uint64_t wanted = settings_wanted(talk->job->request);
 	enum db_result checked;
 
-	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !is_done(talk, STEP_LOOK))
+	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !is_done(talk, STEP_READ))
 		return servo_can_read_all(talk);
 	if (!progress_of(talk)->checked) {
 		checked = check_settings(talk, wanted);
@@ -230,15 +229,15 @@ enum db_step servo_can_continue_settings(struct db_conversation *talk)
 		progress_of(talk)->checked = true;
 	}
 	if ((wanted & RAMPS) && !is_done(talk, STEP_RAMPS))
-		return servo_can_say_ramps(talk,
-		                           (uint32_t)llrint(value_for(talk, PARAM_ACCELERATION)),
-		                           (uint32_t)llrint(value_for(talk, PARAM_DECELERATION)));
+		return servo_can_send_ramps(talk,
+		                            (uint32_t)llrint(value_for(talk, PARAM_ACCELERATION)),
+		                            (uint32_t)llrint(value_for(talk, PARAM_DECELERATION)));
 	if ((wanted & shared_words(talk->device)) && !is_done(talk, STEP_WORDS))
-		return say_words(talk);
+		return send_words(talk);
 	if ((wanted & WORDS & ~shared_words(talk->device)) && !is_done(talk, STEP_WORD_1))
-		return servo_can_say_word_1(talk, (uint16_t)value_for(talk, PARAM_WORD_1));
+		return servo_can_send_word_1(talk, (uint16_t)value_for(talk, PARAM_WORD_1));
 	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !is_done(talk, STEP_MODE))
-		return say_max_speed(talk);
+		return send_max_speed(talk);
 	return end_job(talk, DB_RESULT_UNPROVEN);
 }
 
@@ -252,21 +251,22 @@ static bool lacks_ramps(const struct db_device *device)
 /* Words that the PLC has set are kept and sent again, also when the drive has forgotten them. */
 static bool lacks_words(const struct db_device *device)
 {
-	uint64_t told = device->layout.word1.set ? PARAM_BIT(PARAM_CCLR) | PARAM_BIT(PARAM_WORD_1) :
-	                                           PARAM_BIT(PARAM_CCLR);
+	uint64_t needed = device->layout.word1.set ?
+	                          PARAM_BIT(PARAM_CCLR) | PARAM_BIT(PARAM_WORD_1) :
+	                          PARAM_BIT(PARAM_CCLR);
 
-	return device->words_given && (told & ~device->plate.valid[0]) != 0;
+	return device->words_given && (needed & ~device->plate.valid[0]) != 0;
 }
 
 /* Sends all words that are held, in one frame or two. */
-static bool says_words(struct db_conversation *talk, enum db_step *step)
+static bool sends_words(struct db_conversation *talk, enum db_step *step)
 {
 	const struct db_device *device = talk->device;
 
 	if (!is_done(talk, STEP_WORDS))
-		*step = servo_can_say_words(talk, device->words);
+		*step = servo_can_send_words(talk, device->words);
 	else if (device->layout.word1.set && !is_done(talk, STEP_WORD_1))
-		*step = servo_can_say_word_1(talk, device->words[1]);
+		*step = servo_can_send_word_1(talk, device->words[1]);
 	else
 		return false;
 	return true;
@@ -282,7 +282,7 @@ static bool lacks_mode(const struct db_device *device)
 
 /* A motor with power keeps its mode: the next command that changes the mode also sends the speed
  * limit. */
-bool servo_can_says_profile(struct db_conversation *talk, enum db_step *step)
+bool servo_can_sends_profile(struct db_conversation *talk, enum db_step *step)
 {
 	struct db_device *device = talk->device;
 	enum servo_can_mode mode;
@@ -290,20 +290,20 @@ bool servo_can_says_profile(struct db_conversation *talk, enum db_step *step)
 	if (!servo_can_is_at_rest(device))
 		return false;
 	if (lacks_ramps(device) && !is_done(talk, STEP_RAMPS)) {
-		*step = servo_can_say_ramps(talk, (uint32_t)device->profile.acceleration,
-		                            (uint32_t)device->profile.deceleration);
+		*step = servo_can_send_ramps(talk, (uint32_t)device->profile.acceleration,
+		                             (uint32_t)device->profile.deceleration);
 		return true;
 	}
-	if (lacks_words(device) && says_words(talk, step))
+	if (lacks_words(device) && sends_words(talk, step))
 		return true;
 	if (!lacks_mode(device) || is_done(talk, STEP_MODE) ||
 	    choose_mode(device, &mode) != DB_RESULT_OK)
 		return false;
-	*step = servo_can_say_mode(talk, mode, NULL);
+	*step = servo_can_send_mode(talk, mode, NULL);
 	return true;
 }
 
-static bool says_ramps_again(struct db_conversation *talk, enum db_step *step)
+static bool sends_ramps_again(struct db_conversation *talk, enum db_step *step)
 {
 	const struct db_device *device = talk->device;
 	const struct db_nameplate *plate = &device->plate;
@@ -311,15 +311,15 @@ static bool says_ramps_again(struct db_conversation *talk, enum db_step *step)
 
 	if (is_done(talk, STEP_RAMPS) || (!known && isnan(device->profile.acceleration)))
 		return false;
-	*step = known ? servo_can_say_ramps(talk, (uint32_t)plate->values[PARAM_ACCELERATION].f,
-	                                    (uint32_t)plate->values[PARAM_DECELERATION].f) :
-	                servo_can_say_ramps(talk, (uint32_t)device->profile.acceleration,
-	                                    (uint32_t)device->profile.deceleration);
+	*step = known ? servo_can_send_ramps(talk, (uint32_t)plate->values[PARAM_ACCELERATION].f,
+	                                     (uint32_t)plate->values[PARAM_DECELERATION].f) :
+	                servo_can_send_ramps(talk, (uint32_t)device->profile.acceleration,
+	                                     (uint32_t)device->profile.deceleration);
 	return true;
 }
 
 /* Sends the profile's mode, else the one that the drive is assumed to have. */
-static bool says_mode_again(struct db_conversation *talk, enum db_step *step)
+static bool sends_mode_again(struct db_conversation *talk, enum db_step *step)
 {
 	const struct db_device *device = talk->device;
 	const struct db_nameplate *plate = &device->plate;
@@ -333,17 +333,17 @@ static bool says_mode_again(struct db_conversation *talk, enum db_step *step)
 	if (!device->may_change_mode || mode == SERVO_CAN_MODE_NOT_KNOWN ||
 	    (is_done(talk, STEP_MODE) && device->mode == mode))
 		return false;
-	*step = servo_can_say_mode(talk, (enum servo_can_mode)mode, known ? &max_speed : NULL);
+	*step = servo_can_send_mode(talk, (enum servo_can_mode)mode, known ? &max_speed : NULL);
 	return true;
 }
 
-bool servo_can_says_all(struct db_conversation *talk, enum db_step *step)
+bool servo_can_sends_all(struct db_conversation *talk, enum db_step *step)
 {
-	if (says_ramps_again(talk, step))
+	if (sends_ramps_again(talk, step))
 		return true;
-	if (talk->device->words_given && says_words(talk, step))
+	if (talk->device->words_given && sends_words(talk, step))
 		return true;
-	return says_mode_again(talk, step);
+	return sends_mode_again(talk, step);
 }
 
 enum db_step servo_can_continue_identify(struct db_conversation *talk)
@@ -351,11 +351,11 @@ enum db_step servo_can_continue_identify(struct db_conversation *talk)
 	struct db_device *device = talk->device;
 	enum db_step step;
 
-	if (!is_done(talk, STEP_LOOK))
+	if (!is_done(talk, STEP_READ))
 		return servo_can_read_all(talk);
 	/* No identity and no parameter can be read. */
 	device->params_valid = true;
-	if (servo_can_says_profile(talk, &step))
+	if (servo_can_sends_profile(talk, &step))
 		return step;
 	/* What is still missing is sent again later. */
 	device->plate.doubtful = lacks_ramps(device) || lacks_words(device) || lacks_mode(device);

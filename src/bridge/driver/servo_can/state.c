@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Frames from the drive: answers to reads, its own reports, and the feedback made of them. */
-#include "driver/servo_can/state.h"
 #include "driver/servo_can/options.h"
+#include "driver/servo_can/servo_can_private.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -15,27 +15,40 @@
 #define STATUS_INTERVAL (100 * DB_NS_PER_MS)
 
 /* True if any of these bits is active now. */
-static bool status_says(const struct db_device *device, uint16_t bits)
+static bool has_status_bit(const struct db_device *device, uint16_t bits)
 {
 	return ((device->bits ^ device->status_inverted) & bits) != 0;
 }
 
 bool servo_can_is_powered(const struct db_device *device)
 {
-	return device->has_status && status_says(device, device->enabled_bit);
+	return device->has_status && has_status_bit(device, device->enabled_bit);
+}
+
+bool servo_can_obeys_setpoint(const struct db_device *device)
+{
+	bool by_setpoint = device->mode == SERVO_CAN_MODE_SPEED ||
+	                   device->mode == SERVO_CAN_MODE_CURRENT;
+
+	return by_setpoint && !device->synchronous;
+}
+
+bool servo_can_stops_by_setpoint(const struct db_device *device)
+{
+	return servo_can_obeys_setpoint(device) && !device->stop_refused;
 }
 
 /* The drive's own bit may have its own threshold, far above standstill. */
 bool servo_can_stands(const struct db_device *device)
 {
-	bool told_to_run = servo_can_is_powered(device) && device->setpoint != 0 && !device->staged;
+	bool should_run = servo_can_is_powered(device) && device->setpoint != 0 && !device->staged;
 
-	if (status_says(device, device->moving_bit))
+	if (has_status_bit(device, device->moving_bit))
 		return false;
 	if (device->sample.speed == 0)
 		return true;
-	return (device->standstill_bit == 0 || status_says(device, device->standstill_bit)) &&
-	       !told_to_run && abs(device->sample.speed) <= device->standstill_speed;
+	return (device->standstill_bit == 0 || has_status_bit(device, device->standstill_bit)) &&
+	       !should_run && abs(device->sample.speed) <= device->standstill_speed;
 }
 
 bool servo_can_is_at_rest(const struct db_device *device)
@@ -48,7 +61,7 @@ bool servo_can_is_at_rest(const struct db_device *device)
 static bool has_arrived(const struct db_device *device)
 {
 	return servo_can_stands(device) && servo_can_is_at(device, device->target) &&
-	       (device->target_bit == 0 || status_says(device, device->target_bit));
+	       (device->target_bit == 0 || has_status_bit(device, device->target_bit));
 }
 
 bool servo_can_is_at(const struct db_device *device, int32_t position)
@@ -93,13 +106,6 @@ static void show_sample(struct db_device *device, const struct servo_can_sample 
 	device->power_fell = false;
 }
 
-/* A move that was abandoned, or whose beginning was uncertain. */
-static bool begins_late(const struct db_device *device)
-{
-	return device->unshown && device->has_target && servo_can_is_powered(device) &&
-	       !servo_can_stands(device);
-}
-
 /*
  * True while a position move continues: until the drive rests at its target, or elsewhere for as
  * long as it may take to begin. Status bits are not used: "target reached" may only refer to the
@@ -109,10 +115,12 @@ static void follow_move(struct db_device *device, db_time now)
 {
 	/* Power that was lost unasked, or is still to be switched on, may return. */
 	if (!servo_can_is_powered(device) && device->power_taken)
-		device->unshown = false;
-	if (!device->going && begins_late(device)) {
+		device->may_begin = false;
+	/* A move that was abandoned, or whose beginning was uncertain. */
+	if (!device->going && device->may_begin && device->has_target &&
+	    servo_can_is_powered(device) && !servo_can_stands(device)) {
 		device->going = true;
-		device->unshown = false;
+		device->may_begin = false;
 	}
 	if (!device->going)
 		return;
@@ -140,17 +148,6 @@ static void note_power(struct db_device *device, bool before)
 		device->fault_open = true;
 }
 
-/* The reaction to a fault begins with the bit, not with the report that shows its reason. */
-static void note_error(struct db_device *device, db_time now)
-{
-	if (!status_says(device, device->fault_bit)) {
-		device->error_since = 0;
-	} else if (device->error_since == 0) {
-		device->error_since = now;
-		device->fault_open = true;
-	}
-}
-
 static void take_status(struct db_device *device, const struct servo_can_reading *reading,
                         db_time now)
 {
@@ -161,7 +158,13 @@ static void take_status(struct db_device *device, const struct servo_can_reading
 	device->outputs = reading->outputs;
 	device->status_at = now;
 	device->has_status = true;
-	note_error(device, now);
+	/* The reaction to a fault begins with the bit, not with the report of its reason. */
+	if (!has_status_bit(device, device->fault_bit)) {
+		device->error_since = 0;
+	} else if (device->error_since == 0) {
+		device->error_since = now;
+		device->fault_open = true;
+	}
 	note_power(device, powered);
 	follow_move(device, now);
 	if (!servo_can_is_powered(device) || servo_can_stands(device))
@@ -236,9 +239,17 @@ static unsigned part_of(enum servo_can_kind kind)
 	}
 }
 
-static void take_part(struct servo_can_reading *reading, unsigned part,
-                      const struct servo_can_message *message, db_time now)
+bool servo_can_take_part(struct db_device *device, unsigned sending, unsigned parts,
+                         const struct servo_can_message *message, db_time now, bool *complete)
 {
+	struct servo_can_reading *reading = &device->reading;
+	unsigned part = part_of(message->kind);
+
+	*complete = false;
+	if (reading->sending != sending)
+		*reading = (struct servo_can_reading){ .sending = sending };
+	if (!(part & parts))
+		return false;
 	reading->have |= part;
 	switch (part) {
 	case SERVO_CAN_GIVES_POSITION:
@@ -258,20 +269,6 @@ static void take_part(struct servo_can_reading *reading, unsigned part,
 		reading->analogue = message->u.analogue;
 		break;
 	}
-}
-
-bool servo_can_take_part(struct db_device *device, unsigned sending, unsigned parts,
-                         const struct servo_can_message *message, db_time now, bool *complete)
-{
-	struct servo_can_reading *reading = &device->reading;
-	unsigned part = part_of(message->kind);
-
-	*complete = false;
-	if (reading->sending != sending)
-		*reading = (struct servo_can_reading){ .sending = sending };
-	if (!(part & parts))
-		return false;
-	take_part(reading, part, message, now);
 	if ((reading->have & parts) != parts)
 		return true;
 	take_reading(device, parts, now);
@@ -304,9 +301,9 @@ bool servo_can_take_report(struct db_device *device, const uint8_t *bytes, size_
 	struct servo_can_message message;
 	struct db_can_frame frame;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return false;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	if (servo_can_decode(&frame, &device->layout, SERVO_CAN_FROM_DRIVE, &message) !=
 	    SERVO_CAN_OK)
 		return false;
@@ -340,7 +337,7 @@ bool servo_can_take_report(struct db_device *device, const uint8_t *bytes, size_
 }
 
 /* Reports arrive as often as the bridge would ask; half a cycle more is no reason to ask. */
-bool servo_can_reports_come(const struct db_device *device, db_time now)
+bool servo_can_reports_often(const struct db_device *device, db_time now)
 {
 	return device->has_sample && device->reported.taken != 0 &&
 	       now - device->reported.taken <= device->cycle + device->cycle / 2;
@@ -352,7 +349,7 @@ bool servo_can_wants_poll(const struct db_device *device, db_time now)
 	bool busy = device->going || device->stopping || device->setpoint != 0 ||
 	            device->trigger == LEVEL_HIGH || device->fault_open;
 
-	return busy || !device->has_status || !servo_can_reports_come(device, now) ||
+	return busy || !device->has_status || !servo_can_reports_often(device, now) ||
 	       now - device->status_at >= STATUS_INTERVAL;
 }
 
@@ -393,7 +390,7 @@ static uint32_t status_of(const struct db_device *device, enum db_axis_state sta
 
 	if (servo_can_is_powered(device))
 		status |= DB_STATUS_ENABLED;
-	if (status_says(device, device->homed_bit))
+	if (has_status_bit(device, device->homed_bit))
 		status |= DB_STATUS_HOMED;
 	if (!servo_can_stands(device) || device->going)
 		status |= DB_STATUS_MOVING;
@@ -404,7 +401,7 @@ static uint32_t status_of(const struct db_device *device, enum db_axis_state sta
 		status |= DB_STATUS_STOPPING;
 	if (state == DB_AXIS_ERROR_STOP)
 		status |= DB_STATUS_ERROR;
-	if (status_says(device, device->warning_bits))
+	if (has_status_bit(device, device->warning_bits))
 		status |= DB_STATUS_WARNING;
 	if (device->params_valid)
 		status |= DB_STATUS_PARAMS_VALID;
@@ -451,11 +448,11 @@ void servo_can_write_feedback(const struct db_device *device, struct db_feedback
 }
 
 /* A commanded motion may still continue: that is not forgotten. */
-static void forget_told(struct db_device *device)
+static void forget_sent(struct db_device *device)
 {
 	device->lost_power = false;
 	device->mode = device->fixed_mode;
-	memset(device->setpoint_known, 0, sizeof device->setpoint_known);
+	memset(device->setpoint_known, 0, sizeof(device->setpoint_known));
 	/* A trigger that is high must still be reset. */
 	if (device->trigger == LEVEL_LOW)
 		device->trigger = LEVEL_NOT_KNOWN;
@@ -467,7 +464,7 @@ static void forget_told(struct db_device *device)
 
 void servo_can_take_reset(struct db_device *device)
 {
-	forget_told(device);
+	forget_sent(device);
 	device->has_target = false;
 	/* The profile is sent again as soon as there is time. */
 	device->plate.doubtful = true;
@@ -475,7 +472,7 @@ void servo_can_take_reset(struct db_device *device)
 
 void servo_can_forget_state(struct db_device *device)
 {
-	forget_told(device);
+	forget_sent(device);
 	device->has_sample = false;
 	device->has_status = false;
 	device->has_health = false;

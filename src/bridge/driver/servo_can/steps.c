@@ -4,12 +4,9 @@
  * a command is refused or not answered. The next frame is chosen each time from the state of the
  * drive and of the conversation (commands.c, settings.c).
  */
-#include "driver/servo_can/steps.h"
+#include "driver/servo_can/servo_can_private.h"
 
-#include "driver/servo_can/commands.h"
 #include "driver/servo_can/frames.h"
-#include "driver/servo_can/settings.h"
-#include "driver/servo_can/state.h"
 
 #include <string.h>
 
@@ -31,7 +28,7 @@ static enum db_step continue_job(struct db_conversation *talk)
 }
 
 /* The step sent last counts as done, though the drive may not have accepted it. */
-static enum db_step pass_over(struct db_conversation *talk)
+static enum db_step skip_step(struct db_conversation *talk)
 {
 	progress_of(talk)->done |= 1u << talk->job->step;
 	return continue_job(talk);
@@ -48,7 +45,7 @@ static enum db_step take_frame(struct db_conversation *talk)
 		talk->device->refused = false;
 	progress->unanswered = false;
 	progress->since = talk->now;
-	return pass_over(talk);
+	return skip_step(talk);
 }
 
 /* Decode the frame just acknowledged: the drive now holds these values. */
@@ -57,7 +54,7 @@ static struct servo_can_message read_sent(const struct db_conversation *talk)
 	struct servo_can_message message;
 	struct db_can_frame frame;
 
-	memcpy(&frame, talk->exchange->request, sizeof frame);
+	memcpy(&frame, talk->exchange->request, sizeof(frame));
 	(void)servo_can_decode(&frame, &talk->device->layout, SERVO_CAN_FROM_HOST, &message);
 	return message;
 }
@@ -107,7 +104,7 @@ static enum db_step take_words(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 
-	memcpy(device->words, progress_of(talk)->words, sizeof device->words);
+	memcpy(device->words, progress_of(talk)->words, sizeof(device->words));
 	device->words_given = true;
 	servo_can_remember_words(device, talk->now);
 	return take_frame(talk);
@@ -141,11 +138,6 @@ static enum db_step take_ramps(struct db_conversation *talk)
 }
 
 /* --- what acknowledges something else --------------------------------------------------------- */
-
-static bool is_stop(const struct db_conversation *talk)
-{
-	return talk->job->kind == DB_JOB_COMMAND && db_command_is_stop(talk->job->request->command);
-}
 
 static bool is_enable(const struct db_conversation *talk)
 {
@@ -201,16 +193,11 @@ static enum db_step lose_power(struct db_conversation *talk)
 /* Before enabling: a drive that does not use CTRG is watched when it gets power. */
 static enum db_step lose_trigger(struct db_conversation *talk)
 {
-	return is_enable(talk) ? pass_over(talk) : end_job(talk, DB_RESULT_TIMEOUT);
-}
-
-static enum db_step leave_open(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_INDETERMINATE);
+	return is_enable(talk) ? skip_step(talk) : end_job(talk, DB_RESULT_TIMEOUT);
 }
 
 /* Indeterminate if an earlier frame may have started motion. */
-static enum db_step lose_look(struct db_conversation *talk)
+static enum db_step lose_read(struct db_conversation *talk)
 {
 	const unsigned going = 1u << STEP_SETPOINT | 1u << STEP_SYNC | 1u << STEP_TRIGGER_UP |
 	                       1u << STEP_MOVE | 1u << STEP_FEEDBACK | 1u << STEP_POWER |
@@ -225,11 +212,11 @@ static enum db_step lose_look(struct db_conversation *talk)
 /* `lost` is for commands. Before a clear the drive may not use it in its mode: everything possible
  * was done. */
 static const struct conversation_step steps[] = {
-	[STEP_LOOK] = { .answered = pass_over, .lost = lose_look },
-	[STEP_ANALOGUE] = { .answered = pass_over },
+	[STEP_READ] = { .answered = skip_step, .lost = lose_read },
+	[STEP_ANALOGUE] = { .answered = skip_step },
 	[STEP_MODE] = { .answered = take_mode },
-	[STEP_CLEAR_SPEED] = { .answered = take_clear, .lost = pass_over },
-	[STEP_CLEAR_CURRENT] = { .answered = take_clear, .lost = pass_over },
+	[STEP_CLEAR_SPEED] = { .answered = take_clear, .lost = skip_step },
+	[STEP_CLEAR_CURRENT] = { .answered = take_clear, .lost = skip_step },
 	[STEP_SETPOINT] = { .answered = take_setpoint, .lost = lose_setpoint },
 	[STEP_DEMAND] = { .answered = take_frame },
 	[STEP_TARGET] = { .answered = take_frame },
@@ -240,10 +227,10 @@ static const struct conversation_step steps[] = {
 	[STEP_MOVE] = { .answered = take_frame, .lost = lose_motion },
 	[STEP_POWER] = { .answered = take_frame, .lost = lose_power },
 	[STEP_FEEDBACK] = { .answered = take_frame, .lost = lose_motion },
-	[STEP_SYNC] = { .answered = take_sync, .lost = leave_open },
+	[STEP_SYNC] = { .answered = take_sync, .lost = end_indeterminate },
 	[STEP_RAMPS] = { .answered = take_ramps },
 	[STEP_LOAD] = { .answered = take_frame, .lost = lose_trigger },
-	[STEP_RETREAT] = { .answered = take_frame, .lost = leave_open },
+	[STEP_RETREAT] = { .answered = take_frame, .lost = end_indeterminate },
 };
 
 /* --- jobs ------------------------------------------------------------------------------------- */
@@ -256,10 +243,12 @@ enum db_step servo_can_begin(struct db_conversation *talk)
 	*progress_of(talk) = (struct servo_can_progress){ .since = talk->job->started };
 	/* The reaction to a fault is carried out first, in the mode that the drive is probably
 	 * in. */
-	if (talk->device->lost_power && !talk->device->fault_open && !is_stop(talk))
+	if (talk->device->lost_power && !talk->device->fault_open &&
+	    !(talk->job->kind == DB_JOB_COMMAND && db_command_is_stop(talk->job->request->command)))
 		servo_can_take_reset(talk->device);
 	if (talk->job->kind == DB_JOB_COMMAND)
-		restart_note_told(&talk->device->restart, talk->job->request->command, talk->now);
+		restart_note_command(&talk->device->restart, talk->job->request->command,
+		                     talk->now);
 	return continue_job(talk);
 }
 
@@ -273,13 +262,13 @@ enum db_step servo_can_answer(struct db_conversation *talk, const uint8_t *bytes
 	enum servo_can_error error;
 	bool complete;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return DB_STEP_IGNORE;
 	/* The last frame of the request is the one that is answered. */
-	memcpy(&frame, exchange->request + exchange->request_length - sizeof frame, sizeof frame);
+	memcpy(&frame, exchange->request + exchange->request_length - sizeof(frame), sizeof(frame));
 	if (servo_can_decode(&frame, layout, SERVO_CAN_FROM_HOST, &asked) != SERVO_CAN_OK)
 		return DB_STEP_IGNORE;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	error = servo_can_decode(&frame, layout, SERVO_CAN_FROM_DRIVE, &message);
 	if (asked.kind == SERVO_CAN_READ) {
 		/* It may have followed a frame that nothing acknowledges. */
@@ -313,7 +302,7 @@ enum db_step servo_can_lose_answer(struct db_conversation *talk)
 		servo_can_forget_settings(talk->device, talk->job->request);
 		return end_job(talk, strange ? DB_RESULT_REFUSED : DB_RESULT_TIMEOUT);
 	case DB_JOB_IDENTIFY: /* another part of the profile may be accepted */
-		return strange ? pass_over(talk) : end_job(talk, DB_RESULT_TIMEOUT);
+		return strange ? skip_step(talk) : end_job(talk, DB_RESULT_TIMEOUT);
 	default:
 		return end_job(talk, DB_RESULT_TIMEOUT);
 	}

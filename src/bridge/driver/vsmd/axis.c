@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/vsmd/axis.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include "driver/vsmd/restart.h"
 
@@ -8,7 +8,7 @@
 
 /* During homing the axis stands for a moment between phases; standing longer than homing-pause-ms,
  * in several samples, means that it ended without reaching its end. */
-#define HOMING_LOOKS 5
+#define HOMING_STATUSES 5
 
 void vsmd_axis_init(struct vsmd_axis *axis, const struct vsmd_link *link,
                     const struct db_bus_config *bus, const struct db_drive_config *drive)
@@ -39,9 +39,9 @@ static void forget_motion(struct vsmd_axis *axis)
 {
 	axis->motion = VSMD_MOTION_NONE;
 	axis->begun = VSMD_MOTION_NONE;
-	axis->fresh = false;
+	axis->just_commanded = false;
 	axis->stopping = false;
-	axis->standstill_looks = 0;
+	axis->standstill_count = 0;
 	axis->goal = (struct vsmd_goal){ .kind = VSMD_GOAL_REST };
 }
 
@@ -54,10 +54,10 @@ void vsmd_take_identity(struct vsmd_axis *axis, const char *text, size_t length)
 		text++;
 		length -= 2;
 	}
-	for (size_t i = 0; i < length && i < sizeof kept && text[i] >= ' '; i++)
+	for (size_t i = 0; i < length && i < sizeof(kept) && text[i] >= ' '; i++)
 		kept[i] = text[i];
-	if (memcmp(kept, axis->plate.identity, sizeof kept) != 0) {
-		memcpy(axis->plate.identity, kept, sizeof kept);
+	if (memcmp(kept, axis->plate.identity, sizeof(kept)) != 0) {
+		memcpy(axis->plate.identity, kept, sizeof(kept));
 		axis->plate.generation++;
 		/* Another drive, or another firmware version. */
 		axis->memory = (struct vsmd_memory){ .unsaved = false };
@@ -83,10 +83,10 @@ void vsmd_take_settings(struct vsmd_axis *axis, const struct db_request *request
  * status. */
 static bool stands_for_good(struct vsmd_axis *axis)
 {
-	if (axis->standstill_looks++ == 0)
-		axis->standstill_since = axis->heard_at;
-	return axis->standstill_looks > HOMING_LOOKS &&
-	       axis->heard_at - axis->standstill_since > axis->homing_pause;
+	if (axis->standstill_count++ == 0)
+		axis->standstill_since = axis->status_at;
+	return axis->standstill_count > HOMING_STATUSES &&
+	       axis->status_at - axis->standstill_since > axis->homing_pause;
 }
 
 static void found_origin(struct vsmd_axis *axis)
@@ -95,16 +95,16 @@ static void found_origin(struct vsmd_axis *axis)
 	axis->placed = true;
 	axis->origin_lost = false;
 	axis->doubt.kind = DB_DOUBT_NONE;
-	axis->told_until = 0;
+	axis->effect_until = 0;
 }
 
 void vsmd_follow_motion(struct vsmd_axis *axis)
 {
 	uint32_t status = axis->last.status;
 
-	axis->fresh = false;
+	axis->just_commanded = false;
 	if (!(status & VSMD_ST_STP)) {
-		axis->standstill_looks = 0;
+		axis->standstill_count = 0;
 		if (axis->motion == VSMD_MOTION_NONE) {
 			axis->motion = VSMD_MOTION_UNKNOWN;
 			axis->goal.kind = VSMD_GOAL_UNKNOWN;
@@ -266,7 +266,7 @@ void vsmd_take_confirmation(struct vsmd_axis *axis, int32_t position, uint32_t w
 	axis->last.status = word;
 	axis->refuses = (word & VSMD_ST_CMD_WRG) && !axis->unanswered;
 	axis->unanswered = false;
-	axis->heard_at = now;
+	axis->status_at = now;
 	if (!axis->watch.has_place)
 		axis->watch.first_place = position;
 	axis->watch.has_place = true;
@@ -284,7 +284,7 @@ void vsmd_take_speed(struct vsmd_axis *axis, float velocity)
 void vsmd_take_position(struct vsmd_axis *axis, int32_t position, db_time now)
 {
 	axis->last.position = position;
-	axis->heard_at = now;
+	axis->status_at = now;
 }
 
 /* The direction is that of the way since the previous status; without a way it stays. */
@@ -293,7 +293,7 @@ static float velocity_of(const struct vsmd_axis *axis, const struct vsmd_status 
 	double way = (double)status->position - (double)axis->process.position;
 	bool back = fabs(way) > axis->window ? way < 0.0 : axis->process.velocity < 0.0f;
 
-	if (!axis->unsigned_speed || !axis->heard)
+	if (!axis->unsigned_speed || !axis->has_status)
 		return status->velocity;
 	return back ? -fabsf(status->velocity) : fabsf(status->velocity);
 }
@@ -307,16 +307,16 @@ void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, 
 	axis->process = *status;
 	axis->process.velocity = velocity;
 	axis->taken = now;
-	axis->heard = true;
+	axis->has_status = true;
 }
 
 static void start_motion(struct vsmd_axis *axis, enum vsmd_motion motion)
 {
 	axis->motion = motion;
 	axis->begun = VSMD_MOTION_NONE;
-	axis->fresh = true;
+	axis->just_commanded = true;
 	axis->stopping = false;
-	axis->standstill_looks = 0;
+	axis->standstill_count = 0;
 	axis->goal.kind = VSMD_GOAL_UNKNOWN;
 	if (motion != VSMD_MOTION_DISCRETE)
 		axis->has_target = false;
@@ -332,7 +332,7 @@ static void stop_motion(struct vsmd_axis *axis)
 	axis->begun = VSMD_MOTION_NONE;
 	if (axis->motion != VSMD_MOTION_NONE || !(axis->last.status & VSMD_ST_STP)) {
 		axis->stopping = true;
-		axis->fresh = true;
+		axis->just_commanded = true;
 	}
 	axis->goal.kind = VSMD_GOAL_REST;
 	axis->has_target = false;
@@ -346,11 +346,11 @@ void vsmd_take_target(struct vsmd_axis *axis)
 
 /* Changes of position, power and homing bit by commands show within this time plus the reaction
  * time. */
-#define TOLD_TIME (500 * DB_NS_PER_MS)
+#define EFFECT_TIME (500 * DB_NS_PER_MS)
 
 void vsmd_expect_change(struct vsmd_axis *axis)
 {
-	axis->told_until = axis->heard_at + TOLD_TIME + axis->reaction;
+	axis->effect_until = axis->status_at + EFFECT_TIME + axis->reaction;
 }
 
 void vsmd_doubt_motion(struct vsmd_axis *axis, enum db_command command)
@@ -406,7 +406,7 @@ void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request)
 		axis->origin_lost = false;
 		axis->doubt.kind = DB_DOUBT_NONE;
 		axis->placed = true;
-		axis->told_until = 0; /* the change was seen */
+		axis->effect_until = 0; /* the change was seen */
 		axis->has_target = false;
 		/* Its target is counted from the new origin, too, and the direction is not
 		 * known. */
@@ -418,7 +418,7 @@ void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request)
 		forget_motion(axis);
 		axis->homed = false;
 		axis->placed = false;
-		axis->told_until = 0;
+		axis->effect_until = 0;
 		axis->origin_lost = true;
 		axis->doubt.kind = DB_DOUBT_NONE;
 		axis->zero_is_old = (axis->last.status & VSMD_ST_ZERO) != 0;
@@ -481,7 +481,7 @@ static uint16_t error_of(uint32_t status)
 
 static enum db_axis_state state_of(const struct vsmd_axis *axis, uint16_t error)
 {
-	bool moving = !(axis->last.status & VSMD_ST_STP) || axis->fresh;
+	bool moving = !(axis->last.status & VSMD_ST_STP) || axis->just_commanded;
 
 	if (error != DB_ERROR_NONE && error != DB_ERROR_FLASH)
 		return DB_AXIS_ERROR_STOP;
@@ -500,7 +500,7 @@ static enum db_axis_state state_of(const struct vsmd_axis *axis, uint16_t error)
 static uint32_t status_of(const struct vsmd_axis *axis, enum db_axis_state state, uint16_t error)
 {
 	uint32_t drive = axis->last.status;
-	bool stands = (drive & VSMD_ST_STP) && !axis->fresh;
+	bool stands = (drive & VSMD_ST_STP) && !axis->just_commanded;
 	uint32_t status = 0;
 
 	if (drive & VSMD_ST_PWR)
@@ -544,7 +544,7 @@ void vsmd_axis_feedback(const struct vsmd_axis *axis, struct db_feedback *feedba
 	                              (axis->last.status >> 12 & 0x30u));
 	feedback->outputs = outputs_of(axis, feedback->inputs);
 	feedback->error = error_of(axis->last.status);
-	state = axis->heard ? state_of(axis, feedback->error) : DB_AXIS_OFFLINE;
+	state = axis->has_status ? state_of(axis, feedback->error) : DB_AXIS_OFFLINE;
 	feedback->state = (uint16_t)state;
 	feedback->status = status_of(axis, state, feedback->error);
 	feedback->restarts = axis->restarts;
@@ -555,8 +555,8 @@ void vsmd_axis_feedback(const struct vsmd_axis *axis, struct db_feedback *feedba
 void vsmd_axis_gone(struct vsmd_axis *axis)
 {
 	axis->params_valid = false;
-	axis->heard = false;
-	axis->fresh = false;
+	axis->has_status = false;
+	axis->just_commanded = false;
 	axis->away = true;
 	axis->goal.kind = VSMD_GOAL_UNKNOWN;
 }

@@ -7,10 +7,8 @@
 #include "codec/vsmd_can_describe.h"
 #include "driver/list.h"
 #include "driver/vsmd/can_frames.h"
-#include "driver/vsmd/can_inquiry.h"
-#include "driver/vsmd/can_state.h"
-#include "driver/vsmd/can_steps.h"
 #include "driver/vsmd/commands.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include <string.h>
 
@@ -90,9 +88,9 @@ static const struct db_option options[] = {
 		.preset = "all",
 		.unit = "",
 		.description =
-			"With report-ms, what drives report. Without the speed, velocity is computed "
-			"from successive positions; without the status, it is still asked for "
-			"every cycle",
+			"With report-ms, what drives report. Without the speed, velocity is "
+			"computed from successive positions; without the status, it is still "
+			"asked for every cycle",
 	},
 	VSMD_DRIVE_OPTIONS,
 };
@@ -179,9 +177,9 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 	const struct vsmd_can_id *id = &message.id;
 	enum vsmd_error error;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return DB_FRAME_BAD;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	error = vsmd_can_decode(&style, &frame, &message);
 	*address = vsmd_can_suspect(&frame);
 	/* An invalid id has the source 0, which no drive has. */
@@ -214,7 +212,7 @@ static void describe_frame(const struct db_bus_config *bus, bool sent, const uin
 	struct db_can_frame frame = { .id = 0 };
 
 	(void)sent; /* the frame shows its sender */
-	memcpy(&frame, bytes, length < sizeof frame ? length : sizeof frame);
+	memcpy(&frame, bytes, length < sizeof(frame) ? length : sizeof(frame));
 	vsmd_can_describe(&style, &frame, description);
 }
 
@@ -226,7 +224,7 @@ static db_time exchange_time(const struct db_bus_config *bus,
 
 	if (vsmd_can_encode_command(&style, 1, command, &frame) != VSMD_OK)
 		return 0;
-	return bus->transport->wire_time(bus, (const uint8_t *)&frame, sizeof frame,
+	return bus->transport->wire_time(bus, (const uint8_t *)&frame, sizeof(frame),
 	                                 registers > 0 ? vsmd_can_answer_length(registers) : 0);
 }
 
@@ -254,11 +252,11 @@ static bool write_one_frame(const struct vsmd_can_style *style, unsigned drive,
                             enum db_command command, struct db_exchange *exchange)
 {
 	const struct db_args none = { 0 };
-	struct vsmd_command said = vsmd_command_of(command, &none);
+	struct vsmd_command sent = vsmd_command_of(command, &none);
 	struct vsmd_can_command frames[VSMD_CAN_BURST_MAX - 1];
 
 	if (!(db_command_is_stop(command) || command == DB_CMD_ENABLE) ||
-	    vsmd_can_frames_of(&said, frames) != 1)
+	    vsmd_can_frames_of(&sent, frames) != 1)
 		return false;
 	vsmd_can_start_burst(exchange, false);
 	return vsmd_can_add_command(style, drive, &frames[0], exchange);
@@ -294,9 +292,9 @@ static bool begin_all(const struct db_device *device, const struct db_exchange *
 	struct vsmd_can_message message;
 	struct db_can_frame frame;
 
-	if (prepared->request_length != 2 * sizeof frame)
+	if (prepared->request_length != 2 * sizeof(frame))
 		return false;
-	memcpy(&frame, prepared->request, sizeof frame);
+	memcpy(&frame, prepared->request, sizeof(frame));
 	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK)
 		return false;
 	vsmd_can_start_burst(all, false);
@@ -311,11 +309,10 @@ static void check_config(const struct db_bus_config *bus,
 		return;
 	for (size_t i = 0; i < drive_count; i++) {
 		if (drives[i]->address > VSMD_CAN_STD_DRIVE_MAX)
-			complain(
-				context, drives[i], true,
-				"address = %u cannot be said in standard frames; one from 1 to %d, "
-				"or frames = extended on bus '%s'",
-				drives[i]->address, VSMD_CAN_STD_DRIVE_MAX, bus->name);
+			complain(context, drives[i], true,
+			         "address = %u cannot be said in standard frames; one from 1 to "
+			         "%d, or frames = extended on bus '%s'",
+			         drives[i]->address, VSMD_CAN_STD_DRIVE_MAX, bus->name);
 	}
 }
 
@@ -329,11 +326,11 @@ static bool write_inquiry(const struct db_bus_config *bus, const struct db_inqui
 
 static enum db_recognised recognise_frame(const struct db_bus_config *bus,
                                           const struct db_inquiry *inquiry, const uint8_t *frame,
-                                          size_t length, struct db_inquired *said)
+                                          size_t length, struct db_inquired *found)
 {
 	const struct vsmd_can_style style = style_of(bus);
 
-	return vsmd_can_recognise(&style, inquiry, frame, length, said);
+	return vsmd_can_recognise(&style, inquiry, frame, length, found);
 }
 
 static const unsigned speeds[] = {
@@ -351,7 +348,7 @@ const struct db_driver db_driver_vsmd_can = {
 	.default_baud = 100000,
 	.vendor_layout = true,
 	.options = options,
-	.option_count = sizeof options / sizeof options[0],
+	.option_count = sizeof(options) / sizeof(options[0]),
 	.bus_options_size = sizeof(struct vsmd_can_options),
 	.drive_options_size = sizeof(struct vsmd_drive_options),
 	.commands = VSMD_COMMANDS,

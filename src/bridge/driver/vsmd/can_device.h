@@ -4,7 +4,7 @@
 #define DRIVEBRIDGE_DRIVER_VSMD_CAN_DEVICE_H
 
 #include "codec/vsmd_can.h"
-#include "driver/vsmd/axis.h"
+#include "driver/vsmd/vsmd_private.h"
 
 /* Reading all parameters: the registers to be read, and a range that contains one that was not
  * answered. */
@@ -40,7 +40,7 @@ struct db_device {
 
 	/* How its answers differ from the documentation. */
 	unsigned forms; /* enum vsmd_can_form */
-	bool probe_said;
+	bool probe_sent;
 	bool probe_known;          /* it is known which probe is answered */
 	enum vsmd_can_probe probe; /* the last one */
 	bool reads_long;           /* a cyclic read of three registers was answered */

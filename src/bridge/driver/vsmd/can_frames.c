@@ -15,10 +15,10 @@ void vsmd_can_start_burst(struct db_exchange *exchange, bool repeatable)
 
 bool vsmd_can_add_frame(struct db_exchange *exchange, const struct db_can_frame *frame)
 {
-	if (exchange->request_length + sizeof *frame > exchange->request_size)
+	if (exchange->request_length + sizeof(*frame) > exchange->request_size)
 		return false;
-	memcpy(exchange->request + exchange->request_length, frame, sizeof *frame);
-	exchange->request_length += sizeof *frame;
+	memcpy(exchange->request + exchange->request_length, frame, sizeof(*frame));
+	exchange->request_length += sizeof(*frame);
 	return true;
 }
 
@@ -230,8 +230,8 @@ enum db_step vsmd_can_read_identity(struct db_conversation *talk)
 	return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY, VSMD_CAN_IDENTITY_REGS);
 }
 
-enum db_step vsmd_can_say_command(struct db_conversation *talk, const struct vsmd_command *command,
-                                  bool repeatable)
+enum db_step vsmd_can_send_command(struct db_conversation *talk, const struct vsmd_command *command,
+                                   bool repeatable)
 {
 	struct vsmd_can_command frames[VSMD_CAN_BURST_MAX - 1];
 	size_t count = vsmd_can_frames_of(command, frames);
@@ -250,18 +250,18 @@ enum db_step vsmd_can_say_command(struct db_conversation *talk, const struct vsm
 	return add_confirmation(talk);
 }
 
-enum db_step vsmd_can_look(struct db_conversation *talk, enum vsmd_look what)
+enum db_step vsmd_can_read(struct db_conversation *talk, enum vsmd_read what)
 {
 	vsmd_can_start_burst(talk->exchange, true);
 	switch (what) {
-	case VSMD_LOOK_SPEED:
+	case VSMD_READ_SPEED:
 		return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, 1);
-	case VSMD_LOOK_POSITION:
+	case VSMD_READ_POSITION:
 		/* A report of the position alone would look like its answer. */
 		if (talk->device->report == VSMD_CAN_REPORT_POSITION)
 			return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, 2);
 		return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 1);
-	case VSMD_LOOK_STATUS:
+	case VSMD_READ_STATUS:
 	default:
 		return add_confirmation(talk);
 	}
@@ -276,10 +276,10 @@ static bool read_sent(const struct db_device *device, const struct db_exchange *
 	struct vsmd_can_message message;
 	struct db_can_frame frame;
 
-	if (exchange->request_length < from_end * sizeof frame)
+	if (exchange->request_length < from_end * sizeof(frame))
 		return false;
-	memcpy(&frame, exchange->request + exchange->request_length - from_end * sizeof frame,
-	       sizeof frame);
+	memcpy(&frame, exchange->request + exchange->request_length - from_end * sizeof(frame),
+	       sizeof(frame));
 	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
 	    message.id.control != VSMD_CAN_COMMAND ||
 	    (message.command.code != VSMD_CAN_READ_STATUS &&
@@ -287,11 +287,6 @@ static bool read_sent(const struct db_device *device, const struct db_exchange *
 		return false;
 	*read = message.command;
 	return true;
-}
-
-static bool goes_on_with(const struct vsmd_can_command *read, const struct vsmd_can_command *next)
-{
-	return read->code == next->code && read->first + read->count == next->first;
 }
 
 /* The read that the exchange waits for: the last one, or the one that it guards, with all its
@@ -306,7 +301,7 @@ static bool find_read(const struct db_device *device, const struct db_exchange *
 	if (!read_sent(device, exchange, from_end++, read))
 		return false;
 	while (read_sent(device, exchange, from_end++, &before)) {
-		if (goes_on_with(&before, read)) {
+		if (before.code == read->code && before.first + before.count == read->first) {
 			before.count = (uint8_t)(before.count + read->count);
 		} else if (*guarded) {
 			break;
@@ -337,19 +332,14 @@ bool vsmd_can_expect_answer(struct db_device *device, const struct db_exchange *
 	return true;
 }
 
-static bool is_guard(const struct db_device *device, const struct vsmd_can_message *message)
-{
-	return device->guarded && message->id.control == VSMD_CAN_STATUS_REPLY &&
-	       message->id.reg == guard_of(device) &&
-	       (message->count == 1 || (device->forms & VSMD_CAN_PADDED));
-}
-
 enum db_step vsmd_can_collect_answer(struct db_device *device,
                                      const struct vsmd_can_message *message)
 {
 	enum vsmd_can_took took;
 
-	if (is_guard(device, message))
+	if (device->guarded && message->id.control == VSMD_CAN_STATUS_REPLY &&
+	    message->id.reg == guard_of(device) &&
+	    (message->count == 1 || (device->forms & VSMD_CAN_PADDED)))
 		return DB_STEP_DONE;
 	took = vsmd_can_take(&device->answer, message);
 	device->forms = device->answer.forms;

@@ -39,9 +39,9 @@ enum db_step vsmd_can_read_guard(struct db_conversation *talk);
 /* Whole exchanges. */
 enum db_step vsmd_can_read_probe(struct db_conversation *talk);
 enum db_step vsmd_can_read_status(struct db_conversation *talk);
-enum db_step vsmd_can_say_command(struct db_conversation *talk, const struct vsmd_command *command,
-                                  bool repeatable);
-enum db_step vsmd_can_look(struct db_conversation *talk, enum vsmd_look what);
+enum db_step vsmd_can_send_command(struct db_conversation *talk, const struct vsmd_command *command,
+                                   bool repeatable);
+enum db_step vsmd_can_read(struct db_conversation *talk, enum vsmd_read what);
 
 /* True if it answers probes, but none for its identity. */
 bool vsmd_can_lacks_identity(const struct db_device *device);

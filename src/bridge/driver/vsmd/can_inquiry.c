@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/vsmd/can_inquiry.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include "driver/vsmd/can_frames.h"
 
@@ -7,12 +7,6 @@
 
 /* How long a drive may write its flash before it answers. */
 #define SAVE_TIME (1000 * DB_NS_PER_MS)
-
-/* True if it sets something that is read after it. */
-static bool sets(const struct db_inquiry *inquiry)
-{
-	return inquiry->kind == DB_INQUIRY_SET_ADDRESS || inquiry->kind == DB_INQUIRY_SET_SPEED;
-}
 
 /* The read of an inquiry; for those that change something, the read after that. No report resembles
  * the answer to whether a drive is there; a drive without identity is recognised by its data. */
@@ -88,10 +82,12 @@ bool vsmd_can_inquire(const struct vsmd_can_style *style, const struct db_inquir
 	    inquiry->address > (style->extended ? VSMD_CAN_DRIVE_MAX : VSMD_CAN_STD_DRIVE_MAX))
 		return false;
 	vsmd_can_start_burst(exchange, true);
-	if (sets(inquiry) && (!put_setting(inquiry, &raw) ||
-	                      vsmd_can_encode_write(style, inquiry->address, read.first, &raw, 1,
-	                                            &frame) != VSMD_OK ||
-	                      !vsmd_can_add_frame(exchange, &frame)))
+	/* What sets something is read after it. */
+	if ((inquiry->kind == DB_INQUIRY_SET_ADDRESS || inquiry->kind == DB_INQUIRY_SET_SPEED) &&
+	    (!put_setting(inquiry, &raw) ||
+	     vsmd_can_encode_write(style, inquiry->address, read.first, &raw, 1, &frame) !=
+	             VSMD_OK ||
+	     !vsmd_can_add_frame(exchange, &frame)))
 		return false;
 	if (inquiry->kind == DB_INQUIRY_SAVE) {
 		exchange->extra_time = SAVE_TIME;
@@ -102,25 +98,25 @@ bool vsmd_can_inquire(const struct vsmd_can_style *style, const struct db_inquir
 }
 
 /* The values of a complete answer. */
-static void take_values(const struct db_inquiry *inquiry, struct db_inquired *said)
+static void take_values(const struct db_inquiry *inquiry, struct db_inquired *found)
 {
 	uint32_t raw;
 
 	switch (inquiry->kind) {
 	case DB_INQUIRY_IDENTITY:
-		if (vsmd_can_get_identity(said->values, said->identity) < 0)
-			said->identity[0] = '\0';
+		if (vsmd_can_get_identity(found->values, found->identity) < 0)
+			found->identity[0] = '\0';
 		break;
 	case DB_INQUIRY_SET_ADDRESS:
 	case DB_INQUIRY_SET_SPEED:
-		said->refused = put_setting(inquiry, &raw) && said->values[0] != raw;
+		found->refused = put_setting(inquiry, &raw) && found->values[0] != raw;
 		break;
 	case DB_INQUIRY_SAVE:
-		said->refused = (said->values[0] & (VSMD_ST_CMD_WRG | VSMD_ST_FLASH_ERR)) != 0;
+		found->refused = (found->values[0] & (VSMD_ST_CMD_WRG | VSMD_ST_FLASH_ERR)) != 0;
 		break;
 	case DB_INQUIRY_STANDING:
-		said->tells_standing = true;
-		said->stands = (said->values[0] & VSMD_ST_STP) != 0;
+		found->tells_standing = true;
+		found->stands = (found->values[0] & VSMD_ST_STP) != 0;
 		break;
 	case DB_INQUIRY_THERE:
 	default:
@@ -131,7 +127,7 @@ static void take_values(const struct db_inquiry *inquiry, struct db_inquired *sa
 /* In any form that drives use. */
 enum db_recognised vsmd_can_recognise(const struct vsmd_can_style *style,
                                       const struct db_inquiry *inquiry, const uint8_t *bytes,
-                                      size_t length, struct db_inquired *said)
+                                      size_t length, struct db_inquired *found)
 {
 	struct vsmd_can_command read = read_of(inquiry);
 	struct vsmd_can_message message;
@@ -139,9 +135,9 @@ enum db_recognised vsmd_can_recognise(const struct vsmd_can_style *style,
 	struct db_can_frame frame;
 	enum vsmd_can_took took;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return DB_RECOGNISED_NOTHING;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	if (vsmd_can_decode(style, &frame, &message) != VSMD_OK ||
 	    vsmd_can_expect(&answer, style, inquiry->address,
 	                    read.code == VSMD_CAN_READ_STATUS ? VSMD_CAN_STATUS_REPLY :
@@ -149,18 +145,18 @@ enum db_recognised vsmd_can_recognise(const struct vsmd_can_style *style,
 	                    read.first, read.count) != VSMD_OK)
 		return DB_RECOGNISED_NOTHING;
 	answer.forms = VSMD_CAN_PADDED | VSMD_CAN_SINGLES;
-	answer.seen = said->parts;
-	memcpy(answer.values, said->values, read.count * sizeof said->values[0]);
+	answer.seen = found->parts;
+	memcpy(answer.values, found->values, read.count * sizeof(found->values[0]));
 	took = vsmd_can_take(&answer, &message);
-	said->parts = (uint32_t)answer.seen;
-	memcpy(said->values, answer.values, read.count * sizeof said->values[0]);
+	found->parts = (uint32_t)answer.seen;
+	memcpy(found->values, answer.values, read.count * sizeof(found->values[0]));
 	switch (took) {
 	case VSMD_CAN_REPEATED:
 		return DB_RECOGNISED_AGAIN;
 	case VSMD_CAN_PART:
 		return DB_RECOGNISED_PART;
 	case VSMD_CAN_WHOLE:
-		take_values(inquiry, said);
+		take_values(inquiry, found);
 		return DB_RECOGNISED_ANSWER;
 	case VSMD_CAN_FOREIGN:
 	default:

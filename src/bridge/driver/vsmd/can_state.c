@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/vsmd/can_state.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include "driver/vsmd/can_frames.h"
 
@@ -11,7 +11,7 @@
 
 /* --- answers ---------------------------------------------------------------------------------- */
 
-void vsmd_can_take_look(struct db_device *device, db_time now)
+void vsmd_can_take_read(struct db_device *device, db_time now)
 {
 	const struct vsmd_can_answer *answer = &device->answer;
 	unsigned first = answer->id.reg;
@@ -25,7 +25,7 @@ void vsmd_can_take_look(struct db_device *device, db_time now)
 		vsmd_take_position(&device->axis, (int32_t)position[0], now);
 	/* With the position alone it would be of no use. */
 	if (first == VSMD_CAN_STATUS_SPEED && answer->count != 2) {
-		memcpy(&speed, &answer->values[0], sizeof speed);
+		memcpy(&speed, &answer->values[0], sizeof(speed));
 		vsmd_take_speed(&device->axis, speed);
 	}
 }
@@ -56,7 +56,7 @@ static float velocity_to(struct db_device *device, int32_t position, db_time int
 		velocity = ((double)position - (double)device->base) /
 		           ((double)elapsed / (double)DB_NS_PER_S);
 	/* A position that was set, by a current command or by hand, is no motion. */
-	device->has_base = device->axis.told_until <= now;
+	device->has_base = device->axis.effect_until <= now;
 	device->base = position;
 	device->base_at = now;
 	return fabs(velocity) > 2.0 * (double)VSMD_SPEED_MAX ? 0.0f : (float)velocity;
@@ -94,7 +94,7 @@ static bool take_report_of_all(struct db_device *device, const struct vsmd_can_m
                                db_time now)
 {
 	if (message->id.reg == VSMD_CAN_STATUS_SPEED && message->count == 2) {
-		memcpy(device->reported, message->values, 2 * sizeof message->values[0]);
+		memcpy(device->reported, message->values, 2 * sizeof(message->values[0]));
 		device->half_reported = true;
 		return true;
 	}
@@ -108,30 +108,6 @@ static bool take_report_of_all(struct db_device *device, const struct vsmd_can_m
 	return true;
 }
 
-static bool take_report_of_position_and_status(struct db_device *device,
-                                               const struct vsmd_can_message *message, db_time now)
-{
-	if (message->id.reg != VSMD_CAN_STATUS_POSITION || message->count != 2)
-		return false;
-	device->reported_at = now;
-	take_place(device, (int32_t)message->values[0], message->values[1], device->report_interval,
-	           now);
-	vsmd_follow_motion(&device->axis);
-	return true;
-}
-
-/* Its status is the one read last; conclusions from it wait for the next one. */
-static bool take_report_of_position(struct db_device *device,
-                                    const struct vsmd_can_message *message, db_time now)
-{
-	if (message->id.reg != VSMD_CAN_STATUS_POSITION || message->count != 1)
-		return false;
-	if (device->axis.heard)
-		take_place(device, (int32_t)message->values[0], device->axis.last.status,
-		           device->report_interval, now);
-	return true;
-}
-
 /* A report has the form of an answer to a read of its content. */
 bool vsmd_can_take_report(struct db_device *device, const uint8_t *bytes, size_t length,
                           db_time now)
@@ -139,9 +115,9 @@ bool vsmd_can_take_report(struct db_device *device, const uint8_t *bytes, size_t
 	struct vsmd_can_message message;
 	struct db_can_frame frame;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return false;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
 	    message.id.control != VSMD_CAN_STATUS_REPLY)
 		return false;
@@ -149,9 +125,21 @@ bool vsmd_can_take_report(struct db_device *device, const uint8_t *bytes, size_t
 	case VSMD_CAN_REPORT_ALL:
 		return take_report_of_all(device, &message, now);
 	case VSMD_CAN_REPORT_POSITION_STATUS:
-		return take_report_of_position_and_status(device, &message, now);
+		if (message.id.reg != VSMD_CAN_STATUS_POSITION || message.count != 2)
+			return false;
+		device->reported_at = now;
+		take_place(device, (int32_t)message.values[0], message.values[1],
+		           device->report_interval, now);
+		vsmd_follow_motion(&device->axis);
+		return true;
 	case VSMD_CAN_REPORT_POSITION:
-		return take_report_of_position(device, &message, now);
+		/* Its status is the one read last; conclusions from it wait for the next one. */
+		if (message.id.reg != VSMD_CAN_STATUS_POSITION || message.count != 1)
+			return false;
+		if (device->axis.has_status)
+			take_place(device, (int32_t)message.values[0], device->axis.last.status,
+			           device->report_interval, now);
+		return true;
 	case VSMD_CAN_REPORT_NONE:
 	default:
 		return false;
@@ -173,7 +161,7 @@ void vsmd_can_forget_state(struct db_device *device)
 	/* A different drive may come back. */
 	device->forms = 0;
 	device->probe = VSMD_CAN_PROBE_IDENTITY;
-	device->probe_known = device->probe_said = device->reads_long = device->reads_short =
+	device->probe_known = device->probe_sent = device->reads_long = device->reads_short =
 		device->poll_open = false;
 	device->lost_polls = 0;
 }

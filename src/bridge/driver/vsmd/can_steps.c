@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Writing and reading parameters, and the jobs of a drive. */
-#include "driver/vsmd/can_steps.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include "driver/vsmd/can_frames.h"
-#include "driver/vsmd/can_state.h"
 #include "driver/vsmd/commands.h"
 
 #include <string.h>
@@ -81,8 +80,11 @@ static unsigned current_register(const struct db_conversation *talk)
 
 static enum db_step read_register(struct db_conversation *talk)
 {
+	unsigned reg = talk->job->step == STEP_REFRESH ? talk->device->refreshed :
+	                                                 current_register(talk);
+
 	vsmd_can_start_burst(talk->exchange, true);
-	return vsmd_can_add_registers(talk, current_register(talk), 1);
+	return vsmd_can_add_registers(talk, reg, 1);
 }
 
 /* Writes the register's new content, and reads it to verify. */
@@ -116,8 +118,8 @@ static enum db_step write_next(struct db_conversation *talk, size_t from)
 		vsmd_take_settings(&device->axis, request);
 		return end_job(talk, DB_RESULT_OK);
 	}
-	return say_step(talk, steps,
-	                vsmd_can_reg_packed(current_register(talk)) ? STEP_FETCH : STEP_WRITE);
+	return send_step(talk, steps,
+	                 vsmd_can_reg_packed(current_register(talk)) ? STEP_FETCH : STEP_WRITE);
 }
 
 /* Takes a register's content for the parameters in it; returns their bits. */
@@ -140,11 +142,11 @@ static void note_register(struct db_device *device, unsigned reg, db_time now)
 {
 	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
 	size_t count = vsmd_can_params_of(reg, params);
-	uint64_t told = 0;
+	uint64_t read = 0;
 
 	for (size_t i = 0; i < count; i++)
-		told |= UINT64_C(1) << params[i];
-	db_nameplate_note_told(&device->axis.plate, &told, now);
+		read |= UINT64_C(1) << params[i];
+	db_nameplate_note_told(&device->axis.plate, &read, now);
 }
 
 /* It was read twice: this was no lost frame. */
@@ -157,8 +159,8 @@ static enum db_step give_up_register(struct db_conversation *talk)
 static enum db_step answer_fetch(struct db_conversation *talk)
 {
 	if (talk->device->whole)
-		return say_step(talk, steps, STEP_WRITE);
-	return talk->job->step == STEP_FETCH ? say_step(talk, steps, STEP_FETCH_AGAIN) :
+		return send_step(talk, steps, STEP_WRITE);
+	return talk->job->step == STEP_FETCH ? send_step(talk, steps, STEP_FETCH_AGAIN) :
 	                                       give_up_register(talk);
 }
 
@@ -185,7 +187,7 @@ static enum db_step answer_write(struct db_conversation *talk)
 	uint32_t held = device->answer.values[0];
 
 	if (!device->whole)
-		return talk->job->step == STEP_WRITE ? say_step(talk, steps, STEP_CONFIRM_AGAIN) :
+		return talk->job->step == STEP_WRITE ? send_step(talk, steps, STEP_CONFIRM_AGAIN) :
 		                                       give_up_register(talk);
 	if (held == device->written) {
 		/* All of them are shown at once, when the last one has arrived. */
@@ -194,19 +196,19 @@ static enum db_step answer_write(struct db_conversation *talk)
 	}
 	/* A write is not acknowledged: its frame may have been lost. */
 	if (device->writes < WRITES_MAX)
-		return say_step(talk, steps, STEP_WRITE);
+		return send_step(talk, steps, STEP_WRITE);
 	/* What it holds instead is shown. */
 	device->altered = is_altered(device, device->answer.id.reg, held);
 	axis->plate.valid[0] |= take_register(device, device->answer.id.reg, held, talk->now);
 	axis->plate.generation++;
 	vsmd_memory_follow(&axis->memory, &axis->plate, false);
 	axis->plate.doubtful |= talk->job->request->setting_count > 1;
-	return say_step(talk, steps, STEP_EXPLAIN);
+	return send_step(talk, steps, STEP_EXPLAIN);
 }
 
-static enum db_step say_explain(struct db_conversation *talk)
+static enum db_step send_explain(struct db_conversation *talk)
 {
-	return vsmd_can_look(talk, VSMD_LOOK_STATUS);
+	return vsmd_can_read(talk, VSMD_READ_STATUS);
 }
 
 /* A value that the drive changed was refused, too; a write that it ignored twice has failed. */
@@ -214,14 +216,9 @@ static enum db_step answer_explain(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 
-	vsmd_can_take_look(device, talk->now);
+	vsmd_can_take_read(device, talk->now);
 	device->axis.refused = device->altered || (device->axis.last.status & VSMD_ST_CMD_WRG);
 	return end_job(talk, device->axis.refused ? DB_RESULT_REFUSED : DB_RESULT_FAILED);
-}
-
-static enum db_step lose_explain(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_FAILED);
 }
 
 /* --- identity and parameters ------------------------------------------------------------------ */
@@ -247,13 +244,13 @@ static bool add_report(struct db_conversation *talk)
 }
 
 /* A read of the identity in parts leaves no room for it. */
-static enum db_step say_report(struct db_conversation *talk)
+static enum db_step send_report(struct db_conversation *talk)
 {
 	vsmd_can_start_burst(talk->exchange, true);
 	return add_report(talk) ? vsmd_can_read_guard(talk) : end_job(talk, DB_RESULT_FAILED);
 }
 
-static enum db_step say_identity(struct db_conversation *talk)
+static enum db_step send_identity(struct db_conversation *talk)
 {
 	vsmd_can_start_burst(talk->exchange, true);
 	if (!talk->device->reads_short && !add_report(talk))
@@ -263,20 +260,7 @@ static enum db_step say_identity(struct db_conversation *talk)
 
 static enum db_step begin_identify(struct db_conversation *talk)
 {
-	return say_step(talk, steps, talk->device->reads_short ? STEP_REPORT : STEP_IDENTITY);
-}
-
-static void take_identity(struct db_device *device)
-{
-	uint32_t generation = device->axis.plate.generation;
-	char text[VSMD_CAN_IDENTITY_MAX + 1];
-	int length = vsmd_can_get_identity(device->answer.values, text);
-
-	if (length > 0)
-		vsmd_take_identity(&device->axis, text, (size_t)length);
-	/* A different model. */
-	if (device->axis.plate.generation != generation)
-		device->lacks = 0;
+	return send_step(talk, steps, talk->device->reads_short ? STEP_REPORT : STEP_IDENTITY);
 }
 
 static bool is_parameter(const struct db_device *device, unsigned reg)
@@ -320,7 +304,7 @@ static bool narrow_search(struct db_device *device, struct vsmd_can_search *sear
 	return false;
 }
 
-static enum db_step say_registers(struct db_conversation *talk)
+static enum db_step send_registers(struct db_conversation *talk)
 {
 	struct vsmd_can_search *search = search_of(talk);
 	struct vsmd_axis *axis = axis_of(talk);
@@ -337,13 +321,13 @@ static enum db_step say_registers(struct db_conversation *talk)
 static enum db_step begin_search(struct db_conversation *talk)
 {
 	*search_of(talk) = (struct vsmd_can_search){ .first = VSMD_CAN_DATA_FIRST };
-	return say_step(talk, steps, STEP_REGISTERS);
+	return send_step(talk, steps, STEP_REGISTERS);
 }
 
 static enum db_step answer_report(struct db_conversation *talk)
 {
 	return vsmd_can_lacks_identity(talk->device) ? begin_search(talk) :
-	                                               say_step(talk, steps, STEP_IDENTITY);
+	                                               send_step(talk, steps, STEP_IDENTITY);
 }
 
 static enum db_step answer_identity(struct db_conversation *talk)
@@ -351,8 +335,18 @@ static enum db_step answer_identity(struct db_conversation *talk)
 	struct db_device *device = talk->device;
 
 	if (device->whole) {
+		uint32_t generation;
+		char text[VSMD_CAN_IDENTITY_MAX + 1];
+		int length;
+
 		device->probe = VSMD_CAN_PROBE_IDENTITY;
-		take_identity(device);
+		generation = device->axis.plate.generation;
+		length = vsmd_can_get_identity(device->answer.values, text);
+		if (length > 0)
+			vsmd_take_identity(&device->axis, text, (size_t)length);
+		/* A different model. */
+		if (device->axis.plate.generation != generation)
+			device->lacks = 0;
 	}
 	return begin_search(talk);
 }
@@ -374,7 +368,7 @@ static enum db_step answer_registers(struct db_conversation *talk)
 	} else if (!narrow_search(device, search)) {
 		search->first += search->count;
 	}
-	return say_step(talk, steps, STEP_REGISTERS);
+	return send_step(talk, steps, STEP_REGISTERS);
 }
 
 /* --- in turn ---------------------------------------------------------------------------------- */
@@ -389,12 +383,6 @@ static bool take_next_turn(struct db_device *device)
 			return true;
 	}
 	return false;
-}
-
-static enum db_step say_refresh(struct db_conversation *talk)
-{
-	vsmd_can_start_burst(talk->exchange, true);
-	return vsmd_can_add_registers(talk, talk->device->refreshed, 1);
 }
 
 static enum db_step answer_refresh(struct db_conversation *talk)
@@ -423,17 +411,17 @@ static enum db_step answer_probe(struct db_conversation *talk)
 	return end_job(talk, DB_RESULT_OK);
 }
 
-static enum db_step say_probe(struct db_conversation *talk)
+static enum db_step send_probe(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 
-	if (!device->probe_known && device->probe_said)
+	if (!device->probe_known && device->probe_sent)
 		device->probe = (enum vsmd_can_probe)((device->probe + 1u) % VSMD_CAN_PROBES);
-	device->probe_said = true;
+	device->probe_sent = true;
 	return vsmd_can_read_probe(talk);
 }
 
-static enum db_step say_poll(struct db_conversation *talk)
+static enum db_step send_poll(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 
@@ -454,17 +442,17 @@ static enum db_step answer_poll(struct db_conversation *talk)
 }
 
 static const struct conversation_step steps[STEPS] = {
-	[STEP_PROBE] = { .say = say_probe, .answered = answer_probe },
-	[STEP_POLL] = { .say = say_poll, .answered = answer_poll },
-	[STEP_REPORT] = { .say = say_report, .answered = answer_report },
-	[STEP_IDENTITY] = { .say = say_identity, .answered = answer_identity },
-	[STEP_REGISTERS] = { .say = say_registers, .answered = answer_registers },
-	[STEP_FETCH] = { .say = read_register, .answered = answer_fetch },
-	[STEP_FETCH_AGAIN] = { .say = read_register, .answered = answer_fetch },
-	[STEP_WRITE] = { .say = write_register, .answered = answer_write },
-	[STEP_CONFIRM_AGAIN] = { .say = read_register, .answered = answer_write },
-	[STEP_REFRESH] = { .say = say_refresh, .answered = answer_refresh },
-	[STEP_EXPLAIN] = { .say = say_explain, .answered = answer_explain, .lost = lose_explain },
+	[STEP_PROBE] = { .send = send_probe, .answered = answer_probe },
+	[STEP_POLL] = { .send = send_poll, .answered = answer_poll },
+	[STEP_REPORT] = { .send = send_report, .answered = answer_report },
+	[STEP_IDENTITY] = { .send = send_identity, .answered = answer_identity },
+	[STEP_REGISTERS] = { .send = send_registers, .answered = answer_registers },
+	[STEP_FETCH] = { .send = read_register, .answered = answer_fetch },
+	[STEP_FETCH_AGAIN] = { .send = read_register, .answered = answer_fetch },
+	[STEP_WRITE] = { .send = write_register, .answered = answer_write },
+	[STEP_CONFIRM_AGAIN] = { .send = read_register, .answered = answer_write },
+	[STEP_REFRESH] = { .send = read_register, .answered = answer_refresh },
+	[STEP_EXPLAIN] = { .send = send_explain, .answered = answer_explain, .lost = end_failed },
 };
 
 static enum db_step answer_save(struct db_conversation *talk)
@@ -483,8 +471,8 @@ static enum db_step answer_save(struct db_conversation *talk)
 const struct vsmd_link vsmd_can_link = {
 	.acknowledges = false,
 	.shake_frequency_min = VSMD_SHAKE_FREQ_MIN_CAN,
-	.say = vsmd_can_say_command,
-	.look = vsmd_can_look,
+	.send = vsmd_can_send_command,
+	.read = vsmd_can_read,
 	.saved = answer_save,
 };
 
@@ -496,13 +484,13 @@ enum db_step vsmd_can_begin(struct db_conversation *talk)
 		return vsmd_begin_command(talk);
 	switch (talk->job->kind) {
 	case DB_JOB_PROBE:
-		return say_step(talk, steps, STEP_PROBE);
+		return send_step(talk, steps, STEP_PROBE);
 	case DB_JOB_POLL:
-		return say_step(talk, steps, STEP_POLL);
+		return send_step(talk, steps, STEP_POLL);
 	case DB_JOB_SETTINGS:
 		return write_next(talk, 0);
 	case DB_JOB_REFRESH:
-		return take_next_turn(talk->device) ? say_step(talk, steps, STEP_REFRESH) :
+		return take_next_turn(talk->device) ? send_step(talk, steps, STEP_REFRESH) :
 		                                      end_job(talk, DB_RESULT_UNSUPPORTED);
 	case DB_JOB_IDENTIFY:
 		return begin_identify(talk);
@@ -533,9 +521,9 @@ enum db_step vsmd_can_answer(struct db_conversation *talk, const uint8_t *bytes,
 	struct db_can_frame frame;
 	enum db_step step;
 
-	if (length != sizeof frame)
+	if (length != sizeof(frame))
 		return DB_STEP_IGNORE;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
 	    !vsmd_can_expect_answer(device, talk->exchange))
 		return DB_STEP_IGNORE;
@@ -546,7 +534,7 @@ enum db_step vsmd_can_answer(struct db_conversation *talk, const uint8_t *bytes,
 		return step;
 	if (!vsmd_is_command(talk->job))
 		return steps[talk->job->step].answered(talk);
-	vsmd_can_take_look(device, talk->now);
+	vsmd_can_take_read(device, talk->now);
 	return vsmd_answer_command(talk);
 }
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "driver/vsmd/commands.h"
 
-#include "driver/vsmd/effect.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include <math.h>
 
@@ -152,13 +152,13 @@ enum db_result vsmd_check_command(const struct vsmd_link *link, enum db_command 
 
 static const struct conversation_step steps[VSMD_STEPS]; /* below */
 
-static enum db_step look_at_drive(struct db_conversation *talk, enum vsmd_look what)
+static enum db_step read_drive(struct db_conversation *talk, enum vsmd_read what)
 {
-	return axis_of(talk)->link->look(talk, what);
+	return axis_of(talk)->link->read(talk, what);
 }
 
-static enum db_step say_command(struct db_conversation *talk, struct vsmd_command command,
-                                bool repeatable)
+static enum db_step send_command(struct db_conversation *talk, struct vsmd_command command,
+                                 bool repeatable)
 {
 	struct vsmd_axis *axis = axis_of(talk);
 
@@ -171,7 +171,7 @@ static enum db_step say_command(struct db_conversation *talk, struct vsmd_comman
 		vsmd_expect_change(axis);
 	talk->exchange->begins = command.verb == VSMD_MOV || command.verb == VSMD_POS ||
 	                         command.verb == VSMD_ZERO_START;
-	return axis->link->say(talk, &command, repeatable);
+	return axis->link->send(talk, &command, repeatable);
 }
 
 /* Remember the state before the command; its effect is judged against it. */
@@ -185,7 +185,7 @@ static void begin_watch(struct vsmd_axis *axis)
 			.status = last->status,
 			.position = last->position,
 			.velocity = last->velocity,
-			.at = axis->heard_at,
+			.at = axis->status_at,
 			.goal = axis->goal,
 		},
 		.unproven = axis->watch.unproven,
@@ -193,50 +193,59 @@ static void begin_watch(struct vsmd_axis *axis)
 	};
 }
 
-static enum db_step say_order(struct db_conversation *talk)
+static enum db_step send_order(struct db_conversation *talk)
 {
 	const struct db_request *request = talk->job->request;
 
 	switch (request->command) {
 	case DB_CMD_MOVE_RELATIVE:
-		return say_command(
+		return send_command(
 			talk,
 			position_command(axis_of(talk)->wanted, request->args->target_velocity),
 			false);
 	case DB_CMD_HOME:
-		return say_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_START }, false);
+		return send_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_START }, false);
 	default:
-		return say_command(talk, vsmd_command_of(request->command, request->args),
-		                   !needs_read_back(request->command));
+		return send_command(talk, vsmd_command_of(request->command, request->args),
+		                    !needs_read_back(request->command));
 	}
 }
 
-static enum db_step say_position(struct db_conversation *talk)
+/* What the steps send that have one command, or none: then a read of the status. */
+static enum db_step send_fixed(struct db_conversation *talk)
 {
-	return say_command(talk, (struct vsmd_command){ .verb = VSMD_STS }, true);
+	switch (talk->job->step) {
+	case VSMD_STEP_POSITION:
+		return send_command(talk, (struct vsmd_command){ .verb = VSMD_STS }, true);
+	case VSMD_STEP_CLEAR_HOMED:
+		/* A repeat because the effect did not show is not marked as repeatable. */
+		return send_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP },
+		                    axis_of(talk)->watch.resends == 0);
+	case VSMD_STEP_END_HOMING:
+		return send_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP }, true);
+	case VSMD_STEP_END_SHAKING:
+		return send_command(talk, (struct vsmd_command){ .verb = VSMD_SHAKE_STOP }, true);
+	case VSMD_STEP_SAVE:
+		return send_command(talk, (struct vsmd_command){ .verb = VSMD_SAV }, false);
+	default:
+		return read_drive(talk, VSMD_READ_STATUS);
+	}
 }
 
-/* A repeat because the effect did not show is not marked as repeatable. */
-static enum db_step say_clear_homed(struct db_conversation *talk)
-{
-	return say_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP },
-	                   axis_of(talk)->watch.said == 0);
-}
-
-static enum db_step say_output(struct db_conversation *talk)
+static enum db_step send_output(struct db_conversation *talk)
 {
 	const struct db_args *args = talk->job->request->args;
 	unsigned port = axis_of(talk)->watch.output;
 
-	return say_command(talk,
-	                   (struct vsmd_command){ .verb = VSMD_SENSOR_OUT,
-	                                          .port = (uint8_t)port,
-	                                          .value = args->output_levels >> (port - 1) & 1 },
-	                   true);
+	return send_command(talk,
+	                    (struct vsmd_command){ .verb = VSMD_SENSOR_OUT,
+	                                           .port = (uint8_t)port,
+	                                           .value = args->output_levels >> (port - 1) & 1 },
+	                    true);
 }
 
 /* Sends the next port of a set_outputs, from `port` on; or all were set. */
-static enum db_step say_next_output(struct db_conversation *talk, unsigned port)
+static enum db_step send_next_output(struct db_conversation *talk, unsigned port)
 {
 	struct vsmd_watch *watch = &axis_of(talk)->watch;
 
@@ -246,28 +255,8 @@ static enum db_step say_next_output(struct db_conversation *talk, unsigned port)
 		return end_job(talk, watch->unproven ? DB_RESULT_UNPROVEN : DB_RESULT_OK);
 	watch->output = port;
 	watch->since = 0;
-	watch->said = 0;
-	return say_step(talk, steps, VSMD_STEP_OUTPUT);
-}
-
-static enum db_step say_end_of_homing(struct db_conversation *talk)
-{
-	return say_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP }, true);
-}
-
-static enum db_step say_end_of_shaking(struct db_conversation *talk)
-{
-	return say_command(talk, (struct vsmd_command){ .verb = VSMD_SHAKE_STOP }, true);
-}
-
-static enum db_step say_save(struct db_conversation *talk)
-{
-	return say_command(talk, (struct vsmd_command){ .verb = VSMD_SAV }, false);
-}
-
-static enum db_step say_read_back(struct db_conversation *talk)
-{
-	return look_at_drive(talk, VSMD_LOOK_STATUS);
+	watch->resends = 0;
+	return send_step(talk, steps, VSMD_STEP_OUTPUT);
 }
 
 /* --- how a command ends ----------------------------------------------------------------------- */
@@ -291,20 +280,16 @@ static enum db_step fail_command(struct db_conversation *talk, enum db_result re
 
 /* --- stops ------------------------------------------------------------------------------------ */
 
-/* A drive that moves for an unknown reason is sent all kinds of ends. */
-static bool is_precaution(struct db_conversation *talk)
-{
-	return talk->job->step != VSMD_STEP_STOP && talk->job->step != VSMD_STEP_OFF &&
-	       vsmd_motion_to_end(axis_of(talk)) == VSMD_MOTION_UNKNOWN;
-}
-
 /* A model that does not shake may refuse to end it: the stop itself was accepted. And a status read
  * during a conversation shows the flag of the command before it. */
 static bool is_stop_refused(struct db_conversation *talk)
 {
 	struct vsmd_axis *axis = axis_of(talk);
 
-	axis->refused = axis->refuses && !is_precaution(talk);
+	/* A drive that moves for an unknown reason is sent all kinds of ends. */
+	axis->refused = axis->refuses &&
+	                !(talk->job->step != VSMD_STEP_STOP && talk->job->step != VSMD_STEP_OFF &&
+	                  vsmd_motion_to_end(axis_of(talk)) == VSMD_MOTION_UNKNOWN);
 	return axis->refused;
 }
 
@@ -320,9 +305,9 @@ static enum db_step answer_stop(struct db_conversation *talk)
 		return end_job(talk, DB_RESULT_REFUSED);
 	if (talk->job->step < VSMD_STEP_END_HOMING &&
 	    (motion == VSMD_MOTION_HOMING || (unknown && !(axis->last.status & VSMD_ST_ZERO))))
-		return say_step(talk, steps, VSMD_STEP_END_HOMING);
+		return send_step(talk, steps, VSMD_STEP_END_HOMING);
 	if (talk->job->step < VSMD_STEP_END_SHAKING && (motion == VSMD_MOTION_SHAKE || unknown))
-		return say_step(talk, steps, VSMD_STEP_END_SHAKING);
+		return send_step(talk, steps, VSMD_STEP_END_SHAKING);
 	return confirm_command(talk);
 }
 
@@ -336,15 +321,15 @@ static enum db_step answer_off(struct db_conversation *talk)
 	if (!(axis->last.status & VSMD_ST_PWR))
 		return confirm_command(talk);
 	if (talk->job->step == VSMD_STEP_OFF)
-		axis->power_asked = axis->off_said = axis->heard_at;
-	if (axis->heard_at - axis->power_asked >= axis->reaction)
+		axis->power_asked = axis->off_sent = axis->status_at;
+	if (axis->status_at - axis->power_asked >= axis->reaction)
 		return end_job(talk, DB_RESULT_FAILED);
-	if (!axis->link->acknowledges && axis->heard_at - axis->off_said >= OFF_AGAIN) {
-		axis->off_said = axis->heard_at;
+	if (!axis->link->acknowledges && axis->status_at - axis->off_sent >= OFF_AGAIN) {
+		axis->off_sent = axis->status_at;
 		talk->job->step = VSMD_STEP_POWER;
-		return say_order(talk);
+		return send_order(talk);
 	}
-	return say_step(talk, steps, VSMD_STEP_POWER);
+	return send_step(talk, steps, VSMD_STEP_POWER);
 }
 
 /* --- other commands --------------------------------------------------------------------------- */
@@ -354,7 +339,7 @@ static enum db_step answer_off(struct db_conversation *talk)
 static bool readings_agree(const struct vsmd_axis *axis)
 {
 	const struct vsmd_watch *watch = &axis->watch;
-	double seconds = (double)(axis->heard_at - watch->counted_at) / (double)DB_NS_PER_S;
+	double seconds = (double)(axis->status_at - watch->counted_at) / (double)DB_NS_PER_S;
 	double way = axis->last.status & VSMD_ST_STP ? 0.0 : (double)VSMD_SPEED_MAX * seconds;
 
 	return fabs((double)axis->last.position - (double)watch->counted_from) <=
@@ -374,12 +359,12 @@ static enum db_step answer_position(struct db_conversation *talk)
 		bool agreed = readings % 2 == 1 && readings_agree(axis);
 
 		watch->counted_from = axis->last.position;
-		watch->counted_at = axis->heard_at;
+		watch->counted_at = axis->status_at;
 		if (!agreed && readings >= READINGS_MAX)
 			return end_job(talk, DB_RESULT_FAILED);
 		if (!agreed)
-			return look_at_drive(talk, readings % 2 == 0 ? VSMD_LOOK_POSITION :
-			                                               VSMD_LOOK_STATUS);
+			return read_drive(talk, readings % 2 == 0 ? VSMD_READ_POSITION :
+			                                            VSMD_READ_STATUS);
 	}
 	target = (int64_t)axis->last.position + talk->job->request->args->target_position;
 	if (target < INT32_MIN || target > INT32_MAX)
@@ -390,7 +375,7 @@ static enum db_step answer_position(struct db_conversation *talk)
 		return end_job(talk, DB_RESULT_LIMIT);
 	axis->wanted = (int32_t)target;
 	begin_watch(axis);
-	return say_step(talk, steps, VSMD_STEP_ORDER);
+	return send_step(talk, steps, VSMD_STEP_ORDER);
 }
 
 /* The step's part of a command is done: continue with the next one, or end. */
@@ -401,9 +386,9 @@ static enum db_step complete_step(struct db_conversation *talk)
 	switch (talk->job->step) {
 	case VSMD_STEP_CLEAR_HOMED:
 		begin_watch(axis);
-		return say_step(talk, steps, VSMD_STEP_ORDER);
+		return send_step(talk, steps, VSMD_STEP_ORDER);
 	case VSMD_STEP_OUTPUT:
-		return say_next_output(talk, axis->watch.output + 1);
+		return send_next_output(talk, axis->watch.output + 1);
 	default:
 		return confirm_command(talk);
 	}
@@ -411,15 +396,15 @@ static enum db_step complete_step(struct db_conversation *talk)
 
 /* Sends a command again. Only where that is harmless, or the drive demonstrably did not accept
  * it. */
-static enum db_step say_again(struct db_conversation *talk)
+static enum db_step send_again(struct db_conversation *talk)
 {
 	struct vsmd_watch *watch = &axis_of(talk)->watch;
 	unsigned step = talk->job->step;
 
-	watch->said++;
+	watch->resends++;
 	watch->since = 0;
 	watch->speed_next = false;
-	return say_step(talk, steps, step == VSMD_STEP_READ_BACK ? VSMD_STEP_ORDER : step);
+	return send_step(talk, steps, step == VSMD_STEP_READ_BACK ? VSMD_STEP_ORDER : step);
 }
 
 /* True if positions now have another meaning, which the client does not know. */
@@ -434,7 +419,7 @@ static bool is_shake(enum db_command command)
 }
 
 /* Homing or shaking that began unnoticed must not begin again. */
-static bool may_be_said_again(struct db_conversation *talk)
+static bool may_be_repeated(struct db_conversation *talk)
 {
 	const struct vsmd_axis *axis = axis_of(talk);
 	enum db_command command = talk->job->request->command;
@@ -468,7 +453,7 @@ static bool is_for_input(struct db_conversation *talk)
 }
 
 /* The effect of a command does not show (yet), or something else may have caused it. */
-static enum db_step look_again(struct db_conversation *talk, enum vsmd_effect effect)
+static enum db_step check_again(struct db_conversation *talk, enum vsmd_effect effect)
 {
 	struct vsmd_axis *axis = axis_of(talk);
 	struct vsmd_watch *watch = &axis->watch;
@@ -478,23 +463,23 @@ static enum db_step look_again(struct db_conversation *talk, enum vsmd_effect ef
 	if (effect == VSMD_EFFECT_OPEN && patience > OPEN_TIME)
 		patience = OPEN_TIME;
 	if (watch->since == 0)
-		watch->since = axis->heard_at;
+		watch->since = axis->status_at;
 	/* Send twice without waiting; losing both frames is unlikely. */
-	if (effect == VSMD_EFFECT_OPEN && watch->said == 0 && may_be_said_again(talk) &&
+	if (effect == VSMD_EFFECT_OPEN && watch->resends == 0 && may_be_repeated(talk) &&
 	    command != DB_CMD_SET_POSITION) {
 		db_time since = watch->since;
-		enum db_step step = say_again(talk);
+		enum db_step step = send_again(talk);
 
 		watch->since = since;
 		return step;
 	}
-	if (axis->heard_at - watch->since < patience) {
+	if (axis->status_at - watch->since < patience) {
 		watch->speed_next = !watch->speed_next && watch->before.moving &&
 		                    needs_read_back(command);
-		return look_at_drive(talk, watch->speed_next ? VSMD_LOOK_SPEED : VSMD_LOOK_STATUS);
+		return read_drive(talk, watch->speed_next ? VSMD_READ_SPEED : VSMD_READ_STATUS);
 	}
-	if (effect == VSMD_EFFECT_ABSENT && watch->said < RESENDS_MAX && may_be_said_again(talk))
-		return say_again(talk);
+	if (effect == VSMD_EFFECT_ABSENT && watch->resends < RESENDS_MAX && may_be_repeated(talk))
+		return send_again(talk);
 	/* The end of the last homing stays set: the next one may clear it, and is at its end only
 	 * after that. */
 	if (talk->job->step == VSMD_STEP_CLEAR_HOMED && !has_restarted_since(axis)) {
@@ -504,7 +489,7 @@ static enum db_step look_again(struct db_conversation *talk, enum vsmd_effect ef
 	/* The motion of a drive that does not report its speed cannot be seen: no visible effect is
 	 * no failure. */
 	if (effect == VSMD_EFFECT_ABSENT && !may_hide_its_effect(talk) &&
-	    !(db_command_is_motion(command) && vsmd_tells_no_speed(axis)))
+	    !(db_command_is_motion(command) && vsmd_reports_no_speed(axis)))
 		return fail_command(talk,
 		                    is_for_input(talk) ? DB_RESULT_REFUSED : DB_RESULT_FAILED);
 	watch->unproven = true;
@@ -524,7 +509,7 @@ static enum db_step answer_order(struct db_conversation *talk)
 	if (effect == VSMD_EFFECT_SHOWN ||
 	    (effect == VSMD_EFFECT_OPEN && axis->link->acknowledges && !axis->watch.by_all))
 		return complete_step(talk);
-	return look_again(talk, effect);
+	return check_again(talk, effect);
 }
 
 static enum db_step answer_save(struct db_conversation *talk)
@@ -544,7 +529,7 @@ static enum db_step answer_read_back(struct db_conversation *talk)
 	bool stands = (now->status & VSMD_ST_STP) != 0;
 	bool unmoved = !before->moving && stands &&
 	               vsmd_is_at(axis, now->position, before->position);
-	bool again = axis->watch.said < RESENDS_MAX && !axis->watch.by_all &&
+	bool again = axis->watch.resends < RESENDS_MAX && !axis->watch.by_all &&
 	             !has_restarted_since(axis);
 
 	if (positions && stands && vsmd_is_at(axis, now->position, axis->wanted))
@@ -559,18 +544,18 @@ static enum db_step answer_read_back(struct db_conversation *talk)
 	if (command == DB_CMD_HOME && (now->status & VSMD_ST_ZERO))
 		return confirm_command(talk);
 	if (unmoved && axis->watch.since == 0)
-		axis->watch.since = axis->heard_at;
+		axis->watch.since = axis->status_at;
 	/* It may only be slow to begin. */
-	if (unmoved && axis->heard_at - axis->watch.since < axis->reaction)
-		return look_at_drive(talk, VSMD_LOOK_STATUS);
+	if (unmoved && axis->status_at - axis->watch.since < axis->reaction)
+		return read_drive(talk, VSMD_READ_STATUS);
 	/* A shake may be over already, back where it began. */
 	if (unmoved && again && !is_shake(command))
-		return say_again(talk);
+		return send_again(talk);
 	/* It moved before and still moves: sending the same target or speed once more changes
 	 * nothing. */
 	if (before->moving && !stands && again &&
 	    (positions || command == DB_CMD_MOVE_VELOCITY || command == DB_CMD_MOVE_PRESET))
-		return say_again(talk);
+		return send_again(talk);
 	return fail_command(talk, unmoved && !is_shake(command) ? DB_RESULT_TIMEOUT :
 	                                                          DB_RESULT_INDETERMINATE);
 }
@@ -588,12 +573,7 @@ static enum db_step lose_order(struct db_conversation *talk)
 	if (command == DB_CMD_MOVE_ABSOLUTE || command == DB_CMD_MOVE_RELATIVE)
 		vsmd_take_target(axis);
 	axis->watch.since = 0;
-	return say_step(talk, steps, VSMD_STEP_READ_BACK);
-}
-
-static enum db_step lose_save(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_INDETERMINATE);
+	return send_step(talk, steps, VSMD_STEP_READ_BACK);
 }
 
 static enum db_step lose_read_back(struct db_conversation *talk)
@@ -605,17 +585,19 @@ static enum db_step lose_read_back(struct db_conversation *talk)
 
 /* Without `lost`: nothing was sent that moves anything, or the client may send it again. */
 static const struct conversation_step steps[VSMD_STEPS] = {
-	[VSMD_STEP_ORDER] = { .say = say_order, .answered = answer_order, .lost = lose_order },
-	[VSMD_STEP_POSITION] = { .say = say_position, .answered = answer_position },
-	[VSMD_STEP_CLEAR_HOMED] = { .say = say_clear_homed, .answered = answer_order },
-	[VSMD_STEP_OUTPUT] = { .say = say_output, .answered = answer_order },
-	[VSMD_STEP_STOP] = { .say = say_order, .answered = answer_stop },
-	[VSMD_STEP_END_HOMING] = { .say = say_end_of_homing, .answered = answer_stop },
-	[VSMD_STEP_END_SHAKING] = { .say = say_end_of_shaking, .answered = answer_stop },
-	[VSMD_STEP_OFF] = { .say = say_order, .answered = answer_off },
-	[VSMD_STEP_POWER] = { .say = say_read_back, .answered = answer_off },
-	[VSMD_STEP_SAVE] = { .say = say_save, .answered = answer_save, .lost = lose_save },
-	[VSMD_STEP_READ_BACK] = { .say = say_read_back,
+	[VSMD_STEP_ORDER] = { .send = send_order, .answered = answer_order, .lost = lose_order },
+	[VSMD_STEP_POSITION] = { .send = send_fixed, .answered = answer_position },
+	[VSMD_STEP_CLEAR_HOMED] = { .send = send_fixed, .answered = answer_order },
+	[VSMD_STEP_OUTPUT] = { .send = send_output, .answered = answer_order },
+	[VSMD_STEP_STOP] = { .send = send_order, .answered = answer_stop },
+	[VSMD_STEP_END_HOMING] = { .send = send_fixed, .answered = answer_stop },
+	[VSMD_STEP_END_SHAKING] = { .send = send_fixed, .answered = answer_stop },
+	[VSMD_STEP_OFF] = { .send = send_order, .answered = answer_off },
+	[VSMD_STEP_POWER] = { .send = send_fixed, .answered = answer_off },
+	[VSMD_STEP_SAVE] = { .send = send_fixed,
+	                     .answered = answer_save,
+	                     .lost = end_indeterminate },
+	[VSMD_STEP_READ_BACK] = { .send = send_fixed,
 	                          .answered = answer_read_back,
 	                          .lost = lose_read_back },
 };
@@ -637,11 +619,11 @@ enum db_step vsmd_begin_command(struct db_conversation *talk)
 	switch (request->command) {
 	case DB_CMD_STOP:
 	case DB_CMD_QUICK_STOP:
-		return say_step(talk, steps, VSMD_STEP_STOP);
+		return send_step(talk, steps, VSMD_STEP_STOP);
 	case DB_CMD_DISABLE:
-		return say_step(talk, steps, VSMD_STEP_OFF);
+		return send_step(talk, steps, VSMD_STEP_OFF);
 	case DB_CMD_SET_OUTPUTS:
-		return say_next_output(talk, 1);
+		return send_next_output(talk, 1);
 	case DB_CMD_SAVE_PARAMETERS:
 		/* Before it counts as one: it may be requested again as soon as all drives
 		 * stand. */
@@ -651,16 +633,16 @@ enum db_step vsmd_begin_command(struct db_conversation *talk)
 			return end_job(talk, DB_RESULT_RATE_LIMITED);
 		axis->saved = true;
 		axis->last_save = talk->now;
-		return say_step(talk, steps, VSMD_STEP_SAVE);
+		return send_step(talk, steps, VSMD_STEP_SAVE);
 	case DB_CMD_MOVE_RELATIVE:
-		return say_step(talk, steps, VSMD_STEP_POSITION);
+		return send_step(talk, steps, VSMD_STEP_POSITION);
 	case DB_CMD_HOME:
-		return say_step(talk, steps, VSMD_STEP_CLEAR_HOMED);
+		return send_step(talk, steps, VSMD_STEP_CLEAR_HOMED);
 	case DB_CMD_MOVE_ABSOLUTE:
 		axis->wanted = request->args->target_position;
 		/* fall through */
 	default:
-		return say_step(talk, steps, VSMD_STEP_ORDER);
+		return send_step(talk, steps, VSMD_STEP_ORDER);
 	}
 }
 
@@ -679,5 +661,5 @@ enum db_step vsmd_lose_command(struct db_conversation *talk)
 enum db_step vsmd_begun_by_all(struct db_conversation *talk)
 {
 	axis_of(talk)->watch.by_all = true;
-	return look_at_drive(talk, VSMD_LOOK_STATUS);
+	return read_drive(talk, VSMD_READ_STATUS);
 }

@@ -15,7 +15,7 @@
 #ifndef DRIVEBRIDGE_DRIVER_VSMD_COMMANDS_H
 #define DRIVEBRIDGE_DRIVER_VSMD_COMMANDS_H
 
-#include "driver/vsmd/axis.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #define VSMD_COMMANDS                                                                   \
 	(DB_COMMAND_BIT(DB_CMD_ENABLE) | DB_COMMAND_BIT(DB_CMD_DISABLE) |               \

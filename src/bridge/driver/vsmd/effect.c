@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Judges whether the readings after a command show that it had its effect. */
-#include "driver/vsmd/effect.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include "driver/vsmd/commands.h"
 
@@ -61,7 +61,7 @@ static float speed_of(const struct vsmd_axis *axis)
 	return shown > 0.0f && !shows_sign && heading_of(axis) < 0 ? -shown : shown;
 }
 
-bool vsmd_tells_no_speed(const struct vsmd_axis *axis)
+bool vsmd_reports_no_speed(const struct vsmd_axis *axis)
 {
 	const struct vsmd_watch *watch = &axis->watch;
 
@@ -167,7 +167,7 @@ static enum vsmd_effect effect_of_velocity(const struct vsmd_axis *axis, float w
 		return VSMD_EFFECT_SHOWN; /* the previous command had the same */
 	if (!watch->has_speed)
 		return VSMD_EFFECT_ABSENT;
-	if (!to_rest && vsmd_tells_no_speed(axis))
+	if (!to_rest && vsmd_reports_no_speed(axis))
 		return effect_by_heading(axis, sign_of((double)wanted));
 	if (!is_speed(speed, wanted) &&
 	    !(has_changed(base, speed) &&
@@ -191,7 +191,7 @@ static enum vsmd_effect effect_of_new_target(const struct vsmd_axis *axis, int32
 		return VSMD_EFFECT_SHOWN;
 	if (!watch->has_speed)
 		return VSMD_EFFECT_ABSENT;
-	if (vsmd_tells_no_speed(axis))
+	if (vsmd_reports_no_speed(axis))
 		return effect_by_heading(axis, sign_of(way));
 	if (!is_explained(axis, base, speed) && (heads_there || has_changed(base, speed)))
 		return VSMD_EFFECT_SHOWN;
@@ -225,26 +225,18 @@ static enum vsmd_effect effect_of_own_motion(const struct vsmd_axis *axis, uint3
 	                                                                 VSMD_EFFECT_SHOWN;
 }
 
-/* The longest way since it was read before the command. */
-static double travel_of(const struct vsmd_axis *axis)
-{
-	const struct vsmd_before *before = &axis->watch.before;
-	double seconds = (double)(axis->heard_at - before->at) / (double)DB_NS_PER_S;
-	float speed = larger_speed(before->velocity, axis->last.velocity);
-
-	if (before->goal.kind == VSMD_GOAL_VELOCITY)
-		speed = larger_speed(speed, before->goal.velocity);
-	return 2.0 * (double)speed * seconds + axis->window + 1.0;
-}
-
 static enum vsmd_effect effect_of_place(const struct vsmd_axis *axis, int32_t place)
 {
 	const struct vsmd_before *before = &axis->watch.before;
-	double travel;
+	double seconds = (double)(axis->status_at - before->at) / (double)DB_NS_PER_S;
+	float speed = larger_speed(before->velocity, axis->last.velocity);
+	double travel; /* at most, since it was read before the command */
 
 	if (stands(axis) && !before->moving)
 		return shown_if(vsmd_is_at(axis, axis->last.position, place));
-	travel = travel_of(axis);
+	if (before->goal.kind == VSMD_GOAL_VELOCITY)
+		speed = larger_speed(speed, before->goal.velocity);
+	travel = 2.0 * (double)speed * seconds + axis->window + 1.0;
 	if (fabs((double)axis->last.position - (double)place) > travel)
 		return VSMD_EFFECT_ABSENT;
 	return fabs((double)axis->last.position - (double)before->position) > travel ?

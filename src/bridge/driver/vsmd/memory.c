@@ -16,7 +16,7 @@ static bool differs(const struct vsmd_param_set *set, const struct db_nameplate 
 static void copy(struct vsmd_param_set *set, const struct db_nameplate *plate)
 {
 	set->valid = plate->valid[0];
-	memcpy(set->values, plate->values, sizeof set->values);
+	memcpy(set->values, plate->values, sizeof(set->values));
 }
 
 bool vsmd_memory_differs(const struct vsmd_memory *memory, const struct db_nameplate *plate)

@@ -4,7 +4,7 @@
 #include <math.h>
 
 /* A closed loop trembles by some counts: only a longer way is a motion. */
-#define TREMBLING 16.0
+#define POSITION_NOISE 16.0
 /* A drive whose counter has just restarted is this near to 0, in counts. */
 #define BEGINNING 2.0
 
@@ -52,7 +52,7 @@ static bool stood(const struct pair *pair)
 
 static bool is_far(const struct vsmd_axis *axis, double way)
 {
-	return way > fmax(axis->window, TREMBLING);
+	return way > fmax(axis->window, POSITION_NOISE);
 }
 
 static bool is_at_beginning(const struct vsmd_axis *axis, int32_t position)
@@ -90,26 +90,20 @@ static bool sensors_set_origin(const struct vsmd_axis *axis)
 	return false;
 }
 
-/* The highest speed that it may have had since it was last read, as far as known. */
-static double top_speed(const struct vsmd_axis *axis)
-{
-	bool known = axis->plate.valid[0] >> VSMD_SPD & 1;
-	double preset = known ? (double)axis->plate.values[VSMD_SPD].f : (double)VSMD_SPEED_MAX;
-	double seen = fmax(fabs((double)axis->last.velocity), fabs((double)axis->process.velocity));
-
-	return fmax(fmax(preset, seen), fabs((double)axis->goal.velocity));
-}
-
 /* True if a drive that moved when last read can have stopped at 0 by itself. */
 static bool may_have_come(const struct pair *pair)
 {
 	const struct vsmd_axis *axis = pair->axis;
-	double seconds = (double)(pair->now - axis->heard_at) / (double)DB_NS_PER_S;
+	double seconds = (double)(pair->now - axis->status_at) / (double)DB_NS_PER_S;
+	bool known = axis->plate.valid[0] >> VSMD_SPD & 1;
+	double preset = known ? (double)axis->plate.values[VSMD_SPD].f : (double)VSMD_SPEED_MAX;
+	double seen = fmax(fabs((double)axis->last.velocity), fabs((double)axis->process.velocity));
+	double highest = fmax(fmax(preset, seen), fabs((double)axis->goal.velocity));
 
 	if (axis->away)
 		return axis->goal.kind == VSMD_GOAL_POSITION &&
 		       vsmd_is_at(axis, axis->goal.position, 0);
-	return way_of(pair) <= 2.0 * top_speed(axis) * seconds + fmax(axis->window, TREMBLING);
+	return way_of(pair) <= 2.0 * highest * seconds + fmax(axis->window, POSITION_NOISE);
 }
 
 /* True if it stands where counters begin, and cannot have moved there. */
@@ -123,7 +117,7 @@ static bool has_jumped(const struct pair *pair)
 	if (!stood(pair))
 		return !may_have_come(pair);
 	return axis->away || (axis->motion == VSMD_MOTION_NONE && axis->begun == VSMD_MOTION_NONE &&
-	                      !axis->fresh);
+	                      !axis->just_commanded);
 }
 
 /* A restarted drive stands at its beginning, if it is not set to home by itself. */
@@ -145,13 +139,7 @@ static bool is_asked_for(const struct pair *pair)
 		return true;
 	return !axis->away &&
 	       (axis->motion == VSMD_MOTION_HOMING || axis->begun == VSMD_MOTION_HOMING ||
-	        axis->heard_at <= axis->told_until);
-}
-
-static bool is_fault(const struct pair *pair)
-{
-	/* This bit is kept until it is cleared, but not without power. */
-	return (pair->word & VSMD_ST_ENC_ERR) || (pair->word & ~pair->before & FAULTS);
+	        axis->status_at <= axis->effect_until);
 }
 
 /* By itself it proves little: in some drives it is cleared after a while. */
@@ -161,7 +149,7 @@ static bool handshake_counts(const struct pair *pair)
 
 	return has_dropped(pair, VSMD_ST_HS) && stands(pair) && !keeps(pair, VSMD_ST_ZERO) &&
 	       (!axis->handshake_lapses ||
-	        axis->heard_at - axis->handshake_since > HANDSHAKE_LAPSES);
+	        axis->status_at - axis->handshake_since > HANDSHAKE_LAPSES);
 }
 
 /* It was silent, and nothing in its status indicates a restart. */
@@ -226,7 +214,8 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 	 * 0. */
 	restart.origin_lost = (power && is_at_beginning(axis, position)) || homing ||
 	                      (jump && keeps(&pair, VSMD_ST_PWR));
-	if (is_fault(&pair)) {
+	/* The bit of an encoder error is kept until it is cleared, but not without power. */
+	if ((pair.word & VSMD_ST_ENC_ERR) || (pair.word & ~pair.before & FAULTS)) {
 		restart.verdict = power || jump ? VSMD_DISABLED_ITSELF : VSMD_COUNTS_ON;
 		return restart;
 	}

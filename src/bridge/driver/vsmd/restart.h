@@ -8,7 +8,7 @@
 #ifndef DRIVEBRIDGE_DRIVER_VSMD_RESTART_H
 #define DRIVEBRIDGE_DRIVER_VSMD_RESTART_H
 
-#include "driver/vsmd/axis.h"
+#include "driver/vsmd/vsmd_private.h"
 
 enum vsmd_verdict {
 	VSMD_COUNTS_ON,          /* no sign, or one that refutes the others */

@@ -9,8 +9,7 @@
 #include "codec/vsmd_serial_frames.h"
 #include "driver/list.h"
 #include "driver/vsmd/commands.h"
-#include "driver/vsmd/serial_inquiry.h"
-#include "driver/vsmd/serial_wire.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include <math.h>
 #include <string.h>
@@ -26,7 +25,7 @@ struct db_device {
 	int id;
 	/* The current parameter write, counting the settings of all its parts: */
 	size_t line; /* the first of the line that was sent last ... */
-	size_t said; /* ... and the first that was not sent yet */
+	size_t sent; /* ... and the first that was not sent yet */
 	bool apart;  /* one line per part: all in one line were refused */
 };
 
@@ -63,29 +62,14 @@ static bool write_line(int id, const struct vsmd_command *command, bool repeatab
 	return true;
 }
 
-static enum db_step say_line(struct db_conversation *talk, const struct vsmd_command *command,
-                             bool repeatable)
+static enum db_step send_line(struct db_conversation *talk, const struct vsmd_command *command,
+                              bool repeatable)
 {
 	if (!write_line(talk->device->id, command, repeatable, talk->exchange))
 		return end_job(talk, DB_RESULT_OUT_OF_RANGE);
 	if (command->verb == VSMD_SAV)
 		talk->exchange->extra_time = talk->device->axis.save_time;
 	return DB_STEP_SEND;
-}
-
-static enum db_step say_identity(struct db_conversation *talk)
-{
-	return say_line(talk, &(struct vsmd_command){ .verb = VSMD_DEV }, true);
-}
-
-static enum db_step say_status(struct db_conversation *talk)
-{
-	return say_line(talk, &(struct vsmd_command){ .verb = VSMD_STS }, true);
-}
-
-static enum db_step say_parameters(struct db_conversation *talk)
-{
-	return say_line(talk, &(struct vsmd_command){ .verb = VSMD_CFG_READ }, true);
 }
 
 /* --- the steps -------------------------------------------------------------------------------- */
@@ -105,6 +89,29 @@ enum step {
 
 static const struct conversation_step steps[STEPS]; /* below */
 
+/* In every cycle: the compiler knows the verb. */
+static enum db_step send_status(struct db_conversation *talk)
+{
+	return send_line(talk, &(struct vsmd_command){ .verb = VSMD_STS }, true);
+}
+
+static enum db_step send_read(struct db_conversation *talk)
+{
+	static const enum vsmd_verb verbs[STEPS] = {
+		[STEP_PROBE] = VSMD_DEV,
+		[STEP_IDENTITY] = VSMD_DEV,
+		[STEP_PARAMETERS] = VSMD_CFG_READ,
+		[STEP_COMPARE] = VSMD_CFG_READ,
+		[STEP_COMPARE_AGAIN] = VSMD_CFG_READ,
+	};
+	unsigned step = talk->job->step;
+	enum db_step sent = send_line(talk, &(struct vsmd_command){ .verb = verbs[step] }, true);
+
+	if (step == STEP_COMPARE || step == STEP_COMPARE_AGAIN)
+		talk->exchange->proof = true;
+	return sent;
+}
+
 /* True if its result is not known yet. */
 static bool is_open(const struct db_write_part *part)
 {
@@ -116,7 +123,7 @@ static bool is_open(const struct db_write_part *part)
  * because of one of them, and each part gets its own line; while a drive moves each setting gets
  * its own, so that a stop never waits for a long line.
  */
-static enum db_step say_settings(struct db_conversation *talk)
+static enum db_step send_settings(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 	struct vsmd_setting settings[DB_SETTINGS_MAX];
@@ -125,17 +132,17 @@ static enum db_step say_settings(struct db_conversation *talk)
 	size_t count = 0;
 	size_t place = 0;
 
-	device->line = device->said;
+	device->line = device->sent;
 	for (const struct db_write_part *part = talk->job->parts; part; part = part->next) {
 		for (size_t i = 0; i < part->request->setting_count; i++, place++) {
 			const struct db_setting *setting = &part->request->settings[i];
 
-			if (place < device->said)
+			if (place < device->sent)
 				continue;
 			if (count > 0 && is_open(part) &&
 			    (talk->brief || (device->apart && part != begun)))
 				goto full;
-			device->said = place + 1;
+			device->sent = place + 1;
 			if (!is_open(part))
 				continue;
 			begun = part;
@@ -144,11 +151,11 @@ static enum db_step say_settings(struct db_conversation *talk)
 		}
 	}
 full:
-	step = say_line(talk,
-	                &(struct vsmd_command){ .verb = VSMD_CFG_WRITE,
-	                                        .settings = settings,
-	                                        .setting_count = count },
-	                true);
+	step = send_line(talk,
+	                 &(struct vsmd_command){ .verb = VSMD_CFG_WRITE,
+	                                         .settings = settings,
+	                                         .setting_count = count },
+	                 true);
 	talk->exchange->joins = talk->job->step == STEP_WRITE;
 	return step;
 }
@@ -160,18 +167,10 @@ static bool has_more(const struct db_conversation *talk)
 
 	for (const struct db_write_part *part = talk->job->parts; part; part = part->next) {
 		end += part->request->setting_count;
-		if (is_open(part) && end > talk->device->said)
+		if (is_open(part) && end > talk->device->sent)
 			return true;
 	}
 	return false;
-}
-
-static enum db_step say_proof(struct db_conversation *talk)
-{
-	enum db_step step = say_line(talk, &(struct vsmd_command){ .verb = VSMD_CFG_READ }, true);
-
-	talk->exchange->proof = true;
-	return step;
 }
 
 /* The drive answered the last line. False: it refused a line of several parts. */
@@ -184,11 +183,11 @@ static bool note_line(struct db_conversation *talk, bool refused)
 	for (struct db_write_part *part = talk->job->parts; part; part = part->next) {
 		size_t end = begin + part->request->setting_count;
 
-		if (is_open(part) && end > device->line && begin < device->said) {
+		if (is_open(part) && end > device->line && begin < device->sent) {
 			if (refused && first)
 				return false;
 			first = first ? first : part;
-			part->taken = !refused && !part->refused && end <= device->said;
+			part->taken = !refused && !part->refused && end <= device->sent;
 		}
 		begin = end;
 	}
@@ -222,7 +221,7 @@ static enum db_step end_unproven(struct db_conversation *talk)
 /* The text of all parameters cannot be interrupted, and a stop would wait for it. */
 static bool may_read_parameters(const struct vsmd_axis *axis)
 {
-	return axis->heard && (axis->last.status & VSMD_ST_STP);
+	return axis->has_status && (axis->last.status & VSMD_ST_STP);
 }
 
 /* A moving drive is only asked if nothing is known of it yet: as after a restart of this
@@ -298,7 +297,7 @@ static enum db_step answer_identity(struct db_conversation *talk)
 	vsmd_take_identity(axis_of(talk), reply->text, reply->text_length);
 	if (talk->job->kind == DB_JOB_IDENTIFY && !may_identify(axis_of(talk)))
 		return end_job(talk, DB_RESULT_BUSY);
-	return say_step(talk, steps, STEP_PARAMETERS);
+	return send_step(talk, steps, STEP_PARAMETERS);
 }
 
 static enum db_step answer_parameters(struct db_conversation *talk)
@@ -319,18 +318,18 @@ static enum db_step answer_write(struct db_conversation *talk)
 
 	/* The refusal may be for this line, or for an earlier unanswered one. */
 	if (refused && !axis->refuses) {
-		device->said = device->line;
-		return say_step(talk, steps, talk->job->step);
+		device->sent = device->line;
+		return send_step(talk, steps, talk->job->step);
 	}
 	if (!note_line(talk, refused)) {
 		device->apart = true;
-		device->said = device->line;
+		device->sent = device->line;
 	}
 	if (has_more(talk))
-		return say_step(talk, steps, talk->job->step);
+		return send_step(talk, steps, talk->job->step);
 	if (may_read_parameters(axis) && !talk->brief)
-		return say_step(talk, steps,
-		                talk->job->step == STEP_WRITE ? STEP_COMPARE : STEP_COMPARE_AGAIN);
+		return send_step(talk, steps,
+		                 talk->job->step == STEP_WRITE ? STEP_COMPARE : STEP_COMPARE_AGAIN);
 	return end_unproven(talk);
 }
 
@@ -347,11 +346,6 @@ static enum db_step lose_write(struct db_conversation *talk)
 		}
 	}
 	return end_job(talk, DB_RESULT_TIMEOUT);
-}
-
-static enum db_step refuse_parameters(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_REFUSED);
 }
 
 static enum db_step answer_compare(struct db_conversation *talk)
@@ -378,8 +372,8 @@ static enum db_step answer_compare(struct db_conversation *talk)
 	}
 	if (!again)
 		return end_job(talk, talk->job->parts ? talk->job->parts->result : DB_RESULT_OK);
-	talk->device->said = 0;
-	return say_step(talk, steps, STEP_WRITE_AGAIN);
+	talk->device->sent = 0;
+	return send_step(talk, steps, STEP_WRITE_AGAIN);
 }
 
 static enum db_step answer_save(struct db_conversation *talk)
@@ -397,34 +391,34 @@ static enum db_step answer_save(struct db_conversation *talk)
 }
 
 static const struct conversation_step steps[STEPS] = {
-	[STEP_PROBE] = { say_identity, VSMD_REPLY_IDENTITY, .answered = answer_probe },
-	[STEP_POLL] = { say_status, VSMD_REPLY_STATUS, .answered = answer_poll },
-	[STEP_IDENTITY] = { say_identity, VSMD_REPLY_IDENTITY, .answered = answer_identity },
-	[STEP_PARAMETERS] = { say_parameters, VSMD_REPLY_PARAMS, .answered = answer_parameters,
-	                      .refused = refuse_parameters },
-	[STEP_WRITE] = { say_settings, VSMD_REPLY_STATUS, .answered = answer_write,
+	[STEP_PROBE] = { send_read, VSMD_REPLY_IDENTITY, .answered = answer_probe },
+	[STEP_POLL] = { send_status, VSMD_REPLY_STATUS, .answered = answer_poll },
+	[STEP_IDENTITY] = { send_read, VSMD_REPLY_IDENTITY, .answered = answer_identity },
+	[STEP_PARAMETERS] = { send_read, VSMD_REPLY_PARAMS, .answered = answer_parameters,
+	                      .refused = end_refused },
+	[STEP_WRITE] = { send_settings, VSMD_REPLY_STATUS, .answered = answer_write,
 	                 .lost = lose_write },
-	[STEP_COMPARE] = { say_proof, VSMD_REPLY_PARAMS, .answered = answer_compare,
+	[STEP_COMPARE] = { send_read, VSMD_REPLY_PARAMS, .answered = answer_compare,
 	                   .refused = end_unproven, .lost = end_unproven },
-	[STEP_WRITE_AGAIN] = { say_settings, VSMD_REPLY_STATUS, .answered = answer_write,
+	[STEP_WRITE_AGAIN] = { send_settings, VSMD_REPLY_STATUS, .answered = answer_write,
 	                       .lost = lose_write },
-	[STEP_COMPARE_AGAIN] = { say_proof, VSMD_REPLY_PARAMS, .answered = answer_compare,
+	[STEP_COMPARE_AGAIN] = { send_read, VSMD_REPLY_PARAMS, .answered = answer_compare,
 	                         .refused = end_unproven, .lost = end_unproven },
 };
 
 /* --- jobs ------------------------------------------------------------------------------------- */
 
-static enum db_step look_at_drive(struct db_conversation *talk, enum vsmd_look what)
+static enum db_step read_drive(struct db_conversation *talk, enum vsmd_read what)
 {
 	(void)what; /* every answer contains all values */
-	return say_status(talk);
+	return send_status(talk);
 }
 
 static const struct vsmd_link serial_link = {
 	.acknowledges = true,
 	.shake_frequency_min = VSMD_SHAKE_FREQ_MIN,
-	.say = say_line,
-	.look = look_at_drive,
+	.send = send_line,
+	.read = read_drive,
 	.saved = answer_save,
 };
 
@@ -436,24 +430,24 @@ static enum db_step begin_job(struct db_conversation *talk)
 		return vsmd_begin_command(talk);
 	switch (talk->job->kind) {
 	case DB_JOB_PROBE:
-		return say_step(talk, steps, STEP_PROBE);
+		return send_step(talk, steps, STEP_PROBE);
 	case DB_JOB_POLL:
-		return say_step(talk, steps, STEP_POLL);
+		return send_step(talk, steps, STEP_POLL);
 	case DB_JOB_SETTINGS:
-		talk->device->said = 0;
+		talk->device->sent = 0;
 		talk->device->apart = false;
-		return say_step(talk, steps, STEP_WRITE);
+		return send_step(talk, steps, STEP_WRITE);
 	case DB_JOB_REFRESH:
-		return may_read_parameters(axis) ? say_step(talk, steps, STEP_PARAMETERS) :
+		return may_read_parameters(axis) ? send_step(talk, steps, STEP_PARAMETERS) :
 		                                   end_job(talk, DB_RESULT_BUSY);
 	case DB_JOB_IDENTIFY:
-		if (axis->heard && !may_identify(axis))
+		if (axis->has_status && !may_identify(axis))
 			return end_job(talk, DB_RESULT_BUSY);
-		return say_step(talk, steps, STEP_IDENTITY);
+		return send_step(talk, steps, STEP_IDENTITY);
 	default: /* read_parameters */
 		if (talk->brief)
 			return end_job(talk, DB_RESULT_LINE_MOVES);
-		return say_step(talk, steps, STEP_IDENTITY);
+		return send_step(talk, steps, STEP_IDENTITY);
 	}
 }
 
@@ -572,12 +566,12 @@ static bool write_broadcast(enum db_command command, const struct db_bus_config 
                             struct db_exchange *exchange)
 {
 	const struct db_args none = { 0 };
-	struct vsmd_command said = vsmd_command_of(command, &none);
+	struct vsmd_command sent = vsmd_command_of(command, &none);
 
 	if (bus->line != DB_LINE_RS485 ||
 	    !(db_command_is_stop(command) || command == DB_CMD_ENABLE))
 		return false;
-	if (!write_line(VSMD_SERIAL_BROADCAST, &said, false, exchange))
+	if (!write_line(VSMD_SERIAL_BROADCAST, &sent, false, exchange))
 		return false;
 	exchange->answer_length = 0;
 	return true;
@@ -618,7 +612,7 @@ const struct db_driver db_driver_vsmd_serial = {
 	.acknowledges = true,
 	.vendor_layout = true,
 	.options = options,
-	.option_count = sizeof options / sizeof options[0],
+	.option_count = sizeof(options) / sizeof(options[0]),
 	.drive_options_size = sizeof(struct vsmd_drive_options),
 	.commands = VSMD_COMMANDS,
 	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/vsmd/serial_inquiry.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include "codec/vsmd_serial_frames.h"
 
@@ -55,7 +55,7 @@ bool vsmd_serial_inquire(const struct db_bus_config *bus, const struct db_inquir
 	return true;
 }
 
-static void take_identity(const struct vsmd_reply *reply, struct db_inquired *said)
+static void take_identity(const struct vsmd_reply *reply, struct db_inquired *found)
 {
 	size_t from = 0;
 	size_t end = reply->text_length;
@@ -66,13 +66,13 @@ static void take_identity(const struct vsmd_reply *reply, struct db_inquired *sa
 		end--;
 	if (end - from > DB_IDENTITY_MAX)
 		end = from + DB_IDENTITY_MAX;
-	memcpy(said->identity, reply->text + from, end - from);
-	said->identity[end - from] = '\0';
+	memcpy(found->identity, reply->text + from, end - from);
+	found->identity[end - from] = '\0';
 }
 
 enum db_recognised vsmd_serial_recognise(const struct db_bus_config *bus,
                                          const struct db_inquiry *inquiry, const uint8_t *frame,
-                                         size_t length, struct db_inquired *said)
+                                         size_t length, struct db_inquired *found)
 {
 	struct vsmd_reply reply;
 
@@ -86,7 +86,7 @@ enum db_recognised vsmd_serial_recognise(const struct db_bus_config *bus,
 	case VSMD_REPLY_IDENTITY:
 		if (inquiry->kind != DB_INQUIRY_IDENTITY)
 			return DB_RECOGNISED_NOTHING;
-		take_identity(&reply, said);
+		take_identity(&reply, found);
 		break;
 	case VSMD_REPLY_PARAMS:
 		if (inquiry->kind != DB_INQUIRY_SAVE)
@@ -96,16 +96,16 @@ enum db_recognised vsmd_serial_recognise(const struct db_bus_config *bus,
 	default:
 		if (inquiry->kind == DB_INQUIRY_IDENTITY)
 			return DB_RECOGNISED_NOTHING;
-		said->tells_standing = true;
-		said->stands = (reply.status.status & VSMD_ST_STP) != 0;
+		found->tells_standing = true;
+		found->stands = (reply.status.status & VSMD_ST_STP) != 0;
 		/* A save that worked is answered with the parameters. */
-		said->refused = inquiry->kind == DB_INQUIRY_SAVE ||
-		                (inquiry->kind >= DB_INQUIRY_SET_ADDRESS &&
-		                 (reply.status.status & VSMD_ST_CMD_WRG));
+		found->refused = inquiry->kind == DB_INQUIRY_SAVE ||
+		                 (inquiry->kind >= DB_INQUIRY_SET_ADDRESS &&
+		                  (reply.status.status & VSMD_ST_CMD_WRG));
 		break;
 	}
-	if (said->parts > 0)
+	if (found->parts > 0)
 		return DB_RECOGNISED_AGAIN;
-	said->parts = 1;
+	found->parts = 1;
 	return DB_RECOGNISED_ANSWER;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/vsmd/serial_wire.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include "codec/vsmd_serial_describe.h"
 #include "codec/vsmd_serial_frames.h"

@@ -1,18 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/xyza/commands.h"
-
-#include "driver/xyza/frames.h"
-#include "driver/xyza/plan.h"
-#include "driver/xyza/state.h"
+#include "driver/xyza/xyza_private.h"
 
 #include <math.h>
 
-/* A speed computed from positions fluctuates: by this fraction, and by this number of pulses per
- * cycle. Two speeds that are closer than that cannot be distinguished. */
-#define SPEED_SHARE 0.2f
-#define SPEED_PULSES 4.0f
-/* This number of samples in a row shows it; and at least this number is read before it counts as
- * ignored. */
+/* This number of samples in a row shows a speed; and at least this number is read before it counts
+ * as ignored. */
 #define SPEED_NEAR 2
 #define SPEED_SAMPLES 4
 /* How long it may come no nearer, in addition to the time in which an effect shows. */
@@ -29,7 +21,7 @@
 #define REFUSALS_MAX 1
 
 /* Number of repeats of a write without effect. */
-#define MENDS_MAX 2
+#define REWRITES_MAX 2
 
 static struct xyza_plan *plan_of(const struct db_conversation *talk)
 {
@@ -66,26 +58,26 @@ static bool is_repeatable(const struct db_job *job, enum xyza_verb verb)
 	}
 }
 
-static enum db_step say_planned(struct db_conversation *talk)
+static enum db_step send_planned(struct db_conversation *talk)
 {
 	const struct xyza_request *request = &step_of(talk)->request;
 
 	if (!xyza_is_read(request->verb))
 		plan_of(talk)->acted = true;
-	return xyza_say(talk, *request, is_repeatable(talk->job, request->verb));
+	return xyza_send(talk, *request, is_repeatable(talk->job, request->verb));
 }
 
 /* Sends the plan's current step. */
-static enum db_step say_current(struct db_conversation *talk)
+static enum db_step send_current(struct db_conversation *talk)
 {
-	return say_step(talk, xyza_plan_steps, step_of(talk)->kind);
+	return send_step(talk, xyza_plan_steps, step_of(talk)->kind);
 }
 
 /* The expected effect does not show yet. */
 static enum db_step ask_again(struct db_conversation *talk)
 {
 	talk->exchange->again = true;
-	return say_current(talk);
+	return send_current(talk);
 }
 
 static enum db_step refuse_job(struct db_conversation *talk)
@@ -94,27 +86,6 @@ static enum db_step refuse_job(struct db_conversation *talk)
 	if (talk->job->kind == DB_JOB_SETTINGS)
 		talk->device->plate.doubtful = true;
 	return end_job(talk, DB_RESULT_REFUSED);
-}
-
-static void note_carried_out(struct db_device *device, const struct db_request *request)
-{
-	switch (request->command) {
-	case DB_CMD_STOP:
-	case DB_CMD_QUICK_STOP:
-		xyza_note_stopped(device->first);
-		break;
-	case DB_CMD_SET_POSITION:
-		device->position = request->args->target_position;
-		device->negative = device->position < 0;
-		device->held_until = 0;
-		restart_note_placed(&device->restart, device->position);
-		break;
-	case DB_CMD_START_PROGRAM:
-		device->first->delayed = request->args->program_delay > 0;
-		break;
-	default:
-		break;
-	}
 }
 
 /* The plan is complete; for several parameters the next one's plan follows. */
@@ -126,29 +97,45 @@ static enum db_step end_plan(struct db_conversation *talk)
 
 	device->refused = false;
 	if (talk->job->kind == DB_JOB_COMMAND) {
-		note_carried_out(device, request);
+		switch (request->command) {
+		case DB_CMD_STOP:
+		case DB_CMD_QUICK_STOP:
+			xyza_note_stopped(device->first);
+			break;
+		case DB_CMD_SET_POSITION:
+			device->position = request->args->target_position;
+			device->negative = device->position < 0;
+			device->held_until = 0;
+			restart_note_placed(&device->restart, device->position);
+			break;
+		case DB_CMD_START_PROGRAM:
+			device->first->delayed = request->args->program_delay > 0;
+			break;
+		default:
+			break;
+		}
 	} else if (plan->setting + 1 < request->setting_count) {
 		plan->setting++;
 		xyza_plan_setting(plan, device, &request->settings[plan->setting]);
-		return say_current(talk);
+		return send_current(talk);
 	}
 	return end_job(talk, plan->unproven ? DB_RESULT_UNPROVEN : DB_RESULT_OK);
 }
 
-static enum db_step say_next(struct db_conversation *talk)
+static enum db_step send_next(struct db_conversation *talk)
 {
 	struct xyza_plan *plan = plan_of(talk);
 
 	plan->at++;
 	plan->entered = 0;
-	return plan->at == plan->count ? end_plan(talk) : say_current(talk);
+	return plan->at == plan->count ? end_plan(talk) : send_current(talk);
 }
 
 static enum db_step go_back(struct db_conversation *talk, unsigned steps)
 {
 	plan_of(talk)->entered = 0;
 	plan_of(talk)->at -= steps;
-	return say_current(talk);
+	return send_current(talk);
 }
 
 /* True if the effect may still show. */
@@ -221,7 +208,7 @@ static enum db_step answer_act(struct db_conversation *talk)
 		first->stops++;
 		xyza_note_stopped(first);
 	}
-	return say_next(talk);
+	return send_next(talk);
 }
 
 static enum db_step refuse_act(struct db_conversation *talk)
@@ -229,9 +216,9 @@ static enum db_step refuse_act(struct db_conversation *talk)
 	struct xyza_plan *plan = plan_of(talk);
 	enum xyza_verb verb = step_of(talk)->request.verb;
 
-	if (is_proven_next(plan) && !plan->runs_on) {
+	if (is_proven_next(plan) && !plan->same_way) {
 		plan->refused = true;
-		return say_next(talk);
+		return send_next(talk);
 	}
 	if (verb == XYZA_WRITE_MAGNITUDE || verb == XYZA_WRITE_SIGN)
 		talk->device->held_until = 0;
@@ -240,7 +227,7 @@ static enum db_step refuse_act(struct db_conversation *talk)
 
 static enum db_step refuse_or_before(struct db_conversation *talk)
 {
-	return plan_of(talk)->stop_taken ? say_next(talk) : refuse_act(talk);
+	return plan_of(talk)->stop_taken ? send_next(talk) : refuse_act(talk);
 }
 
 static enum db_step answer_retreat(struct db_conversation *talk)
@@ -263,7 +250,7 @@ static enum db_step answer_condition(struct db_conversation *talk)
 		wanted = wanted || plan->asked < talk->device->expected_by;
 	if (!wanted)
 		plan->at++;
-	return say_next(talk);
+	return send_next(talk);
 }
 
 static enum db_step answer_guard(struct db_conversation *talk)
@@ -282,19 +269,7 @@ static enum db_step answer_guard(struct db_conversation *talk)
 			return ask_again(talk);
 		xyza_note_standing(other);
 	}
-	return say_next(talk);
-}
-
-static bool has_ended(uint32_t content)
-{
-	return (content & UINT8_MAX) == XYZA_PROGRAM_IDLE;
-}
-
-static bool has_stopped(uint32_t content)
-{
-	uint32_t state = content & UINT8_MAX;
-
-	return state == XYZA_PROGRAM_WAITING || state == XYZA_PROGRAM_INTERRUPTED;
+	return send_next(talk);
 }
 
 /* The program's state right before a command decides whether the command makes sense. */
@@ -309,16 +284,16 @@ static enum db_step answer_before(struct db_conversation *talk)
 	plan->before = xyza_content(reply);
 	plan->before_read = true;
 	if ((command == DB_CMD_START_PROGRAM && runs) ||
-	    (command == DB_CMD_CONTINUE_PROGRAM && (runs || has_ended(plan->before))))
+	    (command == DB_CMD_CONTINUE_PROGRAM && (runs || xyza_has_ended(plan->before))))
 		return refuse_job(talk);
 	/* A second stop might end the paused program. Without an interruption there is nothing to
 	 * clear. */
-	if ((command == DB_CMD_PAUSE_PROGRAM && has_stopped(plan->before)) ||
+	if ((command == DB_CMD_PAUSE_PROGRAM && xyza_has_stopped(plan->before)) ||
 	    (command == DB_CMD_CLEAR_FAULT && reply->state != XYZA_PROGRAM_INTERRUPTED)) {
 		talk->device->refused = false;
 		return end_job(talk, DB_RESULT_OK);
 	}
-	return say_next(talk);
+	return send_next(talk);
 }
 
 /* When all values that determine the ramp's time were read, it is written. */
@@ -335,7 +310,7 @@ static enum db_step answer_learn(struct db_conversation *talk)
 	    !(values[XYZA_BRAKE].u >> talk->device->axis & 1))
 		return refuse_job(talk);
 	if (step[1].kind == STEP_LEARN)
-		return say_next(talk);
+		return send_next(talk);
 	time = xyza_ramp_time(values[XYZA_MIN_SPEED].u, values[XYZA_MAX_SPEED].u, plan->ramp);
 	if (time == 0)
 		return end_job(talk, DB_RESULT_OUT_OF_RANGE);
@@ -343,7 +318,7 @@ static enum db_step answer_learn(struct db_conversation *talk)
 		plan->steps[i].value = time;
 		plan->steps[i].request.value = time;
 	}
-	return say_next(talk);
+	return send_next(talk);
 }
 
 static enum db_step answer_refresh(struct db_conversation *talk)
@@ -351,7 +326,7 @@ static enum db_step answer_refresh(struct db_conversation *talk)
 	const struct xyza_reply *reply = talk->reply;
 
 	xyza_learn_item(talk->device, step_of(talk)->request.item, reply->value, talk->now);
-	return say_next(talk);
+	return send_next(talk);
 }
 
 static enum db_step answer_change(struct db_conversation *talk)
@@ -366,16 +341,16 @@ static enum db_step answer_change(struct db_conversation *talk)
 	xyza_learn_item(talk->device, step->request.item, reply->value, talk->now);
 	if (value.u == before) {
 		plan->at += 2;
-		return say_next(talk);
+		return send_next(talk);
 	}
 	/* Its motion alone does not show whether it has the new speed. */
-	if (plan->runs_on)
+	if (plan->same_way)
 		plan->unproven = true;
 	kept = ~xyza_param_put(step->param, (union db_value){ .u = step->mask }, 0);
 	step[1].request.kept = kept;
 	step[1].request.value = (reply->value & kept) |
 	                        (xyza_param_put(step->param, value, 0) & ~kept);
-	return say_next(talk);
+	return send_next(talk);
 }
 
 /* --- what shows the effect -------------------------------------------------------------------- */
@@ -393,7 +368,7 @@ static enum db_step answer_standing(struct db_conversation *talk)
 		if (plan->asked < device->expected_by)
 			return ask_again(talk);
 		xyza_note_standing(device);
-		return say_next(talk);
+		return send_next(talk);
 	}
 	device->expected_by = 0;
 	if (plan->entered == 0) {
@@ -422,15 +397,15 @@ static enum db_step answer_expected(struct db_conversation *talk)
 		/* The position was just read; treat it as a fresh sample. */
 		if (step->request.verb == XYZA_READ_MAGNITUDE)
 			device->taken = talk->now;
-		return say_next(talk);
+		return send_next(talk);
 	}
 	/* Whatever became of the position, the controller's value counts now. */
 	device->held_until = 0;
 	if (may_still_show(talk))
 		return ask_again(talk);
-	if (step->back == 0 || plan->mends == MENDS_MAX)
+	if (step->back == 0 || plan->rewrites == REWRITES_MAX)
 		return end_job(talk, DB_RESULT_FAILED);
-	plan->mends++;
+	plan->rewrites++;
 	return go_back(talk, step->back);
 }
 
@@ -446,53 +421,11 @@ static enum db_step answer_param(struct db_conversation *talk)
 	/* The value that it holds instead counts. */
 	xyza_learn_item(talk->device, step->request.item, reply->value, talk->now);
 	if (shows)
-		return say_next(talk);
+		return send_next(talk);
 	if (talk->job->kind == DB_JOB_COMMAND && step->param == XYZA_ENABLE)
 		return end_job(talk, DB_RESULT_FAILED);
 	talk->device->refused = true;
 	return end_job(talk, DB_RESULT_REFUSED);
-}
-
-/* True if two cycles since the command have found it at two places. */
-static bool was_seen_elsewhere(const struct db_device *device, struct xyza_plan *plan)
-{
-	if (plan->entered == 0 || device->taken <= plan->entered)
-		return false;
-	if (!plan->from_known) {
-		plan->from_known = true;
-		plan->from = device->position;
-	}
-	return device->position != plan->from;
-}
-
-static bool is_speed_next(const struct xyza_plan *plan)
-{
-	return plan->at + 1 < plan->count && plan->steps[plan->at + 1].kind == STEP_EXPECT_SPEED;
-}
-
-/* True if the speed computed from positions shows which of the two speeds it has. */
-static bool can_tell_speeds(const struct db_device *device, const struct xyza_plan *plan)
-{
-	float faster = fmaxf(fabsf(plan->speed), fabsf(plan->speed_before));
-	float pulses = SPEED_PULSES * (float)DB_NS_PER_S / (float)device->span;
-
-	return device->span > 0 &&
-	       fabsf(plan->speed - plan->speed_before) > fmaxf(SPEED_SHARE * faster, pulses);
-}
-
-/* A cycle has measured its speed after the command. */
-static void take_speed(struct xyza_plan *plan, float velocity, db_time now)
-{
-	float distance = fabsf(velocity - plan->speed);
-	float change = fabsf(plan->speed - plan->speed_before);
-	bool near = distance <= fmaxf(change / 2.0f, SPEED_SHARE / 2.0f * fabsf(plan->speed));
-
-	plan->samples++;
-	plan->near = near ? plan->near + 1 : 0;
-	if (distance >= plan->least_speed)
-		return;
-	plan->least_speed = distance;
-	plan->progress = now;
 }
 
 /* The speed setting was read back, and it was moving before: only its velocity shows that it has
@@ -502,6 +435,8 @@ static enum db_step answer_speed(struct db_conversation *talk)
 	const struct xyza_reply *reply = talk->reply;
 	struct xyza_plan *plan = plan_of(talk);
 	struct db_device *device = talk->device;
+	float distance; /* of its speed from the wanted one */
+	float change;
 
 	if (plan->stops != device->first->stops)
 		return end_job(talk, DB_RESULT_CANCELLED);
@@ -511,18 +446,28 @@ static enum db_step answer_speed(struct db_conversation *talk)
 	}
 	if (reply->value == 0 && device->taken > plan->sampled) {
 		plan->sampled = device->taken;
-		take_speed(plan, device->velocity, talk->now);
+		distance = fabsf(device->velocity - plan->speed);
+		change = fabsf(plan->speed - plan->speed_before);
+		plan->samples++;
+		plan->near = distance <= fmaxf(change / 2.0f,
+		                               XYZA_SPEED_SHARE / 2.0f * fabsf(plan->speed)) ?
+		                     plan->near + 1 :
+		                     0;
+		if (distance < plan->least_speed) {
+			plan->least_speed = distance;
+			plan->progress = talk->now;
+		}
 	}
 	if (plan->near >= SPEED_NEAR) {
 		plan->unproven = false;
-		return say_next(talk);
+		return send_next(talk);
 	}
 	if (reply->value == 0 && (plan->samples < SPEED_SAMPLES ||
 	                          talk->now - plan->progress <= device->reaction + SPEED_TIME))
 		return ask_again(talk);
 	/* The jog is ended: the axis must not continue at a speed that its writer does not know. */
 	plan->at = plan->count;
-	return say_current(talk);
+	return send_current(talk);
 }
 
 static enum db_step answer_moving(struct db_conversation *talk)
@@ -531,20 +476,22 @@ static enum db_step answer_moving(struct db_conversation *talk)
 	struct xyza_plan *plan = plan_of(talk);
 	struct db_device *device = talk->device;
 
-	if (reply->value == 0 || was_seen_elsewhere(device, plan)) {
+	if (reply->value == 0 || xyza_was_seen_elsewhere(device, plan)) {
 		/* What a cycle has measured before shows nothing any more. */
-		device->told++;
+		device->commanded++;
 		/* It moved before, too: it is not known whether it received this. */
-		if (plan->lost && plan->runs_on)
+		if (plan->lost && plan->same_way)
 			plan->unproven = true;
-		device->fresh = false;
+		device->just_commanded = false;
 		/* Where only its position shows that it moves, "standing" may still be the old
 		 * state. */
 		if (reply->value == 0)
 			device->expected_by = 0;
-		if (is_speed_next(plan) && !can_tell_speeds(device, plan))
+		if (plan->at + 1 < plan->count &&
+		    plan->steps[plan->at + 1].kind == STEP_EXPECT_SPEED &&
+		    !xyza_can_distinguish_speeds(device, plan))
 			plan->at++;
-		return say_next(talk);
+		return send_next(talk);
 	}
 	/* It may stand because it was stopped: the operator of another axis stops all of them. */
 	if ((plan->lost || plan->refused) && plan->stops != device->first->stops)
@@ -564,24 +511,7 @@ static enum db_step answer_moving(struct db_conversation *talk)
 		return refuse_job(talk);
 	/* The jog is ended, so that it does not begin later, unexpectedly. */
 	plan->at = plan->count;
-	return say_current(talk);
-}
-
-/* True if the program's state is what this command makes of the state before, and nothing else. */
-static bool shows_effect(const struct xyza_plan *plan, const struct db_request *request,
-                         uint32_t content)
-{
-	switch (request->command) {
-	case DB_CMD_START_PROGRAM:
-		return !has_ended(content) && content != plan->before &&
-		       (content >> 8 & UINT8_MAX) == request->args->program_number;
-	case DB_CMD_PAUSE_PROGRAM:
-		return has_stopped(content) || (has_ended(content) && has_ended(plan->before));
-	case DB_CMD_CONTINUE_PROGRAM:
-		return content != plan->before;
-	default:
-		return has_ended(content);
-	}
+	return send_current(talk);
 }
 
 static enum db_step answer_program(struct db_conversation *talk)
@@ -591,11 +521,11 @@ static enum db_step answer_program(struct db_conversation *talk)
 	uint32_t content = xyza_content(talk->reply);
 
 	xyza_take_program(device->first, talk->reply);
-	if (plan->before_read && shows_effect(plan, talk->job->request, content)) {
+	if (plan->before_read && xyza_shows_effect(plan, talk->job->request, content)) {
 		/* A state that existed before is no proof. */
 		plan->unproven = content == plan->before;
 		if (!(plan->lost && plan->unproven))
-			return say_next(talk);
+			return send_next(talk);
 	} else if (!plan->refused && !plan->unproven && may_still_show(talk)) {
 		return ask_again(talk);
 	}
@@ -612,7 +542,7 @@ static enum db_step answer_program(struct db_conversation *talk)
 		return end_job(talk, DB_RESULT_INDETERMINATE);
 	if (plan->unproven || !plan->before_read) {
 		plan->unproven = true;
-		return say_next(talk);
+		return send_next(talk);
 	}
 	return end_job(talk, DB_RESULT_FAILED);
 }
@@ -625,12 +555,7 @@ static enum db_step refuse_change(struct db_conversation *talk)
 
 	return step->param == XYZA_ENABLE || step->request.item == XYZA_ITEM_KEYS ?
 	               refuse_job(talk) :
-	               say_next(talk);
-}
-
-static enum db_step refuse_standing(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_FAILED);
+	               send_next(talk);
 }
 
 /* The effect cannot be read: the result is that the controller accepted the command. */
@@ -643,7 +568,7 @@ static enum db_step refuse_effect(struct db_conversation *talk)
 	if (plan->lost)
 		return end_job(talk, DB_RESULT_INDETERMINATE);
 	plan->unproven = true;
-	return say_next(talk);
+	return send_next(talk);
 }
 
 /* --- answers that do not come ----------------------------------------------------------------- */
@@ -659,7 +584,7 @@ static enum db_step lose_planned(struct db_conversation *talk)
 		/* Unknown: assume that it moves. */
 		if (request->verb == XYZA_MANUAL_JOG)
 			xyza_note_started(talk->device, request->negative);
-		return say_next(talk);
+		return send_next(talk);
 	}
 	/* Reads show nothing about earlier actions; writes can be repeated. */
 	return end_job(talk, xyza_is_read(request->verb) && plan->acted ? DB_RESULT_INDETERMINATE :
@@ -675,22 +600,22 @@ static enum db_step lose_retreat(struct db_conversation *talk)
 /* --- the table -------------------------------------------------------------------------------- */
 
 const struct conversation_step xyza_plan_steps[] = {
-	[STEP_PLAIN] = { say_planned, 0, answer_act, refuse_act, lose_planned },
-	[STEP_MAY_FAIL] = { say_planned, 0, answer_act, say_next, lose_planned },
-	[STEP_OR_BEFORE] = { say_planned, 0, answer_act, refuse_or_before, lose_planned },
-	[STEP_IF] = { say_planned, 0, answer_condition, say_next, lose_planned },
-	[STEP_GUARD] = { say_planned, 0, answer_guard, say_next, lose_planned },
-	[STEP_BEFORE] = { say_planned, 0, answer_before, say_next, lose_planned },
-	[STEP_LEARN] = { say_planned, 0, answer_learn, refuse_job, lose_planned },
-	[STEP_REFRESH] = { say_planned, 0, answer_refresh, say_next, lose_planned },
-	[STEP_CHANGE] = { say_planned, 0, answer_change, refuse_change, lose_planned },
-	[STEP_UNTIL_STANDING] = { say_planned, 0, answer_standing, refuse_standing, lose_planned },
-	[STEP_EXPECT] = { say_planned, 0, answer_expected, refuse_effect, lose_planned },
-	[STEP_EXPECT_PARAM] = { say_planned, 0, answer_param, refuse_effect, lose_planned },
-	[STEP_EXPECT_MOVING] = { say_planned, 0, answer_moving, refuse_effect, lose_planned },
-	[STEP_EXPECT_SPEED] = { say_planned, 0, answer_speed, refuse_effect, lose_planned },
-	[STEP_EXPECT_PROGRAM] = { say_planned, 0, answer_program, refuse_effect, lose_planned },
-	[STEP_RETREAT] = { say_planned, 0, answer_retreat, answer_retreat, lose_retreat },
+	[STEP_PLAIN] = { send_planned, 0, answer_act, refuse_act, lose_planned },
+	[STEP_MAY_FAIL] = { send_planned, 0, answer_act, send_next, lose_planned },
+	[STEP_OR_BEFORE] = { send_planned, 0, answer_act, refuse_or_before, lose_planned },
+	[STEP_IF] = { send_planned, 0, answer_condition, send_next, lose_planned },
+	[STEP_GUARD] = { send_planned, 0, answer_guard, send_next, lose_planned },
+	[STEP_BEFORE] = { send_planned, 0, answer_before, send_next, lose_planned },
+	[STEP_LEARN] = { send_planned, 0, answer_learn, refuse_job, lose_planned },
+	[STEP_REFRESH] = { send_planned, 0, answer_refresh, send_next, lose_planned },
+	[STEP_CHANGE] = { send_planned, 0, answer_change, refuse_change, lose_planned },
+	[STEP_UNTIL_STANDING] = { send_planned, 0, answer_standing, end_failed, lose_planned },
+	[STEP_EXPECT] = { send_planned, 0, answer_expected, refuse_effect, lose_planned },
+	[STEP_EXPECT_PARAM] = { send_planned, 0, answer_param, refuse_effect, lose_planned },
+	[STEP_EXPECT_MOVING] = { send_planned, 0, answer_moving, refuse_effect, lose_planned },
+	[STEP_EXPECT_SPEED] = { send_planned, 0, answer_speed, refuse_effect, lose_planned },
+	[STEP_EXPECT_PROGRAM] = { send_planned, 0, answer_program, refuse_effect, lose_planned },
+	[STEP_RETREAT] = { send_planned, 0, answer_retreat, answer_retreat, lose_retreat },
 };
 
 /* --- beginning -------------------------------------------------------------------------------- */
@@ -709,7 +634,7 @@ enum db_step xyza_begin_command(struct db_conversation *talk)
 	plan->stops = first->stops;
 	plan->stop_taken = xyza_is_program_stopped(first);
 	plan->answered = talk->now;
-	return say_current(talk);
+	return send_current(talk);
 }
 
 enum db_step xyza_begin_settings(struct db_conversation *talk)
@@ -719,7 +644,7 @@ enum db_step xyza_begin_settings(struct db_conversation *talk)
 	plan->unproven = false;
 	plan->setting = 0;
 	xyza_plan_setting(plan, talk->device, &talk->job->request->settings[0]);
-	return say_current(talk);
+	return send_current(talk);
 }
 
 void xyza_note_answer(struct db_conversation *talk)
@@ -741,6 +666,6 @@ bool xyza_is_refusal_final(const struct db_conversation *talk)
 	case STEP_OR_BEFORE:
 		return plan == &talk->device->front || plan->stop_taken;
 	default:
-		return is_proven_next(plan) && !plan->runs_on;
+		return is_proven_next(plan) && !plan->same_way;
 	}
 }

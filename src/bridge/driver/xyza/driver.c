@@ -10,11 +10,9 @@
  * Source: the vendor's protocol V1.00 of 2016-10-20, sections 2 to 6.
  */
 #include "codec/xyza_describe.h"
+#include "codec/xyza_frames.h"
 #include "driver/list.h"
-#include "driver/xyza/frames.h"
-#include "driver/xyza/inquiry.h"
-#include "driver/xyza/state.h"
-#include "driver/xyza/steps.h"
+#include "driver/xyza/xyza_private.h"
 #include "transport/serial.h"
 
 #include <math.h>
@@ -56,7 +54,8 @@ static const struct db_option options[] = {
 		.whole = true,
 		.unit = "ms",
 		.description =
-			"How long the effect of a command may take to show before it counts as failed",
+			"How long the effect of a command may take to show before it counts as "
+			"failed",
 	},
 	{
 		.section = "bus",
@@ -66,8 +65,8 @@ static const struct db_option options[] = {
 		.preset = "moving",
 		.unit = "",
 		.description =
-			"Whether a jog that goes on the same way takes another speed while it moves, "
-			"or is stopped before",
+			"Whether a jog that goes on the same way takes another speed while it "
+			"moves, or is stopped before",
 	},
 	{
 		.section = "bus",
@@ -140,14 +139,14 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 	case XYZA_OK:
 		*address = reply.object;
 		return DB_FRAME_GOOD;
-	case XYZA_ERR_SIDE: /* our own request, echoed; or a controller that answers like a master */
+	case XYZA_ERR_SIDE: /* our own request, echoed; or a controller that answers as a host */
 		*address = reply.object;
 		return DB_FRAME_FOREIGN;
 	default:
 		break;
 	}
 	/* The answer to a raw frame may be undocumented. */
-	if (!(options_of(bus)->raw_frames != 0) || xyza_sender(frame, length) == 0)
+	if (options_of(bus)->raw_frames == 0 || xyza_sender(frame, length) == 0)
 		return DB_FRAME_BAD;
 	*address = xyza_sender(frame, length);
 	return DB_FRAME_GOOD;
@@ -218,10 +217,10 @@ static void check_config(const struct db_bus_config *bus,
 	(void)drives;
 	(void)drive_count;
 	if (options_of(bus)->raw_frames != 0)
-		complain(
-			context, NULL, false,
-			"raw-frames is on: who may write may send frames that the bridge cannot judge, past "
-			"limits, locks and unlock-system; turn it off when it is not needed");
+		complain(context, NULL, false,
+		         "raw-frames is on: who may write may send frames that the bridge cannot "
+		         "judge, past limits, locks and unlock-system; turn it off when it is "
+		         "not needed");
 }
 
 static enum db_result check_command(const struct db_bus_config *bus,
@@ -255,7 +254,7 @@ static enum db_result check_command(const struct db_bus_config *bus,
 		right = args->output_value <= 1;
 		break;
 	case DB_CMD_RAW_FRAME:
-		right = xyza_write_raw(args, (uint8_t)drive->address, frame, sizeof frame) > 0;
+		right = xyza_write_raw(args, (uint8_t)drive->address, frame, sizeof(frame)) > 0;
 		break;
 	default:
 		break;
@@ -293,7 +292,7 @@ const struct db_driver db_driver_xyza = {
 	.default_baud = 9600,
 	.axes = XYZA_AXIS_COUNT,
 	.options = options,
-	.option_count = sizeof options / sizeof options[0],
+	.option_count = sizeof(options) / sizeof(options[0]),
 	.bus_options_size = sizeof(struct xyza_options),
 	.acknowledges = true,
 	.commands = COMMANDS,
@@ -303,7 +302,7 @@ const struct db_driver db_driver_xyza = {
 	.params = xyza_params,
 	.param_count = XYZA_SHOWN_COUNT,
 	.status_bits = status_bits,
-	.status_bit_count = sizeof status_bits / sizeof status_bits[0],
+	.status_bit_count = sizeof(status_bits) / sizeof(status_bits[0]),
 	.param_page = 1,
 	.acceleration_param = XYZA_RAMP_ACCELERATION,
 	.deceleration_param = XYZA_RAMP_DECELERATION,

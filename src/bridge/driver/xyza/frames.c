@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/xyza/frames.h"
+#include "driver/xyza/xyza_private.h"
 
-#include "driver/xyza/state.h"
+#include "codec/xyza_frames.h"
 
 #include <string.h>
 
-enum db_step xyza_say(struct db_conversation *talk, struct xyza_request request, bool repeatable)
+enum db_step xyza_send(struct db_conversation *talk, struct xyza_request request, bool repeatable)
 {
 	struct db_exchange *exchange = talk->exchange;
 	int length;
@@ -31,21 +31,15 @@ unsigned xyza_new_number(const struct xyza_request *request)
 	               0;
 }
 
-enum db_step xyza_say_verb(struct db_conversation *talk, enum xyza_verb verb)
-{
-	return xyza_say(talk, (struct xyza_request){ .verb = verb, .axis = talk->device->axis },
-	                true);
-}
-
 /* --- raw frames ------------------------------------------------------------------------------- */
 
 int xyza_write_raw(const struct db_args *args, uint8_t object, uint8_t *frame, size_t size)
 {
 	uint8_t content[2 * DB_RAW_REQUEST_WORDS];
 
-	if (args->raw_length > sizeof content)
+	if (args->raw_length > sizeof(content))
 		return XYZA_ERR_FORM;
-	for (size_t i = 0; i < sizeof content; i++)
+	for (size_t i = 0; i < sizeof(content); i++)
 		content[i] = (uint8_t)(args->raw_request[i / 2] >> (i % 2 == 0 ? 8 : 0));
 	return xyza_encode_raw(content, args->raw_length, object, frame, size);
 }
@@ -54,7 +48,7 @@ static void show_answer(struct db_device *device, const uint8_t *frame, size_t l
 {
 	struct db_nameplate *plate = &device->plate;
 
-	memset(plate->raw_answer, 0, sizeof plate->raw_answer);
+	memset(plate->raw_answer, 0, sizeof(plate->raw_answer));
 	for (size_t i = 0; i < length; i++)
 		plate->raw_answer[i / 2] |= (uint16_t)(frame[i] << (i % 2 == 0 ? 8 : 0));
 	plate->raw_length = (uint16_t)length;

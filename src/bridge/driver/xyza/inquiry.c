@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/xyza/inquiry.h"
+#include "driver/xyza/xyza_private.h"
 
 #include "codec/xyza.h"
 
@@ -46,7 +46,7 @@ bool xyza_inquire(const struct db_bus_config *bus, const struct db_inquiry *inqu
 }
 
 enum db_recognised xyza_recognise(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
-                                  const uint8_t *frame, size_t length, struct db_inquired *said)
+                                  const uint8_t *frame, size_t length, struct db_inquired *found)
 {
 	struct xyza_request request;
 	struct xyza_reply reply;
@@ -63,13 +63,13 @@ enum db_recognised xyza_recognise(const struct db_bus_config *bus, const struct 
 	}
 	if (!fits)
 		return DB_RECOGNISED_NOTHING;
-	if (said->parts > 0)
+	if (found->parts > 0)
 		return DB_RECOGNISED_AGAIN;
-	said->parts = 1;
-	said->refused = reply.kind == XYZA_REPLY_FAILED;
+	found->parts = 1;
+	found->refused = reply.kind == XYZA_REPLY_FAILED;
 	if (inquiry->kind == DB_INQUIRY_STANDING && reply.kind == XYZA_REPLY_DATA) {
-		said->tells_standing = true;
-		said->stands = reply.value == 1;
+		found->tells_standing = true;
+		found->stands = reply.value == 1;
 	}
 	return DB_RECOGNISED_ANSWER;
 }

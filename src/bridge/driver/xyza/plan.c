@@ -1,29 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/xyza/plan.h"
-
-#include "driver/xyza/state.h"
+#include "driver/xyza/xyza_private.h"
 
 #include <math.h>
-
-uint32_t xyza_content(const struct xyza_reply *reply)
-{
-	if (reply->kind == XYZA_REPLY_PROGRAM_STATE)
-		return reply->state | (uint32_t)reply->program << 8 | (uint32_t)reply->step << 16;
-	return reply->value;
-}
-
-static struct xyza_step *add_request(struct xyza_plan *plan, struct xyza_request request)
-{
-	struct xyza_step *step = &plan->steps[plan->count++];
-
-	*step = (struct xyza_step){ .request = request };
-	return step;
-}
 
 static struct xyza_step *add_verb(struct xyza_plan *plan, const struct db_device *device,
                                   enum xyza_verb verb)
 {
-	return add_request(plan, (struct xyza_request){ .verb = verb, .axis = device->axis });
+	struct xyza_step *step = &plan->steps[plan->count++];
+
+	*step = (struct xyza_step){ .request = { .verb = verb, .axis = device->axis } };
+	return step;
 }
 
 static struct xyza_step *add_kind(struct xyza_plan *plan, const struct db_device *device,
@@ -63,20 +49,16 @@ static void add_item(struct xyza_plan *plan, const struct db_device *device, enu
 	step->mask = mask;
 }
 
-/* True if its item contains nothing else, so that it can be written without being read. */
-static bool is_whole(enum xyza_param param)
-{
-	return xyza_param_item(param) != XYZA_ITEM_KEYS && param != XYZA_ENABLE;
-}
-
 /* Sets the bits `mask` of a parameter to those of `value`; written only when they differ, because
  * writing may wear the controller's memory. */
 static void add_change(struct xyza_plan *plan, const struct db_device *device,
                        enum xyza_param param, uint32_t value, uint32_t mask)
 {
+	/* An item with nothing else in it can be written without being read. */
+	bool whole = xyza_param_item(param) != XYZA_ITEM_KEYS && param != XYZA_ENABLE;
 	bool unread = device->unread >> xyza_param_item(param) & 1;
 
-	if (!(xyza_param_access(param) & XYZA_CAN_READ) || (unread && is_whole(param))) {
+	if (!(xyza_param_access(param) & XYZA_CAN_READ) || (unread && whole)) {
 		add_item(plan, device, XYZA_WRITE_ITEM, STEP_PLAIN, param, value, mask);
 		plan->unproven = true;
 		return;
@@ -97,28 +79,25 @@ static void add_braking_read(struct xyza_plan *plan, const struct db_device *dev
 	}
 }
 
-/* Plans the time that results in this ramp: it is known once the speeds were read. */
-static void plan_ramp(struct xyza_plan *plan, const struct db_device *device, bool down, float ramp)
-{
-	static const enum xyza_param needed[] = { XYZA_MIN_SPEED, XYZA_MAX_SPEED, XYZA_BRAKE };
-
-	plan->ramp = ramp;
-	for (unsigned i = 0; i < (down ? 3u : 2u); i++)
-		add_item(plan, device, XYZA_READ_ITEM, STEP_LEARN, needed[i], 0, 0);
-	add_change(plan, device, XYZA_ACCELERATION_TIME, 0, UINT32_MAX);
-}
-
 void xyza_plan_setting(struct xyza_plan *plan, const struct db_device *device,
                        const struct db_setting *setting)
 {
+	static const enum xyza_param needed[] = { XYZA_MIN_SPEED, XYZA_MAX_SPEED, XYZA_BRAKE };
+	unsigned needed_count = setting->param == XYZA_RAMP_DECELERATION ? 3 : 2;
+
 	*plan = (struct xyza_plan){ .steps = plan->steps,
 		                    .setting = plan->setting,
 		                    .unproven = plan->unproven };
-	if (setting->param >= XYZA_PARAM_COUNT)
-		plan_ramp(plan, device, setting->param == XYZA_RAMP_DECELERATION, setting->value.f);
-	else
+	if (setting->param < XYZA_PARAM_COUNT) {
 		add_change(plan, device, (enum xyza_param)setting->param, setting->value.u,
 		           UINT32_MAX);
+		return;
+	}
+	/* The time that results in this ramp is known when the speeds have been read. */
+	plan->ramp = setting->value.f;
+	for (unsigned i = 0; i < needed_count; i++)
+		add_item(plan, device, XYZA_READ_ITEM, STEP_LEARN, needed[i], 0, 0);
+	add_change(plan, device, XYZA_ACCELERATION_TIME, 0, UINT32_MAX);
 }
 
 static void plan_enable(struct xyza_plan *plan, const struct db_device *device, bool on)
@@ -160,21 +139,6 @@ static void plan_stop(struct xyza_plan *plan, const struct db_device *device, bo
 	add_kind(plan, device, XYZA_PROGRAM_STOP, STEP_OR_BEFORE);
 }
 
-/* Switching off the power of a standing axis has no effect on the others. A moving axis is jogged,
- * and then no other moves, or moves in the program, which cannot continue without it. */
-/* A controller that may receive but cannot be understood is not asked first whether the axis
- * stands. */
-static void plan_disable(struct xyza_plan *plan, const struct db_device *device, bool out_of_step)
-{
-	if (!out_of_step)
-		add_read(plan, device, XYZA_READ_STANDING, STEP_IF, UINT32_MAX, 0);
-	if (device->first->program_state == XYZA_PROGRAM_RUNNING)
-		add_kind(plan, device, XYZA_PROGRAM_STOP, STEP_MAY_FAIL);
-	else
-		add_kind(plan, device, XYZA_MANUAL_QUICK_STOP, STEP_MAY_FAIL);
-	plan_enable(plan, device, false);
-}
-
 static void add_standstill(struct xyza_plan *plan, const struct db_device *device)
 {
 	add_verb(plan, device, XYZA_MANUAL_STOP);
@@ -214,16 +178,16 @@ static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool nega
 {
 	bool moves = !device->standing || device->jogging;
 
-	plan->runs_on = moves && goes_that_way(device, negative) && !device->stops_for_speed;
+	plan->same_way = moves && goes_that_way(device, negative) && !device->stops_for_speed;
 	add_guards(plan, device);
-	if (moves && !plan->runs_on)
+	if (moves && !plan->same_way)
 		add_standstill(plan, device);
 	if (speed > 0.0f)
 		add_change(plan, device, XYZA_MANUAL_SPEED, (uint32_t)llroundf(speed), UINT32_MAX);
 	add_braking_read(plan, device);
 	add_verb(plan, device, XYZA_MANUAL_JOG)->request.negative = negative;
 	add_kind(plan, device, XYZA_READ_STANDING, STEP_EXPECT_MOVING);
-	if (plan->runs_on && speed > 0.0f) {
+	if (plan->same_way && speed > 0.0f) {
 		plan->speed = negative ? -speed : speed;
 		plan->speed_before = device->velocity;
 		add_kind(plan, device, XYZA_READ_STANDING, STEP_EXPECT_SPEED);
@@ -272,7 +236,7 @@ static void plan_outputs(struct xyza_plan *plan, const struct db_device *device,
 		step->request.number = (uint8_t)port;
 		step->request.on = levels >> (port - 1) & 1;
 	}
-	if (xyza_is_passed_over(&device->first->ports_part))
+	if (xyza_is_skipped(&device->first->ports_part))
 		plan->unproven = true;
 	else
 		add_read(plan, device, XYZA_READ_PORTS, STEP_EXPECT, mask << XYZA_OUTPUTS_SHIFT,
@@ -283,7 +247,7 @@ static void plan_outputs(struct xyza_plan *plan, const struct db_device *device,
 static void add_program_read(struct xyza_plan *plan, const struct db_device *device,
                              enum xyza_plan_kind kind)
 {
-	if (xyza_is_passed_over(&device->first->program_part))
+	if (xyza_is_skipped(&device->first->program_part))
 		plan->unproven = true;
 	else
 		add_kind(plan, device, XYZA_PROGRAM_STATE, kind);
@@ -362,7 +326,17 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
 		plan_enable(plan, device, true);
 		break;
 	case DB_CMD_DISABLE:
-		plan_disable(plan, device, out_of_step);
+		/* Switching off the power of a standing axis has no effect on the others. A moving
+		 * axis is jogged, and then no other moves, or moves in the program, which cannot
+		 * continue without it. A controller that may receive but cannot be understood is
+		 * not asked first whether the axis stands. */
+		if (!out_of_step)
+			add_read(plan, device, XYZA_READ_STANDING, STEP_IF, UINT32_MAX, 0);
+		if (device->first->program_state == XYZA_PROGRAM_RUNNING)
+			add_kind(plan, device, XYZA_PROGRAM_STOP, STEP_MAY_FAIL);
+		else
+			add_kind(plan, device, XYZA_MANUAL_QUICK_STOP, STEP_MAY_FAIL);
+		plan_enable(plan, device, false);
 		break;
 	case DB_CMD_MOVE_VELOCITY:
 		if (args->target_velocity > 0.0f || args->target_velocity < 0.0f)

@@ -4,11 +4,7 @@
  * before and after, and again with the magnitude when it changed; a value whose sign is in doubt is
  * not shown.
  */
-#include "driver/xyza/poll.h"
-
-#include "driver/xyza/frames.h"
-#include "driver/xyza/state.h"
-#include "driver/xyza/turn.h"
+#include "driver/xyza/xyza_private.h"
 
 #include <math.h>
 
@@ -59,27 +55,12 @@ static bool note_part_lost(struct xyza_part *part, db_time now)
 	return first;
 }
 
-static bool hears_any(const struct db_device *first)
-{
-	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
-		if (first->axes[i] && first->axes[i]->heard)
-			return true;
-	}
-	return false;
-}
-
-/* An axis that has answered exists, and is read on and on. */
-static void note_axis_lost(const struct db_device *first, db_time now)
-{
-	struct db_device *device = first->axes[first->poll_axis];
-
-	if (device && !device->heard && hears_any(first))
-		(void)note_part_lost(&device->part, now);
-}
-
 /* A reading that lost an answer is abandoned: the next one begins, and judges where it ended. */
 static void note_loss(struct db_device *first, db_time now)
 {
+	struct db_device *device;
+	bool any_answered = false;
+
 	if (!first->polling)
 		return;
 	switch (first->poll_step) {
@@ -95,61 +76,38 @@ static void note_loss(struct db_device *first, db_time now)
 		xyza_turn_lost(first);
 		break;
 	default:
-		note_axis_lost(first, now);
+		/* An axis that has answered exists, and continues to be read. */
+		device = first->axes[first->poll_axis];
+		for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++)
+			any_answered |= first->axes[i] && first->axes[i]->has_position;
+		if (device && !device->has_position && any_answered)
+			(void)note_part_lost(&device->part, now);
 		break;
 	}
 }
 
 /* --- questions -------------------------------------------------------------------------------- */
 
-/* The next configured axis from `axis` on, or XYZA_AXIS_COUNT. */
-static unsigned next_axis(const struct db_device *first, unsigned axis, db_time now)
+/* Reads a value of the current axis, or of the controller. */
+static enum db_step send_read(struct db_conversation *talk)
 {
-	while (axis < XYZA_AXIS_COUNT &&
-	       !(first->axes[axis] && may_ask(&first->axes[axis]->part, now)))
-		axis++;
-	return axis;
-}
-
-static enum db_step ask_controller(struct db_conversation *talk, enum xyza_verb verb)
-{
-	struct xyza_request request = { .verb = verb };
+	static const enum xyza_verb verbs[] = {
+		[STEP_STANDING] = XYZA_READ_STANDING,   [STEP_SIGN] = XYZA_READ_SIGN,
+		[STEP_MAGNITUDE] = XYZA_READ_MAGNITUDE, [STEP_SIGN_AGAIN] = XYZA_READ_SIGN,
+		[STEP_PORTS] = XYZA_READ_PORTS,         [STEP_PROGRAM] = XYZA_PROGRAM_STATE,
+	};
+	struct xyza_request request = { .verb = verbs[talk->job->step] };
 
 	/* Not used after the last axis. */
 	// NOLINTNEXTLINE(clang-analyzer-optin.core.EnumCastOutOfRange)
 	request.axis = (enum xyza_axis)talk->device->poll_axis;
-	return xyza_say(talk, request, true);
+	return xyza_send(talk, request, true);
 }
 
-static enum db_step say_standing(struct db_conversation *talk)
-{
-	return ask_controller(talk, XYZA_READ_STANDING);
-}
-
-static enum db_step say_sign(struct db_conversation *talk)
-{
-	return ask_controller(talk, XYZA_READ_SIGN);
-}
-
-static enum db_step say_magnitude(struct db_conversation *talk)
-{
-	return ask_controller(talk, XYZA_READ_MAGNITUDE);
-}
-
-static enum db_step say_ports(struct db_conversation *talk)
-{
-	return ask_controller(talk, XYZA_READ_PORTS);
-}
-
-static enum db_step say_program(struct db_conversation *talk)
-{
-	return ask_controller(talk, XYZA_PROGRAM_STATE);
-}
-
-static enum db_step say_poll_step(struct db_conversation *talk, enum step step)
+static enum db_step send_poll_step(struct db_conversation *talk, enum step step)
 {
 	talk->device->poll_step = step;
-	return say_step(talk, xyza_poll_steps, step);
+	return send_step(talk, xyza_poll_steps, step);
 }
 
 static enum db_step end_poll(struct db_conversation *talk)
@@ -158,15 +116,15 @@ static enum db_step end_poll(struct db_conversation *talk)
 	return end_job(talk, DB_RESULT_OK);
 }
 
-static enum db_step say_item(struct db_conversation *talk)
+static enum db_step send_item(struct db_conversation *talk)
 {
-	return xyza_say(talk, xyza_turn_request(talk->device), true);
+	return xyza_send(talk, xyza_turn_request(talk->device), true);
 }
 
 /* All axes were read; an item may follow. */
 static enum db_step read_item(struct db_conversation *talk)
 {
-	return xyza_turn_comes(talk->device, talk->now) ? say_poll_step(talk, STEP_ITEM) :
+	return xyza_turn_comes(talk->device, talk->now) ? send_poll_step(talk, STEP_ITEM) :
 	                                                  end_poll(talk);
 }
 
@@ -174,15 +132,7 @@ static enum db_step read_program(struct db_conversation *talk)
 {
 	if (!may_ask(&talk->device->program_part, talk->now))
 		return read_item(talk);
-	return say_poll_step(talk, STEP_PROGRAM);
-}
-
-/* Reads what the controller has besides its axes. */
-static enum db_step read_ports(struct db_conversation *talk)
-{
-	if (!may_ask(&talk->device->ports_part, talk->now))
-		return read_program(talk);
-	return say_poll_step(talk, STEP_PORTS);
+	return send_poll_step(talk, STEP_PROGRAM);
 }
 
 /* Continue with this axis, or after the last one with the controller's ports. */
@@ -190,11 +140,16 @@ static enum db_step read_axis(struct db_conversation *talk, unsigned axis)
 {
 	struct db_device *first = talk->device;
 
-	first->poll_axis = next_axis(first, axis, talk->now);
+	while (axis < XYZA_AXIS_COUNT &&
+	       !(first->axes[axis] && may_ask(&first->axes[axis]->part, talk->now)))
+		axis++;
+	first->poll_axis = axis;
 	first->poll_asked = talk->now;
 	first->sign_tries = 0;
-	return first->poll_axis < XYZA_AXIS_COUNT ? say_poll_step(talk, STEP_STANDING) :
-	                                            read_ports(talk);
+	if (axis < XYZA_AXIS_COUNT)
+		return send_poll_step(talk, STEP_STANDING);
+	return may_ask(&first->ports_part, talk->now) ? send_poll_step(talk, STEP_PORTS) :
+	                                                read_program(talk);
 }
 
 /* --- what was read ---------------------------------------------------------------------------- */
@@ -204,11 +159,11 @@ static void take_standing(struct db_device *device, const struct db_device *firs
 	bool standing = first->poll_standing;
 
 	/* What was seen before the command shows nothing about the present. */
-	if (first->poll_told != device->told ||
+	if (first->poll_commanded != device->commanded ||
 	    (standing && first->poll_asked < device->expected_by))
 		return;
 	device->standing = standing;
-	device->fresh = false;
+	device->just_commanded = false;
 	if (standing)
 		device->jogging = device->stopping = false;
 	else
@@ -275,7 +230,7 @@ static void take_position(struct db_device *device, const struct db_device *firs
 	if (first->poll_placed != device->placed || first->poll_taken < device->held_until ||
 	    !xyza_position(first->poll_magnitude, first->poll_negative, &position))
 		return;
-	if (device->heard && first->poll_taken > device->taken) {
+	if (device->has_position && first->poll_taken > device->taken) {
 		device->span = first->poll_taken - device->taken;
 		device->velocity = stands ? 0.0f : velocity_of(device, position, first->poll_taken);
 	}
@@ -283,7 +238,7 @@ static void take_position(struct db_device *device, const struct db_device *firs
 	device->position = position;
 	device->negative = first->poll_negative;
 	device->taken = first->poll_taken;
-	device->heard = true;
+	device->has_position = true;
 	note_part_answered(&device->part);
 }
 
@@ -293,8 +248,8 @@ static bool is_settled(const struct db_device *first, const struct db_device *de
 {
 	int32_t position;
 
-	return device->heard && first->poll_standing && device->standing &&
-	       first->poll_told == device->told &&
+	return device->has_position && first->poll_standing && device->standing &&
+	       first->poll_commanded == device->commanded &&
 	       xyza_position(first->poll_magnitude, first->poll_negative, &position) &&
 	       position == device->position;
 }
@@ -308,10 +263,10 @@ static enum db_step answer_standing(struct db_conversation *talk)
 	if (!device)
 		return end_job(talk, DB_RESULT_FAILED);
 	first->poll_standing = reply->value == 1;
-	first->poll_told = device->told;
+	first->poll_commanded = device->commanded;
 	first->poll_placed = device->placed;
 	talk->unchanged = true;
-	return say_poll_step(talk, STEP_SIGN);
+	return send_poll_step(talk, STEP_SIGN);
 }
 
 static enum db_step answer_sign(struct db_conversation *talk)
@@ -320,7 +275,7 @@ static enum db_step answer_sign(struct db_conversation *talk)
 
 	talk->device->poll_negative = reply->value == 1;
 	talk->unchanged = true;
-	return say_poll_step(talk, STEP_MAGNITUDE);
+	return send_poll_step(talk, STEP_MAGNITUDE);
 }
 
 static enum db_step answer_magnitude(struct db_conversation *talk)
@@ -335,7 +290,7 @@ static enum db_step answer_magnitude(struct db_conversation *talk)
 	first->poll_taken = talk->now;
 	if (!is_settled(first, device)) {
 		talk->unchanged = true;
-		return say_poll_step(talk, STEP_SIGN_AGAIN);
+		return send_poll_step(talk, STEP_SIGN_AGAIN);
 	}
 	take_position(device, first);
 	return read_axis(talk, first->poll_axis + 1);
@@ -354,7 +309,7 @@ static enum db_step answer_sign_again(struct db_conversation *talk)
 		take_position(device, first);
 	} else if (++first->sign_tries < SIGN_TRIES) {
 		first->poll_negative = negative;
-		return say_poll_step(talk, STEP_MAGNITUDE);
+		return send_poll_step(talk, STEP_MAGNITUDE);
 	}
 	return read_axis(talk, first->poll_axis + 1);
 }
@@ -374,7 +329,7 @@ static enum db_step answer_program(struct db_conversation *talk)
 	const struct xyza_reply *reply = talk->reply;
 	struct db_device *first = talk->device;
 
-	talk->unchanged = !xyza_is_passed_over(&first->program_part) &&
+	talk->unchanged = !xyza_is_skipped(&first->program_part) &&
 	                  reply->program == first->program &&
 	                  reply->state == first->program_state &&
 	                  reply->step == first->program_step;
@@ -418,21 +373,21 @@ static enum db_step refuse_item(struct db_conversation *talk)
 }
 
 const struct conversation_step xyza_poll_steps[] = {
-	[STEP_STANDING] = { .say = say_standing,
+	[STEP_STANDING] = { .send = send_read,
 	                    .answered = answer_standing,
 	                    .refused = refuse_axis },
-	[STEP_SIGN] = { .say = say_sign, .answered = answer_sign, .refused = refuse_axis },
-	[STEP_MAGNITUDE] = { .say = say_magnitude,
+	[STEP_SIGN] = { .send = send_read, .answered = answer_sign, .refused = refuse_axis },
+	[STEP_MAGNITUDE] = { .send = send_read,
 	                     .answered = answer_magnitude,
 	                     .refused = refuse_axis },
-	[STEP_SIGN_AGAIN] = { .say = say_sign,
+	[STEP_SIGN_AGAIN] = { .send = send_read,
 	                      .answered = answer_sign_again,
 	                      .refused = refuse_axis },
-	[STEP_PORTS] = { .say = say_ports, .answered = answer_ports, .refused = refuse_ports },
-	[STEP_PROGRAM] = { .say = say_program,
+	[STEP_PORTS] = { .send = send_read, .answered = answer_ports, .refused = refuse_ports },
+	[STEP_PROGRAM] = { .send = send_read,
 	                   .answered = answer_program,
 	                   .refused = refuse_program },
-	[STEP_ITEM] = { .say = say_item, .answered = answer_item, .refused = refuse_item },
+	[STEP_ITEM] = { .send = send_item, .answered = answer_item, .refused = refuse_item },
 };
 
 enum db_step xyza_begin_poll(struct db_conversation *talk)

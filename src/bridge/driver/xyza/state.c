@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/xyza/state.h"
+#include "driver/xyza/xyza_private.h"
 
 #include <math.h>
 
 /* --- what was read ---------------------------------------------------------------------------- */
 
-bool xyza_is_passed_over(const struct xyza_part *part)
+bool xyza_is_skipped(const struct xyza_part *part)
 {
 	return part->pause > 0;
 }
@@ -154,19 +154,19 @@ void xyza_forget_all(struct db_device *first)
 
 void xyza_note_started(struct db_device *device, bool negative)
 {
-	device->told++;
+	device->commanded++;
 	device->jogging = true;
 	device->jog_negative = negative;
-	device->fresh = true;
+	device->just_commanded = true;
 	device->standing = false;
 	device->stopping = false;
 }
 
 void xyza_note_standing(struct db_device *device)
 {
-	device->told++;
+	device->commanded++;
 	device->standing = true;
-	device->jogging = device->fresh = device->stopping = false;
+	device->jogging = device->just_commanded = device->stopping = false;
 	device->expected_by = 0;
 	device->velocity = 0.0f;
 }
@@ -178,8 +178,8 @@ void xyza_doubt_standing(struct db_device *first, db_time now)
 
 		if (!device)
 			continue;
-		device->told++;
-		device->fresh = true;
+		device->commanded++;
+		device->just_commanded = true;
 		device->expected_by = now + device->reaction;
 	}
 }
@@ -195,8 +195,8 @@ void xyza_note_stopped(struct db_device *first)
 		/* A program may have started it since. */
 		if (device->standing && first->program_state != XYZA_PROGRAM_RUNNING)
 			continue;
-		device->told++;
-		device->stopping = device->fresh = true;
+		device->commanded++;
+		device->stopping = device->just_commanded = true;
 	}
 }
 
@@ -212,13 +212,13 @@ static bool is_enabled(const struct db_device *device)
 
 static enum db_axis_state state_of(const struct db_device *device)
 {
-	if (!device->heard)
+	if (!device->has_position)
 		return DB_AXIS_OFFLINE;
 	if (device->first->program_state == XYZA_PROGRAM_INTERRUPTED && device->standing)
 		return DB_AXIS_ERROR_STOP;
 	if (device->stopping)
 		return DB_AXIS_STOPPING;
-	if (!device->standing || device->fresh)
+	if (!device->standing || device->just_commanded)
 		return DB_AXIS_CONTINUOUS_MOTION;
 	return is_enabled(device) ? DB_AXIS_STANDSTILL : DB_AXIS_DISABLED;
 }
@@ -229,7 +229,7 @@ static uint32_t status_of(const struct db_device *device, enum db_axis_state sta
 
 	if (is_enabled(device))
 		status |= DB_STATUS_ENABLED;
-	if (!device->standing || device->fresh)
+	if (!device->standing || device->just_commanded)
 		status |= DB_STATUS_MOVING;
 	if (state == DB_AXIS_STOPPING)
 		status |= DB_STATUS_STOPPING;
@@ -283,8 +283,8 @@ void xyza_write_feedback(const struct db_device *device, struct db_feedback *fee
 	feedback->outputs = xyza_outputs(first->ports);
 	/* The controller still reports the last program that ran. */
 	feedback->program = first->program_state == XYZA_PROGRAM_IDLE ? 0 : first->program;
-	feedback->program_state = xyza_is_passed_over(&first->program_part) ? PROGRAM_STATE_UNTOLD :
-	                                                                      first->program_state;
+	feedback->program_state = xyza_is_skipped(&first->program_part) ? PROGRAM_STATE_UNKNOWN :
+	                                                                  first->program_state;
 	feedback->program_step = first->program_step;
 	feedback->counts_per_unit = counts_per_unit(&device->plate);
 	feedback->deceleration = deceleration_of(device);
@@ -296,9 +296,9 @@ void xyza_write_feedback(const struct db_device *device, struct db_feedback *fee
 
 void xyza_forget_state(struct db_device *device)
 {
-	device->heard = false;
+	device->has_position = false;
 	device->params_valid = false;
-	device->jogging = device->fresh = device->stopping = false;
+	device->jogging = device->just_commanded = device->stopping = false;
 	device->expected_by = device->held_until = device->span = 0;
 	/* A different controller may come back, with items that this one lacked. */
 	device->unread = 0;

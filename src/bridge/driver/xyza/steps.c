@@ -5,28 +5,21 @@
  * a lost answer the controller is first asked whether it is there, the only request with that
  * order.
  */
-#include "driver/xyza/steps.h"
-
-#include "driver/xyza/commands.h"
-#include "driver/xyza/frames.h"
-#include "driver/xyza/items.h"
-#include "driver/xyza/poll.h"
+#include "driver/xyza/xyza_private.h"
 
 /* Number of repeats: a controller also refuses a frame that arrived with a wrong checksum. */
 #define REFUSALS_MAX 1
 
-static enum db_step say_online(struct db_conversation *talk)
+static enum db_step send_online(struct db_conversation *talk)
 {
-	return xyza_say_verb(talk, XYZA_VERB_ONLINE);
-}
+	const struct xyza_request request = { .verb = XYZA_VERB_ONLINE,
+		                              .axis = talk->device->axis };
 
-static enum db_step answer_online(struct db_conversation *talk)
-{
-	return end_job(talk, DB_RESULT_OK);
+	return xyza_send(talk, request, true);
 }
 
 static const struct conversation_step probe_steps[] = {
-	{ .say = say_online, .answered = answer_online },
+	{ .send = send_online, .answered = end_done },
 };
 
 static bool is_raw(const struct db_job *job)
@@ -55,7 +48,7 @@ static const struct conversation_step *steps_of(const struct db_job *job)
 }
 
 /* The effect of a command is no sign of a restart; a program moves all axes. */
-static void note_told(const struct db_conversation *talk)
+static void note_command(const struct db_conversation *talk)
 {
 	struct db_device *const *axes = talk->device->first->axes;
 	enum db_command command = talk->job->request->command;
@@ -63,7 +56,7 @@ static void note_told(const struct db_conversation *talk)
 
 	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
 		if (axes[i] && (all || axes[i] == talk->device))
-			restart_note_told(&axes[i]->restart, command, talk->now);
+			restart_note_command(&axes[i]->restart, command, talk->now);
 	}
 	if (command == DB_CMD_CLEAR_FAULT)
 		(void)restart_settle(&talk->device->restart);
@@ -74,7 +67,7 @@ enum db_step xyza_begin(struct db_conversation *talk)
 	talk->device->refusals[talk->job->kind] = 0;
 	switch (talk->job->kind) {
 	case DB_JOB_PROBE:
-		return say_step(talk, probe_steps, 0);
+		return send_step(talk, probe_steps, 0);
 	case DB_JOB_IDENTIFY:
 		return xyza_begin_items(talk);
 	case DB_JOB_POLL:
@@ -85,7 +78,7 @@ enum db_step xyza_begin(struct db_conversation *talk)
 	default:
 		break;
 	}
-	note_told(talk);
+	note_command(talk);
 	switch (talk->job->request->command) {
 	case DB_CMD_READ_PARAMETERS:
 		return xyza_begin_items(talk);

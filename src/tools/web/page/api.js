@@ -42,9 +42,13 @@ export const tab = Array.from(crypto.getRandomValues(new Uint8Array(12)),
 				(byte) => byte.toString(16).padStart(2, "0"))
 					.join("");
 
-/* user, role (none, reader, operator), version, service (true: drivebridged is connected), stops
- * (commands that stop). */
-let session = { user: null, role: "none", token: "", version: "", service: false, stops: [] };
+/* user, role (none, observer, operator, engineer, administrator), may (what, of look, stop, move,
+ * engineer, manage, appoint), drives (which; null: all), commands (that need more than to move: stop, engineer,
+ * manage), password (own: it is kept here; weak: what is wrong with it; least: characters), version,
+ * service (true: drivebridged is connected), stops (commands that stop). */
+let session = { user: null, role: "none", may: [], drives: null,
+	commands: { stop: [], engineer: [], manage: [] }, password: {}, token: "", version: "",
+	service: false, stops: [] };
 const sessionListeners = new Set();
 let acted = false;
 /* Acting calls are numbered in the order of their requests: each is carried out once, and not after
@@ -64,10 +68,48 @@ const waiting = [];
 
 export function getSession() { return session; }
 
+/* The role that has a right. */
+const ROLES = { look: "observer", stop: "operator", move: "operator", engineer: "engineer",
+	manage: "engineer", appoint: "administrator" };
+/* These are of single drives. */
+const OF_DRIVES = ["move", "engineer"];
+
+/* Why the user may not do something, or not to this drive ("": the whole gateway; undefined: any); ""
+ * if he may. */
+export function whyNot(what, drive) {
+	const { drives, role, user } = session;
+
+	if (!session.may?.includes(what))
+		return what === "manage" && role === "engineer" ?
+			`This needs all drives; ${user} has ${drives.join(", ")}.` :
+			`This needs the role ${ROLES[what]}.`;
+	if (!OF_DRIVES.includes(what) || drive === undefined || !drives || drives.includes(drive))
+		return "";
+	return `${drive || "This"} is not among the drives of ${user}: ${drives.join(", ")}.`;
+}
+
+export function may(what, drive) { return whyNot(what, drive) === ""; }
+
+/* The same for a command. */
+export function whyNotRun(command, drive) {
+	const { stop = [], engineer = [], manage = [] } = session.commands ?? {};
+
+	if (stop.includes(command))
+		return whyNot("stop");
+	return whyNot(engineer.includes(command) ? "engineer" : "move",
+		manage.includes(command) ? "" : drive);
+}
+
 /* Returns a function that unsubscribes. */
 export function onSession(listener) {
 	sessionListeners.add(listener);
 	return () => sessionListeners.delete(listener);
+}
+
+/* Whether another user, or the same one with other rights, sees another page. */
+export function hasOtherRights(one, other) {
+	return one.user !== other.user || one.role !== other.role ||
+		String(one.may) !== String(other.may) || String(one.drives) !== String(other.drives);
 }
 
 function takeSession(next) {
@@ -75,7 +117,7 @@ function takeSession(next) {
 
 	/* A server that has not reached the service yet knows none. */
 	session = next.stops?.length > 0 ? next : { ...next, stops: before.stops };
-	if (before.user !== session.user || before.role !== session.role)
+	if (hasOtherRights(before, session))
 		acted = false;
 	for (const listener of sessionListeners)
 		listener(session, before);
@@ -89,6 +131,19 @@ export async function loadSession(options) {
 export async function logIn(user, password) {
 	return takeSession(await ask("POST", "login", { user, password }));
 }
+
+/* The user's own; then the session is told anew. */
+export async function changePassword(password, fresh) {
+	await ask("POST", "password", { password, fresh });
+	return loadSession();
+}
+
+export async function listUsers() { return (await ask("POST", "users", {})).users; }
+
+/* user, role, drives ("*" or names with commas), pam, password (missing: it stays). */
+export async function putUser(user) { return ask("POST", "users/put", user); }
+
+export async function removeUser(user) { return ask("POST", "users/remove", { user }); }
 
 export async function logOut() { return takeSession(await ask("POST", "logout", {})); }
 
@@ -341,9 +396,12 @@ export function openStream(method, parameters = {}, handlers = {}) {
 	}
 
 	function takeEvent(name, data) {
-		if (name === "error")
+		if (name === "error") {
 			finish("failed", new ApiError(data.error, data.text, data));
-		else if (name === "end")
+			/* The session has ended, by time or because the user was changed. */
+			if (data.error === "LoginRequired")
+				loadSession().catch(() => {});
+		} else if (name === "end")
 			finish("ended");
 		else if (name)
 			takeNamed(name, data);

@@ -11,7 +11,9 @@
  *   plant                 buses and drives from the overview's stream (plant.js)
  *   registers(drive)      promise of a Map of its registers by name; "" is the gateway
  *   commands(drive)       promise of a Map of its commands by name
- *   mayAct()              whether the user is an operator
+ *   may(what, drive)      whether the user may stop, move, engineer (a drive), manage (the gateway)
+ *                         or appoint (users); whyNot(what, drive) is the reason in words, or ""
+ *   whyNotRun(command, drive)  the same for a command
  *   link()                live; silent, lost, down (drivebridged) or connecting: the values are old
  *   on(event, listener)   until the view is hidden, one of
  *                           "plant"     samples or figures arrived, at most some ten times a second
@@ -44,6 +46,8 @@ const VIEWS = {
 	scope: { nav: "Oscilloscope", load: () => import("./scope.js") },
 	trace: { nav: "Trace", load: () => import("./trace.js") },
 	events: { nav: "Events", load: () => import("./events.js") },
+	users: { nav: "Users", needs: "appoint", load: () => import("./users.js") },
+	account: { load: () => import("./account.js") },
 };
 /* A tab in the background keeps its streams for this time. */
 const ASLEEP_AFTER_MS = 10000;
@@ -94,7 +98,9 @@ const context = {
 	get plant() { return plant; },
 	registers: (drive) => remember(registersByDrive, drive, "Registers", "registers"),
 	commands: (drive) => remember(commandsByDrive, drive, "Commands", "commands"),
-	mayAct: () => api.getSession().role === "operator",
+	may: api.may,
+	whyNot: api.whyNot,
+	whyNotRun: api.whyNotRun,
 	link: () => link,
 	on(event, listener) {
 		listeners[event].add(listener);
@@ -315,6 +321,7 @@ function showNavigation() {
 			list.append(element("li", {},
 				element("a", { href: `#/${name}`, "data-view": name }, view.nav)));
 	}
+	showRights();
 	find("navigation").append(list);
 }
 
@@ -327,11 +334,21 @@ function markNavigation(name) {
 	}
 }
 
+/* What may not be done is not offered. */
+function showRights() {
+	find("stop-all").hidden = !api.may("stop");
+	for (const anchor of find("navigation").querySelectorAll("a")) {
+		const { needs } = VIEWS[anchor.dataset.view];
+
+		anchor.parentNode.hidden = Boolean(needs) && !api.may(needs);
+	}
+}
+
 function showUser() {
 	const { user, role } = api.getSession();
 	const box = find("user");
 
-	find("stop-all").hidden = role !== "operator";
+	showRights();
 	find("link").hidden = role === "none";
 	if (user) {
 		const out = element("button", {
@@ -351,7 +368,9 @@ function showUser() {
 			}
 		});
 		box.replaceChildren(icon("user"),
-			element("span", { class: "user-name" }, user, element("small", {}, role)),
+			element("a", { class: "user-name", id: "account-link", href: "#/account",
+				title: "What you may do, and your password" },
+				user, element("small", {}, role)),
 			out);
 	} else if (role !== "none") {
 		box.replaceChildren(element("a", { id: "login-link", href: "#/login" }, "Log in"));
@@ -477,7 +496,10 @@ async function showView() {
 
 function takeSession(session, before) {
 	showUser();
-	if (session.role !== before.role || session.user !== before.user) {
+	if (api.hasOtherRights(session, before)) {
+		if (session.user && session.password.weak)
+			notify(`Your password is weak: ${session.password.weak}. Change it under your name.`,
+				"warning");
 		stream?.close();
 		stream = null;
 		serviceUp = true;

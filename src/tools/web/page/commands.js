@@ -52,7 +52,9 @@ function createField(register, scale, describedBy) {
 /* The panel; onDone() is called when a command was accepted. */
 export function createCommands({ context, drive, registers, commands, scale, onDone }) {
 	const said = element("p", { id: "command-result", class: "command-result", role: "status" });
-	const all = [...commands.values()].filter((command) => !ELSEWHERE.includes(command.name));
+	const known = [...commands.values()].filter((command) => !ELSEWHERE.includes(command.name));
+	const all = known.filter((command) => context.whyNotRun(command.name, drive) === "");
+	const denied = known.filter((command) => !all.includes(command));
 	const others = all.filter((command) => command.arguments.length > 0);
 	const buttons = all.filter((command) => command.arguments.length === 0).map((command) =>
 		element("button", { type: "button", class: "small", title: command.description,
@@ -69,8 +71,22 @@ export function createCommands({ context, drive, registers, commands, scale, onD
 	const node = element("section", { id: "commands", class: "panel", "aria-label": "Commands" },
 		element("div", { class: "panel-head" }, element("h2", {}, "Commands")),
 		element("div", { class: "command-buttons" }, buttons),
-		others.length > 0 ? form : null, said);
+		others.length > 0 ? form : null, said, makeReasons());
 	let fields = new Map();
+
+	/* Which are not offered, and why. */
+	function makeReasons() {
+		const reasons = new Map();
+
+		for (const { name } of denied) {
+			const why = context.whyNotRun(name, drive);
+
+			reasons.set(why, [...reasons.get(why) ?? [], asLabel(name)]);
+		}
+		return [...reasons].map(([why, names]) =>
+			element("p", { class: "muted", "data-denied": true },
+				`${names.join(", ")}: ${why}`));
+	}
 
 	function showFields() {
 		const command = commands.get(select.value);

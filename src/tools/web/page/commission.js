@@ -31,8 +31,8 @@ export async function show(root, context, name) {
 		end(mine);
 		mine.offs.forEach((off) => off());
 	};
-	if (!context.mayAct()) {
-		root.append(element("p", { class: "empty" }, "This needs the role operator."));
+	if (!context.may("engineer", name)) {
+		root.append(element("p", { class: "empty" }, context.whyNot("engineer", name)));
 		return;
 	}
 	const steps = await listCommissionSteps();

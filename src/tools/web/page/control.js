@@ -36,7 +36,7 @@ export function createControl({ context, drive }) {
 	const watchdog = element("p", { id: "watchdog", class: "muted" });
 	const node = element("section", { id: "control", class: "panel control", "aria-label": "Control" },
 		element("div", { class: "panel-head" }, element("h2", {}, "Control"),
-			element("span", { class: "push" }), context.mayAct() ? [take, release] : null),
+			element("span", { class: "push" }), context.may("move", drive) ? [take, release] : null),
 		element("p", { class: "control-line" }, drawing, who, until), watchdog,
 		problem);
 	/* The session of this tab, after it has had control; 0 before. */

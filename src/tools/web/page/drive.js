@@ -132,7 +132,7 @@ function describe(plant, name) {
 
 function build(mine, names) {
 	const { context, name, registers, commands, scale, root } = mine;
-	const acts = context.mayAct();
+	const acts = context.may("move", name);
 	const part = { context, drive: name, registers, commands, scale };
 
 	mine.history = createHistory(part);
@@ -158,7 +158,14 @@ function build(mine, names) {
 				makeValues(mine, names), makeStatus(mine), makePorts(mine),
 				mine.history.node),
 			element("div", { class: "drive-side" }, mine.jog?.node ?? null,
-				mine.control.node, mine.panel?.node ?? null)));
+				mine.control.node, mine.panel?.node ?? makeReason(mine))));
+}
+
+/* In place of what the user may not do. */
+function makeReason(mine) {
+	return element("section", { id: "may-not", class: "panel", "aria-label": "Commands" },
+		element("div", { class: "panel-head" }, element("h2", {}, "Commands")),
+		element("p", { class: "muted" }, mine.context.whyNot("move", mine.name)));
 }
 
 function findSignals(mine, names) {
@@ -195,7 +202,7 @@ function makeHead(mine) {
 		[element("a", { href: `#/parameters/${encodeURIComponent(name)}` }, "Parameters")];
 	const place = [];
 
-	if (context.mayAct())
+	if (context.may("engineer", name))
 		links.push(element("a", { href: `#/commission/${encodeURIComponent(name)}` }, "Commission"));
 	const quantity = (label, node, register) => element("div", { class: "quantity live" },
 		element("span", { class: "muted" }, label),
@@ -226,7 +233,7 @@ function makeHead(mine) {
 				place.join(" · "))),
 		head.stateBox, head.mustStand, quantity("Position", head.position, mine.registers.get("position")),
 		quantity("Velocity", head.velocity, mine.registers.get("velocity")),
-		quantity("Age", head.age, null), context.mayAct() ? makeStops(mine) : null,
+		quantity("Age", head.age, null), context.may("stop") ? makeStops(mine) : null,
 		head.need);
 }
 
@@ -306,7 +313,7 @@ function makePorts(mine) {
 	const make = (register, word) => {
 		const number = register.name.split("_")[1];
 		const mark = element("span", { class: "lamp-mark", "aria-hidden": "true" });
-		const acts = register.writable && mine.context.mayAct();
+		const acts = register.writable && mine.context.may("move", mine.name);
 		const node = element(acts ? "button" : "span", {
 			class: acts ? "port small" : "badge port",
 			"data-port": register.name,
@@ -403,7 +410,7 @@ function watchKeys(mine) {
 		mine.parts.push(() => target.removeEventListener(event, listener, capture));
 	};
 
-	if (!mine.context.mayAct())
+	if (!mine.context.may("stop"))
 		return;
 	listen(window, "keydown", (event) => {
 		if ((event.key !== " " && event.key !== "Escape") || event.ctrlKey ||

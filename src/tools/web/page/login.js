@@ -26,8 +26,8 @@ export function show(root) {
 		"button", { id: "login-submit", class: "primary", type: "submit" }, "Log in");
 	const form = element("form", { id: "login", class: "panel login" },
 		element("h1", {}, "Log in"),
-		element("p", { class: "muted" }, "The gateway's administrator makes users with ",
-			element("code", {}, "drivebridge-webd --add-user"), "."),
+		element("p", { class: "muted" }, "An administrator makes users: on the page, the first one with ",
+			element("code", {}, "sudo drivebridge-webd --add-user"), "."),
 		element("label", { class: "field", for: "login-user" }, "User", user),
 		element("label", { class: "field", for: "login-password" }, "Password", password),
 		problem, button);

@@ -135,7 +135,7 @@ function makeRow(drive) {
 			cells.velocityUnit),
 		cells.age, element("td", { class: "needs live" }, cells.need, cells.advice),
 		element("td", { class: "row-stop" },
-			view.context.mayAct() ? element("button", {
+			view.context.may("stop") ? element("button", {
 				class: "small",
 				type: "button",
 				"data-stop": name,

@@ -232,7 +232,7 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 		const addresses = takable.filter((register) => hasTrait(register, "address"));
 		const next = element("div", {}, describeDifference(held, beside));
 
-		if (context.mayAct() && addresses.length > 0)
+		if (context.may("engineer", drive) && addresses.length > 0)
 			next.append(
 				createWords(
 					`${listNames(addresses)} stays as it is unless it is ` +
@@ -241,7 +241,7 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 					{ class: "muted" }
 				)
 			);
-		if (context.mayAct())
+		if (context.may("engineer", drive))
 			next.append(
 				element(
 					"div",

@@ -160,7 +160,8 @@ function writeInto(drive, values, standing, report) {
 
 /* Shown in root until close(). */
 function createView(root, context, drive) {
-	const mayAct = context.mayAct();
+	const why = context.whyNot("engineer", drive);
+	const mayAct = why === "";
 	const draft = (mayAct && drafts.get(drive)) || { edits: new Map(), from: "" };
 	const { edits } = draft;
 	const beside = createBeside({ context, drive, onChange: refresh, takeOver });
@@ -478,7 +479,7 @@ function createView(root, context, drive) {
 				: element(
 						"span",
 						{ class: "muted" },
-						"To change them needs the role operator."
+						why
 					)
 		),
 		problem,

@@ -281,7 +281,7 @@ function createSearch(context, findBus, onChoose) {
 				element(
 					"td",
 					{},
-					find.verdict === "one" && context.mayAct() ? choose : ""
+					find.verdict === "one" && context.may("manage") ? choose : ""
 				)
 			)
 		);
@@ -585,14 +585,14 @@ export function show(root, context, busName) {
 			createField("Bus", select, "inline")
 		)
 	);
-	if (!context.mayAct()) {
+	if (!context.may("manage")) {
 		root.append(
 			element(
 				"p",
 				{ class: "panel" },
 				"A scan asks every address of a bus, and setting up a drive " +
-					"changes it: both " +
-					"need the role operator."
+					"changes it. " +
+					context.whyNot("manage")
 			)
 		);
 		select.parentNode.hidden = true;

@@ -184,6 +184,16 @@ static const struct wrong_case WRONG[] = {
 	{ "modbus {\n allow-read = {\"10.0.0.0/8\", \"plc\"}\n}\n", 2, "'plc' is no network" },
 	{ "modbus {\n allow-write = {\"10.0.0.0/33\"}\n}\n", 2, "0 to 32 for IPv4" },
 	{ "modbus {\n allow-write = {\"10.0.0.5/24\"}\n}\n", 2, "\"10.0.0.0/24\"" },
+	{ "modbus {\n secure-socket = modbus\n}\n", 2, "is no whole path" },
+	{ "modbus {\n require-secure = writes\n local-writers = everybody\n}\n", 2,
+	  "does not go with local-writers = everybody" },
+	/* Roles. */
+	{ "role {\n}\n", 1, "'' is no name for a role" },
+	{ "role r {\n}\nrole r {\n}\n", 3, "there is a role 'r' on line 1 already" },
+	{ "role r {\n read = some\n}\n", 2, "one of: all none" },
+	{ "role r {\n write = {\"lift\"}\n}\n", 2,
+	  "write of role 'r' names 'lift', but there is no drive 'lift'" },
+	{ "role r {\n parameters = {\"yes\"}\n}\n", 2, "takes one value" },
 	/* Buses. */
 	{ "bus b {\n device = \"/dev/x\"\n}\n", 1, "has no key 'protocol'" },
 	{ "\nbus b {\n protocol = vsmd-serial\n}\n", 2, "has no key 'device'" },
@@ -518,6 +528,8 @@ static struct loaded load_key(const struct db_config_key *key, const char *value
 		         value);
 	else if (strcmp(key->section, "modbus") == 0 || strcmp(key->section, "control") == 0)
 		snprintf(text, sizeof(text), "%s { %s = %s }\n", key->section, key->name, value);
+	else if (strcmp(key->section, "role") == 0)
+		snprintf(text, sizeof(text), "role r { %s = %s }\n", key->name, value);
 	else if (strcmp(key->section, "bus") == 0)
 		snprintf(text, sizeof(text), "bus b { %s %s = %s }\n", bus, key->name, value);
 	else
@@ -903,6 +915,7 @@ static void uncomment(char *text)
 
 		after += strspn(after, " ");
 		if (strncmp(line, "#\t", 2) == 0 || strncmp(line, "# bus press {", 13) == 0 ||
+		    strncmp(line, "# role Operator {", 17) == 0 ||
 		    strncmp(line, "# drive feeder {", 16) == 0 || strncmp(line, "# }", 3) == 0 ||
 		    (hash > line && hash[0] == '#' && *after == '='))
 			*hash = ' ';
@@ -953,6 +966,7 @@ static void expect_all_keys(char *text)
 			&reader, keys[i].section,
 			strcmp(keys[i].section, "bus") == 0   ? "press" :
 			strcmp(keys[i].section, "drive") == 0 ? "feeder" :
+			strcmp(keys[i].section, "role") == 0  ? "Operator" :
 								"");
 
 		/* A profile would be a second file. */
@@ -976,6 +990,7 @@ static void test_default_file_is_complete(void **state)
 	uncomment(text);
 	with = load_good(text);
 	without = load_good(
+		"role Operator { }\n"
 		"bus press { protocol = vsmd-serial device = \"/dev/serial/by-id/...\" }\n"
 		"drive feeder { bus = press address = 1 unit = 1 }\n");
 	shown = described(with.config);

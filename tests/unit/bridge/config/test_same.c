@@ -26,6 +26,7 @@ struct lines {
 static const struct lines SERIAL[] = {
 	{ "modbus", "confirm-ms=40" },
 	{ "control", "act-group=drivebridge" },
+	{ "role r", "control=no" },
 	{ "bus b", "protocol=vsmd-serial;device=\"/dev/ttyX\"" },
 	{ "bus c", "protocol=vsmd-serial;device=\"/dev/ttyY\"" },
 	{ "drive d", "bus=b;address=1;unit=1" },
@@ -55,6 +56,9 @@ static const struct other OTHERS[] = {
 	{ "modbus", "allow-read", SERIAL, "allow-read={\"10.0.0.0/8\"}" },
 	{ "modbus", "allow-write", SERIAL, "allow-write={\"127.0.0.0/8\"}" },
 	{ "modbus", "gateway-unit", SERIAL, "gateway-unit=200" },
+	{ "modbus", "secure-socket", SERIAL, "secure-socket=\"/run/x\"" },
+	{ "role", "read", SERIAL, "read={\"d\"}" },
+	{ "role", "write", SERIAL, "write={\"d\"}" },
 	{ "control", "socket", SERIAL, "socket=off" },
 	{ "control", "read-group", SERIAL, "read-group=adm" },
 	{ "control", "act-group", SERIAL, "act-group=plant" },
@@ -164,7 +168,8 @@ static struct db_config *parse(const char *text)
 
 static bool same_section(const char *section, const struct db_config *a, const struct db_config *b)
 {
-	if (strcmp(section, "modbus") == 0)
+	/* Roles are for Modbus clients. */
+	if (strcmp(section, "modbus") == 0 || strcmp(section, "role") == 0)
 		return db_config_same_modbus(a, b);
 	if (strcmp(section, "control") == 0)
 		return db_config_same_control(a, b);

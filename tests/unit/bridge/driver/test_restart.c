@@ -115,14 +115,14 @@ static void test_what_was_told_is_no_sign(void **state)
 	struct restart restart = standing();
 
 	(void)state;
-	restart_note_told(&restart, DB_CMD_MOVE_ABSOLUTE, now);
+	restart_note_command(&restart, DB_CMD_MOVE_ABSOLUTE, now);
 	assert_int_equal(see(&restart, 0, true), RESTART_NONE);
 	restart = standing();
-	restart_note_told(&restart, DB_CMD_SET_POSITION, now);
+	restart_note_command(&restart, DB_CMD_SET_POSITION, now);
 	restart_note_placed(&restart, 0);
 	assert_int_equal(see(&restart, 0, true), RESTART_NONE);
 	restart = standing();
-	restart_note_told(&restart, DB_CMD_ENABLE, now);
+	restart_note_command(&restart, DB_CMD_ENABLE, now);
 	assert_int_equal(see(&restart, 0, true), RESTART_DOUBT);
 }
 

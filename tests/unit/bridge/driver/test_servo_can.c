@@ -297,7 +297,7 @@ static const char *tell_current(struct fixture *f, int16_t steps)
 
 /* What another program may have left in the drive is cleared before its motor gets power, and the
  * demand is brought to where it stands. */
-static void say_enable(struct fixture *f, int32_t position)
+static void send_enable(struct fixture *f, int32_t position)
 {
 	char text[32];
 
@@ -315,7 +315,7 @@ static void enable_is_acknowledged_and_then_seen(void **unused)
 
 	(void)unused;
 	assert_string_equal(state(f), "Disabled");
-	say_enable(f, 700);
+	send_enable(f, 700);
 	assert_string_equal(answer(f, "006#01"), "145#00");
 	assert_string_equal(tell(f, 700, 0, 0), "145#00");
 	/* With its power it is watched for a while. */
@@ -352,7 +352,7 @@ static void power_that_does_not_follow_is_a_failure(void **unused)
 	struct fixture *f = make_on(0);
 
 	(void)unused;
-	say_enable(f, 0);
+	send_enable(f, 0);
 	assert_string_equal(answer(f, "006#01"), "145#00");
 	f->now += 201 * MS;
 	/* Nor later, when nobody expects it any more. */
@@ -379,7 +379,7 @@ static void a_motor_that_jumps_when_it_gets_power_loses_it(void **unused)
 	for (size_t i = 0; i < sizeof astray / sizeof astray[0]; i++) {
 		struct fixture *f = make_on(0);
 
-		say_enable(f, 700);
+		send_enable(f, 700);
 		assert_string_equal(answer(f, "006#01"), "145#00");
 		if (astray[i].bits & ON)
 			assert_string_equal(tell(f, 799, 0, ON | STILL), "145#00");
@@ -434,7 +434,7 @@ static void power_that_does_not_stay_is_a_failure(void **unused)
 	for (size_t i = 0; i < 2; i++) {
 		struct fixture *f = make_on(0);
 
-		say_enable(f, 0);
+		send_enable(f, 0);
 		assert_string_equal(answer(f, "006#01"), "145#00");
 		assert_string_equal(tell(f, 0, 0, ON | STILL), "145#00");
 		assert_string_equal(tell(f, 0, 0, bits[i]), "025#0001");
@@ -479,14 +479,14 @@ static void other_acknowledgements_decide_nothing(void **unused)
 	for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
 		struct fixture *f = make_on(0);
 
-		say_enable(f, 0);
+		send_enable(f, 0);
 		assert_string_equal(answer(f, "165#00000000"), "ignored");
 		assert_string_equal(answer(f, "1C5#00000000"), "ignored");
 		assert_string_equal(answer(f, wrong[i]), "ignored");
 		assert_string_equal(answer(f, "006#01"), "145#00");
 		drop(f);
 		f = make_on(0);
-		say_enable(f, 0);
+		send_enable(f, 0);
 		assert_string_equal(answer(f, wrong[i]), "ignored");
 		assert_string_equal(lost(f), "145#00");
 		assert_true(feedback(f).status & DB_STATUS_REFUSED);
@@ -520,12 +520,12 @@ static void a_lost_enable_is_looked_up(void **unused)
 	struct fixture *f = make_on(0);
 
 	(void)unused;
-	say_enable(f, 0);
+	send_enable(f, 0);
 	assert_true(f->exchange.repeatable);
 	assert_string_equal(lost(f), "145#00");
 	assert_string_equal(lost(f), "=indeterminate");
 	/* One that did not arrive must not come later. */
-	say_enable(f, 0);
+	send_enable(f, 0);
 	assert_string_equal(lost(f), "145#00");
 	f->now += 201 * MS;
 	assert_string_equal(tell(f, 0, 0, STILL), "025#0001");

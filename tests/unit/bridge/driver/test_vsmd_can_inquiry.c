@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a scan asks VSMD drives on CAN, in bytes, and how it takes answers in the forms that drives have. */
 #include "driver/list.h"
-#include "driver/vsmd/can_inquiry.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

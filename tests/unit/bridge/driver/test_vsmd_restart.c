@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Two signs make a restart of a VSMD drive, one a doubt, none nothing. */
-#include "driver/vsmd/can_steps.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

@@ -12,7 +12,7 @@
 #include "fakes/bus.h"
 #include "fuzz/line.h"
 #include "sched/change.h"
-#include "sim/servo_view.h"
+#include "sim/servo_drive.h"
 
 #include <math.h>
 

@@ -477,4 +477,21 @@ void db_server_refused(struct db_server *server, const struct db_client *client,
 	note("refused %d", (int)kind);
 }
 
+bool db_server_certificate(const struct db_server *server, const uint8_t address[16],
+                           const char **name, const char **role)
+{
+	(void)server;
+	(void)address;
+	(void)name;
+	(void)role;
+	return false;
+}
+
+bool db_server_secure_status(const struct db_server *server, struct db_secure_status *status)
+{
+	(void)server;
+	(void)status;
+	return false;
+}
+
 #endif

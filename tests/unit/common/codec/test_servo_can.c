@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "codec/servo_can.h"
 #include "codec/servo_can_layout.h"
-#include "codec/servo_can_shapes.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include "codec/vsmd_numbers.h"
 #include "codec/vsmd_serial_frames.h"
 
 #include <setjmp.h>

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "codec/xyza.h"
+#include "codec/xyza_frames.h"
 
 #include <setjmp.h>
 #include <stdarg.h>

@@ -53,7 +53,7 @@ async function askBehindLogin(t, ...asked) {
 	t.mock.method(globalThis, "fetch", async (path, { headers }) => {
 		if (path === "/api/session") {
 			valid = tokens.shift() ?? valid;
-			return Response.json({ user: "anna", role: "operator", token: valid, service: true,
+			return Response.json({ user: "anna", role: "engineer", may: ["look", "stop", "move", "engineer", "manage"], token: valid, service: true,
 				stops: ["stop", "quick_stop", "disable"] });
 		}
 		if (headers["X-Drivebridge"] !== "new")

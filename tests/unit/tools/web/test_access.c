@@ -121,32 +121,37 @@ static void test_routes(void **state)
 	assert_int_equal(db_web_route_find("POST", "/api/call/").kind, DB_WEB_UNKNOWN);
 	assert_int_equal(db_web_route_find("POST", "/api/call/Metrics").kind, DB_WEB_UNKNOWN);
 	route = db_web_route_find("POST", "/api/call/Run");
-	assert_int_equal(route.role, DB_ROLE_OPERATOR);
+	assert_int_equal(route.needs, DB_MAY_STOP);
 	assert_true(route.acts);
-	assert_int_equal(db_web_route_find("POST", "/api/stream/Scan").role, DB_ROLE_OPERATOR);
-	assert_int_equal(db_web_route_find("POST", "/api/call/Read").role, DB_ROLE_READER);
+	assert_int_equal(db_web_route_find("POST", "/api/stream/Scan").needs, DB_MAY_MANAGE);
+	assert_int_equal(db_web_route_find("POST", "/api/call/Read").needs, DB_MAY_LOOK);
 }
 
 static const struct db_web_session *begin(struct db_web_sessions *sessions, unsigned number,
                                           db_time now)
 {
 	struct db_web_secret secrets[2] = { { { 0 } } };
+	struct db_user user = { .name = "anna",
+		                .grant = { .role = DB_ROLE_OBSERVER, .drives = "*" } };
 
 	(void)snprintf((char *)secrets[0].bytes, sizeof(secrets[0].bytes), "id %u", number);
 	(void)snprintf((char *)secrets[1].bytes, sizeof(secrets[1].bytes), "token %u", number);
-	return db_web_sessions_begin(sessions, "anna", DB_ROLE_READER, number, secrets, now);
+	(void)snprintf(user.hash, sizeof(user.hash), "%u", number);
+	return db_web_sessions_begin(sessions, &user, NULL, secrets, now);
 }
 
-static bool is_even(const void *context, const struct db_web_session *session)
+/* Of the users that begin() has made, the digest of this one. */
+static bool is_kept(void *context, const struct db_web_session *session)
 {
-	(void)context;
-	return session->hash % 2 == 0;
+	return session->hash == *(unsigned long *)context;
 }
 
 static void test_sessions(void **state)
 {
 	struct db_web_sessions *sessions = db_web_sessions_new(60 * DB_NS_PER_S, 600 * DB_NS_PER_S);
 	char ids[DB_WEB_SESSIONS_MAX + 1][DB_WEB_SECRET_TEXT];
+	struct db_user user;
+	unsigned long kept;
 	const struct db_web_session *session = begin(sessions, 1, 0);
 
 	(void)state;
@@ -180,7 +185,12 @@ static void test_sessions(void **state)
 	assert_non_null(db_web_sessions_find(sessions, ids[DB_WEB_SESSIONS_MAX], 5000));
 	db_web_sessions_end(sessions, ids[2]);
 	assert_null(db_web_sessions_find(sessions, ids[2], 5000));
-	db_web_sessions_review(sessions, is_even, NULL);
+	/* Whoever gives himself another password stays, and no other session of his. */
+	session = db_web_sessions_find(sessions, ids[4], 5000);
+	user = (struct db_user){ .name = "anna", .hash = "fresh" };
+	kept = db_users_digest(&user);
+	db_web_sessions_renew(sessions, ids[4], &user);
+	db_web_sessions_review(sessions, is_kept, &kept);
 	assert_null(db_web_sessions_find(sessions, ids[3], 5000));
 	assert_non_null(db_web_sessions_find(sessions, ids[4], 5000));
 	db_web_sessions_free(sessions);

@@ -1,0 +1,119 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Users of the page and of OPC UA, for administrators: their roles, drives and passwords. */
+import { listUsers, putUser, removeUser } from "./api.js";
+import { createField, element, setText } from "./dom.js";
+import { askUser } from "./question.js";
+
+export const title = "Users";
+
+const ROLES = {
+	observer: "observer: sees, and stops",
+	operator: "operator: moves",
+	engineer: "engineer: parameters and configuration, too",
+	administrator: "administrator: makes users, moves nothing"
+};
+
+let view = null;
+
+function createForm(mine) {
+	const user = element("input", { id: "user-name", autocomplete: "off", autocapitalize: "none",
+		spellcheck: "false", required: true });
+	const role = element("select", { id: "user-role" }, Object.entries(ROLES).map(
+		([value, words]) => element("option", { value }, words)));
+	const drives = element("input", { id: "user-drives", autocomplete: "off", value: "*",
+		required: true });
+	const password = element("input", { id: "user-password", type: "password",
+		autocomplete: "new-password" });
+	const pam = element("input", { id: "user-pam", type: "checkbox" });
+	const problem = element("p", { id: "user-problem", class: "problem", role: "alert" });
+	const button = element("button", { id: "user-submit", class: "primary", type: "submit" }, "Save");
+
+	pam.addEventListener("change", () => { password.disabled = pam.checked; });
+	mine.fill = (one) => {
+		user.value = one.user;
+		role.value = one.role;
+		drives.value = one.drives;
+		pam.checked = password.disabled = one.pam;
+		password.value = "";
+		setText(problem, "");
+		user.focus();
+	};
+	const form = element("form", { id: "user-form", class: "panel login" },
+		element("h2", {}, "Add or change"), createField("User", user), createField("Role", role),
+		createField("Drives to move: * for all, or names with commas", drives),
+		createField("Password; empty: it stays", password),
+		element("label", { for: pam.id }, pam, " PAM checks the password"), problem, button);
+
+	form.addEventListener("submit", async (event) => {
+		event.preventDefault();
+		button.disabled = true;
+		setText(problem, "");
+		try {
+			await putUser({ user: user.value, role: role.value,
+				drives: drives.value.replaceAll(" ", ""), pam: pam.checked,
+				...(password.value && !pam.checked ? { password: password.value } : {}) });
+			mine.context.notify(`${user.value}: saved`, "ok");
+			form.reset();
+			password.disabled = false;
+			await refresh(mine);
+		} catch (error) {
+			setText(problem, error.message);
+		}
+		button.disabled = false;
+	});
+	return form;
+}
+
+async function remove(mine, user) {
+	if (!await askUser({ title: `Remove ${user}?`,
+		words: ["Sessions of this user end at once; what they move ends like a lost connection."],
+		yes: "Remove" }))
+		return;
+	try {
+		await removeUser(user);
+		mine.context.notify(`${user}: removed`, "ok");
+		await refresh(mine);
+	} catch (error) {
+		mine.context.report(error);
+	}
+}
+
+function makeRow(mine, one) {
+	return element("tr", { "data-user": one.user }, element("th", { scope: "row" }, one.user),
+		element("td", {}, one.role), element("td", {}, one.drives === "*" ? "all" : one.drives),
+		element("td", {}, one.pam ? "by PAM" : "here",
+			one.former ? element("small", { class: "muted" }, " in the file of before") : null),
+		element("td", {}, element("div", { class: "toolbar" },
+			element("button", { class: "small", type: "button", "data-change": one.user,
+				onclick: () => mine.fill(one) }, "Change"),
+			element("button", { class: "small", type: "button", "data-remove": one.user,
+				onclick: () => remove(mine, one.user) }, "Remove"))));
+}
+
+async function refresh(mine) {
+	const users = await listUsers();
+
+	if (view === mine)
+		mine.body.replaceChildren(...users.map((one) => makeRow(mine, one)));
+}
+
+export async function show(root, context) {
+	const mine = { context, body: element("tbody") };
+
+	view = mine;
+	if (!context.may("appoint")) {
+		root.append(element("p", { class: "empty" }, context.whyNot("appoint")));
+		return;
+	}
+	root.append(
+		element("div", { class: "view-head" }, element("h1", {}, "Users")),
+		element("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": "Users" },
+			element("table", { id: "users" },
+				element("thead", {}, element("tr", {}, ["User", "Role", "Drives", "Password", ""].map(
+					(words) => element("th", { scope: "col" }, words)))),
+				mine.body)),
+		createForm(mine));
+	await refresh(mine);
+}
+
+export function hide() { view = null; }

@@ -1,0 +1,393 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may what at the page and over OPC UA: docs/security/who-may-what.md, tried cell by cell; users, passwords, PAM."""
+
+import contextlib
+import stat
+import subprocess
+import sys
+
+from asyncua import ua
+from bridgelib import ROOT, eventually
+from opcualib import (  # noqa: F401
+    at,
+    connect,
+    fixture_certificate,
+    fixture_make_server,
+    in_loop,
+    says,
+    typed,
+    until,
+)
+from test_web import gateway, refused  # noqa: F401 (a fixture)
+from weblib import Failed
+
+TABLES = (ROOT / "docs" / "security" / "who-may-what.md").read_text(encoding="utf-8")
+
+# Name, password, role, drives: everything is tried on drive1.
+USERS = {
+    "observer": ("rudi", "looks and looks", "observer", "*"),
+    "operator": ("oscar", "turns the motors", "operator", "*"),
+    "engineer": ("egon", "sets parameters", "engineer", "*"),
+    "administrator": ("ada", "makes the users", "administrator", "*"),
+    "operator of other drives": ("lena", "turns drive two", "operator", "drive2"),
+    "engineer of other drives": ("erna", "sets drive two up", "engineer", "drive2"),
+}
+
+
+def table(title):
+    """{what: {who: whether}} as the page has it."""
+    text = TABLES.split(f"\n## {title}\n")[1].split("\n## ")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("|")]
+    assert all(cell in ("yes", "no") for row in rows[2:] for cell in row[1:])
+    return {row[0]: {who: cell == "yes" for who, cell in zip(rows[0][1:], row[1:])} for row in rows[2:]}
+
+
+# --- the page ---------------------------------------------------------------------------------------
+
+def run(command, **arguments):
+    return lambda page: page.run("drive1", command, **arguments)
+
+
+def write(drive="drive1", **values):
+    return lambda page: page.call("Write", drive=drive, values=values)
+
+
+def stream(method, **parameters):
+    def begin(page):
+        page.stream(method, **parameters).close()
+
+    return begin
+
+
+def hold(page):
+    page.beat("drive1", 1, 1, 0.0, token=page.newest_token())
+
+
+PAGE = {
+    "look: values, parameters, traces, events": [
+        lambda page: page.call("Read", drive="drive1", names=["position", "spd"]), lambda page: page.call("Traces"),
+        stream("Events"), stream("overview"), lambda page: page.ask("POST", "/api/parameters/file", {"drive": "drive1"})],
+    "stop, quick_stop": [run("stop"), run("quick_stop")],
+    "stop of all drives": [write("", group_stop=1), write("", group_stop=2),
+                           write("", group_units1=2, group_stop_units=1)],
+    "disable of all drives": [write("", group_stop=3)],
+    "enable, disable, clear_fault": [run("enable"), run("disable"), run("clear_fault")],
+    "motions, outputs, programs": [run("move_velocity", target_velocity=0.0), run("home_stop"),
+                                   run("set_output", output_number=1, output_value=0), write(target_velocity=1.0)],
+    "a held button": [hold],
+    "control of a drive": [write(control_request=0)],
+    "what waits for a group start": [write(staged_command=0), write(command=0)],
+    "set_position, save_parameters": [run("set_position", target_position=0), run("save_parameters")],
+    "parameters, watchdog_ms": [write(spd=640.0), write(watchdog_ms=500), write(target_velocity=1.0, spd=640.0),
+                                stream("parameters", drive="drive1", values={"spd": 640.0})],
+    "frames by hand": [run("raw_frame", raw_length=0)],
+    "commissioning": [stream("commission", drive="drive1", only=["nothing"])],
+    "reload of the configuration": [lambda page: page.call("Reload")],
+    "scan of a bus, addresses": [stream("Scan", bus="line", first=1, last=1),
+                                 lambda page: page.call("SetUp", bus="line", address=9, what="save"),
+                                 stream("setup", bus="line", address=9, what="nothing")],
+    "the list of users, making and removing one": [
+        lambda page: page.ask("POST", "/api/users", {}),
+        lambda page: page.ask("POST", "/api/users/put", {"user": "", "role": "observer", "drives": "*"}),
+        lambda page: page.ask("POST", "/api/users/remove", {"user": "nobody.of.this.name"})],
+    "the own password": [
+        lambda page: page.ask("POST", "/api/password", {"password": "x", "fresh": "short"})],
+}
+
+
+def may(page, attempt):
+    """Whether a request is refused for who sends it; what else is wrong with it is another matter."""
+    try:
+        attempt(page)
+    except Failed as error:
+        assert error.text
+        return error.status not in (401, 403)
+    return True
+
+
+def test_each_role_may_what_the_table_says(gateway):
+    bridge = gateway.make_bridge(drives=2)
+    webd = gateway.webd(bridge, users=tuple(USERS.values()))
+    pages = {who: gateway.page(webd, user[:2]) for who, user in USERS.items()}
+    pages["nobody"] = gateway.page(webd)
+    expected = table("The page")
+    assert expected.keys() == PAGE.keys()
+    wrong = [f"{what}, {number + 1}: {who} {'may' if told else 'may not'}, says the table"
+             for what, row in expected.items() for who, told in row.items()
+             for number, attempt in enumerate(PAGE[what]) if may(pages[who], attempt) != told]
+    assert not wrong, "\n".join(wrong)
+    # What the page is told is the same.
+    session = pages["operator of other drives"].load()
+    assert session["may"] == ["look", "stop", "move"] and session["drives"] == ["drive2"]
+    assert pages["engineer"].load()["may"] == ["look", "stop", "move", "engineer", "manage"]
+    assert pages["engineer"].load()["drives"] is None
+    assert "manage" not in pages["engineer of other drives"].load()["may"]
+    assert pages["administrator"].load()["may"] == ["look", "stop", "appoint"]
+    assert pages["operator of other drives"].run("drive2", "enable") == "ok"
+    # The reasons can be read.
+    why = refused(403, pages["operator of other drives"].run, "drive1", "enable")
+    assert why.text == "drive1 is not among this user's drives: drive2"
+    assert refused(403, pages["operator"].call, "Reload").text == "this needs the role engineer"
+
+
+def test_observers_stop_only_where_they_may(gateway):
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge, users=tuple(USERS.values()), access={"readers-may-stop": "no"})
+    observer, administrator, operator = (gateway.page(webd, USERS[who][:2])
+                                         for who in ("observer", "administrator", "operator"))
+    for page in observer, administrator:
+        assert page.load()["may"][:2] in (["look"], ["look", "appoint"])
+        assert "readers-may-stop" in refused(403, page.run, "drive1", "stop").text
+        refused(403, page.call, "Write", drive="", values={"group_stop": 1})
+    assert operator.run("drive1", "stop") == "ok"
+    # Nobody is logged in: he has no name for the record, and stops nothing.
+    open_for_all = gateway.webd(bridge, access={"read": "all"})
+    anybody = gateway.page(open_for_all)
+    assert anybody.load()["may"] == ["look"]
+    refused(401, anybody.run, "drive1", "stop")
+
+
+# --- OPC UA -----------------------------------------------------------------------------------------
+
+def method(name, *arguments, drive="drive1"):
+    async def call(session):
+        node = at(session, f"{drive}.{name}")
+        request = ua.CallMethodRequest(at(session, drive).nodeid, node.nodeid, await typed(node, arguments))
+        return (await session.uaclient.call([request]))[0].StatusCode.name
+
+    return call
+
+
+def variable(name, value, kind=ua.VariantType.UInt16):
+    async def put(session):
+        try:
+            await at(session, name).write_value(value, kind)
+        except ua.uaerrors.UaStatusCodeError as error:
+            return ua.StatusCode(error.code).name
+        return "Good"
+
+    return put
+
+
+def value(name):
+    async def get(session):
+        return (await at(session, name).read_data_value(raise_on_bad_status=False)).StatusCode.name
+
+    return get
+
+
+OPCUA = {
+    "look: values, parameters, events": [value("drive1.PositionActualValue"), value("drive1.Parameters.spd")],
+    "stop, quick_stop": [method("Stop"), method("QuickStop")],
+    "stop by the command register": [variable("drive1.CommandBlock.Command", 3)],
+    "stop of all drives": [variable("/Gateway.GroupStop", 1), variable("/Gateway.GroupStop", 2)],
+    "disable of all drives": [variable("/Gateway.GroupStop", 3)],
+    "enable, disable, clear_fault": [method("Enable"), method("Disable"), method("ClearFault")],
+    "motions by method and by the command register": [
+        method("MoveVelocity", 0.0), variable("drive1.CommandBlock.Command", 5),
+        variable("drive1.CommandBlock.StagedCommand", 0), variable("drive1.CommandBlock.TargetPosition", 1, ua.VariantType.Int32)],
+    "control of a drive": [variable("drive1.ControlRequest", 0)],
+    "set_position, save_parameters": [method("SetPosition", 0), method("SaveParameters")],
+    "parameters, watchdog_ms": [variable("drive1.Parameters.spd", 640.0, ua.VariantType.Float),
+                                variable("drive1.WatchdogMs", 500, ua.VariantType.UInt32)],
+}
+
+
+@in_loop
+async def test_each_role_may_over_opcua_what_the_table_says(make_bridge, make_server, certificate):
+    bridge = make_bridge(drives=2)
+    server = make_server(bridge, security={"anonymous": "off", "none": "off"})
+    server.users_path.write_text(users_text(), encoding="utf-8")
+    expected = table("OPC UA")
+    assert expected.keys() == OPCUA.keys()
+    wrong = []
+    for who, user in USERS.items():
+        async with server.session(certificate, user[:2]) as session:
+            await until(lambda: is_good(session, "drive1.Parameters.spd"), what="the drive to be known")
+            for what, row in expected.items():
+                for number, attempt in enumerate(OPCUA[what]):
+                    said = await attempt(session)
+                    if (said not in ("BadUserAccessDenied", "BadNotExecutable", "BadNotWritable")) != row[who]:
+                        wrong.append(f"{what}, {number + 1}: {who}: {said}")
+            if who == "operator of other drives":
+                assert await method("Enable", drive="drive2")(session) == "Good"
+                # What may be called is shown.
+                for name, may_call in (("Stop", True), ("Enable", False)):
+                    shown = await at(session, f"drive1.{name}").read_attribute(ua.AttributeIds.UserExecutable)
+                    assert shown.Value.Value is may_call
+    assert not wrong, "\n".join(wrong)
+    # Nobody has no session.
+    assert not any(row["nobody"] for row in expected.values())
+    with says("BadIdentityTokenRejected", "BadIdentityTokenInvalid", "BadUserAccessDenied"):
+        await connect(server.client(certificate))
+
+
+async def is_good(session, name):
+    return (await at(session, name).read_data_value(raise_on_bad_status=False)).StatusCode.is_good()
+
+
+def users_text():
+    """All of them in one file."""
+    return "".join(f"{name}:{role}:{drives}:{hash_of(word)}\n" for name, word, role, drives in USERS.values())
+
+
+def hash_of(word):
+    return subprocess.run(["openssl", "passwd", "-6", word], capture_output=True, text=True, check=True).stdout.strip()
+
+
+@in_loop
+async def test_over_opcua_observers_stop_only_where_they_may(bridge, make_server, certificate):
+    server = make_server(bridge, security={"readers-may-stop": "no"})
+    server.users_path.write_text(users_text(), encoding="utf-8")
+    for who, may_stop in (("observer", False), ("administrator", False), ("operator", True)):
+        async with server.session(certificate, USERS[who][:2]) as session:
+            said = [await method("Stop")(session), await variable("/Gateway.GroupStop", 1)(session)]
+            assert all(one in ("BadUserAccessDenied", "BadNotExecutable", "BadNotWritable") for one in said) != may_stop
+    assert "the password of" not in server.log()
+    # PAM may take long, and all clients would wait for it.
+    server.users_path.write_text("petra:operator:*:pam\n", encoding="utf-8")
+    with says("BadIdentityTokenRejected", "BadIdentityTokenInvalid", "BadUserAccessDenied"):
+        await connect(server.client(certificate, ("petra", "her word")))
+    assert "the password of petra is checked by PAM, which only the page does" in server.log()
+
+
+# --- users and passwords ----------------------------------------------------------------------------
+
+def test_a_user_changes_his_own_password(gateway):
+    webd = gateway.webd(users=tuple(USERS.values()))
+    name, word, _, _ = USERS["operator"]
+    page, elsewhere = gateway.page(webd, (name, word)), gateway.page(webd, (name, word))
+    assert page.load()["password"]["weak"] is None and page.load()["password"]["own"]
+
+    def change(password, fresh):
+        return page.ask("POST", "/api/password", {"password": password, "fresh": fresh})
+
+    for fresh in ("short", "oscaroscaroscar", "password1234", "abcabcabcabcabc", word):
+        assert refused(400, change, word, fresh).error == "BadPassword"
+    assert refused(403, change, "not his word", "another word of his").error == "WrongPassword"
+    change(word, "another word of his")
+    # Whoever knew the old one is out; he himself goes on.
+    eventually(lambda: elsewhere.load()["user"] is None, what="the other session to end")
+    assert page.load()["user"] == name and page.load()["role"] == "operator"
+    assert refused(401, gateway.page(webd).log_in, name, word).error == "LoginFailed"
+    fresh = gateway.page(webd, (name, "another word of his"))
+    assert fresh.load()["drives"] is None
+    assert webd.users_path.stat().st_mode & 0o777 == 0o640
+    log = webd.log()
+    assert f"{name} at 127.0.0.1: changed the own password" in log
+    assert "the password was not changed: wrong" in log and "another word" not in log
+
+
+def test_an_administrator_makes_users(gateway):
+    webd = gateway.webd(users=(USERS["administrator"],))
+    ada = gateway.page(webd, USERS["administrator"][:2])
+
+    def put(**user):
+        return ada.ask("POST", "/api/users/put", user)
+
+    put(user="otto", role="operator", drives="drive2,drive1", password="winds up the clocks")
+    otto = gateway.page(webd, ("otto", "winds up the clocks"))
+    assert otto.load()["role"] == "operator" and otto.load()["drives"] == ["drive2", "drive1"]
+    # Another role, the password stays; at once.
+    put(user="otto", role="observer", drives="*")
+    eventually(lambda: otto.load()["user"] is None, what="the former rights to end")
+    otto.log_in("otto", "winds up the clocks")
+    assert otto.load()["may"] == ["look", "stop"]
+    assert [(one["user"], one["role"]) for one in ada.ask("POST", "/api/users", {})["users"]] == \
+        [("ada", "administrator"), ("otto", "observer")]
+    for wrong in ({"user": "o:o"}, {"role": "chief"}, {"drives": ""}, {"drives": "a,,b"}, {"drives": "a:b"},
+                  {"password": "ottootto"}, {"user": "new"}):
+        refused(400, put, **{"user": "otto", "role": "observer", "drives": "*", **wrong})
+    # Somebody has to be left who can make users.
+    assert refused(409, put, user="ada", role="engineer", drives="*").error == "LastAdministrator"
+    assert refused(409, ada.ask, "POST", "/api/users/remove", {"user": "ada"}).error == "LastAdministrator"
+    ada.ask("POST", "/api/users/remove", {"user": "otto"})
+    eventually(lambda: otto.load()["user"] is None, what="the removed user's session to end")
+    listed = webd.command("--users").stdout.split()
+    assert listed == ["ada", "administrator", "*"]
+    log = webd.log()
+    assert "ada at 127.0.0.1: user otto: operator, drives drive2,drive1, a new password" in log
+    assert "ada at 127.0.0.1: removed the user otto" in log and "clocks" not in log
+
+
+def test_users_of_before_log_in_and_move(gateway):
+    """A file with the two roles of before: nothing that was accepted is refused, and what is weak is told."""
+    webd = gateway.webd(users=())
+    made = hash_of("only-looks")
+    webd.former_path.write_text(f"olga:operator:{made}\nrudi:reader:{made}\n")
+    webd.former_path.chmod(0o640)
+    page = gateway.page(webd, ("olga", "only-looks"))
+    assert page.load()["may"] == ["look", "stop", "move", "engineer", "manage"]
+    assert page.load()["password"]["weak"] == "it is too short"
+    assert gateway.page(webd, ("rudi", "only-looks")).load()["role"] == "observer"
+    assert "2 users are still in" in webd.command("--check").stderr
+    assert "the password is weak: it is too short" in webd.log()
+    # The session goes on while users move: they are the same.
+    assert webd.command("--move-users").returncode == 0
+    assert not webd.former_path.exists() and "olga:engineer:*:$6$" in webd.users_path.read_text()
+    page.ask("POST", "/api/password", {"password": "only-looks", "fresh": "only looks, but longer"})
+    assert page.load()["user"] == "olga" and page.load()["password"]["weak"] is None
+    assert "still in" not in webd.command("--check").stderr
+
+
+# --- PAM --------------------------------------------------------------------------------------------
+
+CHECK = """#!{python}
+import os, sys
+word = sys.stdin.buffer.read().rstrip(b"\\0").decode()
+sys.exit(0 if (os.environ["PAM_USER"], word) == ("petra", "the company's word") else 1)
+"""
+
+
+def make_pam(place):
+    """A folder with the service drivebridge, which asks a script as it would a directory."""
+    folder = place / "pam.d"
+    folder.mkdir()
+    script = place / "check"
+    script.write_text(CHECK.format(python=sys.executable))
+    script.chmod(script.stat().st_mode | stat.S_IXUSR)
+    (folder / "drivebridge").write_text(f"auth required pam_exec.so expose_authtok quiet {script}\n"
+                                        "account required pam_permit.so\n")
+    return folder
+
+
+def test_pam_checks_whom_it_is_to_check(gateway, tmp_path):
+    folder = make_pam(tmp_path)
+    webd = gateway.webd(users=(USERS["administrator"],), access={"pam-folder": folder})
+    assert webd.command("--add-user", "petra", "--role", "operator", "--pam").returncode == 0
+    assert "petra:operator:*:pam\n" in webd.users_path.read_text()
+    page = gateway.page(webd)
+    assert refused(401, page.log_in, "petra", "not the word").error == "LoginFailed"
+    assert page.log_in("petra", "the company's word")["role"] == "operator"
+    assert refused(409, page.ask, "POST", "/api/password",
+                   {"password": "the company's word", "fresh": "another word of hers"}).error == "NotHere"
+    # By PAM nobody gets in who is not in the file.
+    assert refused(401, gateway.page(webd).log_in, "paul", "the company's word").error == "LoginFailed"
+    (folder / "drivebridge").write_text("auth required pam_permit.so\naccount required pam_deny.so\n")
+    assert refused(401, gateway.page(webd).log_in, "petra", "the company's word").error == "LoginFailed"
+    # Without a file of this name other rules would hold.
+    (folder / "drivebridge").rename(folder / "other")
+    assert refused(401, gateway.page(webd).log_in, "petra", "the company's word").error == "LoginFailed"
+    webd.wait_for_log("PAM has no service drivebridge")
+
+
+def test_a_slow_directory_keeps_nobody_else_waiting(gateway, tmp_path):
+    """PAM that does not answer: others log in and stop meanwhile, and the program ends."""
+    folder = make_pam(tmp_path)
+    hangs = tmp_path / "hangs"
+    script = tmp_path / "check"
+    script.write_text(f"#!/bin/sh\ntouch {hangs}\nwhile [ -e {hangs} ]; do sleep 0.1; done\n")
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge, users=(USERS["operator"],), access={"pam-folder": folder})
+    assert webd.command("--add-user", "petra", "--role", "operator", "--pam").returncode == 0
+    page = gateway.page(webd)
+    body = '{"user": "petra", "password": "the word"}'
+    connection = page.connect()
+    connection.request("POST", "/api/login", body, page.headers())
+    eventually(hangs.exists, what="PAM to be asked")
+    operator = gateway.page(webd, USERS["operator"][:2])
+    assert operator.run("drive1", "stop") == "ok"
+    with contextlib.suppress(OSError):
+        connection.close()
+    assert webd.stop() == 0
+    hangs.unlink()
