@@ -16,7 +16,7 @@
 #define DB_SCAN_SPEEDS_MAX 24
 #define DB_SCAN_FINDS_MAX 256
 #define DB_SCAN_FOREIGN_MAX 64
-#define DB_SCAN_WHOSE_MAX 144
+#define DB_SCAN_WHOSE_MAX 272
 
 /* What to look for. */
 struct db_scan_plan {

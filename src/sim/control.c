@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/control.h"
+#include "sim/sim_private.h"
 
 #include "sim/commands.h"
 

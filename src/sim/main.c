@@ -2,9 +2,9 @@
 /*
  * drivebridge-sim: simulated drives on serial lines, for development and tests without hardware.
  */
-#include "sim/control.h"
 #include "sim/replay.h"
 #include "sim/sim_config.h"
+#include "sim/sim_private.h"
 #include "sim/world.h"
 
 #include <errno.h>

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Small services for several files of the simulator: a drive's flash, numbers in a text.
+ * Small parts of the simulator: the flash of drives, numbers in a text, the control socket.
  */
 #ifndef DRIVEBRIDGE_SIM_SIM_PRIVATE_H
 #define DRIVEBRIDGE_SIM_SIM_PRIVATE_H
 
 #include "codec/vsmd.h"
+#include "sim/world.h"
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -41,5 +42,24 @@ int sim_vsmd_flash_read(const char *path, union db_value values[VSMD_PARAM_COUNT
 
 /* Exactly this number of numbers from 0 to max; false for another text. */
 bool sim_read_numbers(const char *text, long *numbers, size_t count, long max);
+
+/* --- control.c -------------------------------------------------------------------------------- */
+
+/* The control socket: a UNIX stream socket that takes the lines of commands.h. */
+
+#define SIM_CONTROL_CLIENTS 16
+
+struct sim_control;
+
+/* Listens at path; an old socket there is replaced. The world must outlive it. 0 or a negative
+ * errno. */
+int sim_control_open(const char *path, struct sim_world *world, struct sim_control **control);
+void sim_control_close(struct sim_control *control);
+
+/* One descriptor to wait on for everything here (an epoll set). */
+int sim_control_fd(const struct sim_control *control);
+
+/* Serves all ready clients. */
+void sim_control_run(struct sim_control *control, db_time now);
 
 #endif

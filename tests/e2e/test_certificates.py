@@ -245,7 +245,7 @@ def test_a_page_goes_on_over_a_renewal(tmp_path):
         link.request("GET", "/metrics")
         text = link.getresponse().read().decode()
         line = next(one for one in text.splitlines()
-                    if one.startswith("drivebridge_web_certificate_end_timestamp_seconds "))
+                    if one.startswith("drivebridge_web_certificate_expires_timestamp_seconds "))
         return int(line.split()[1])
 
     def end_of(made):

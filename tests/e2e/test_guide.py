@@ -50,7 +50,7 @@ FOREIGN = {
     "jog", "run", "watch", "events", "metrics", "scan", "traces", "record",
     # topics and words of drivebridge-mqtt, and what is in its messages
     "drivebridge-mqtt", "online", "no-service", "offline", "state", "changes", "about", "time", "alive", "id",
-    "values", "good", "uncertain", "bad", "null", "retain", "write", "hint", "act",
+    "values", "figures", "certificate_ends_s", "good", "uncertain", "bad", "null", "retain", "write", "hint", "act",
     # drivebridge-opcua: its folders, and words of OPC UA
     "drivebridge-opcua", "trusted", "issuers", "revoked", "Objects", "Server", "Reason", "ClearFault", "Stop",
     "EngineeringUnits", "EURange", "EnumValues", "OptionSetValues",
@@ -63,6 +63,7 @@ FOREIGN = {
     "drivebridge-tls", "mbaps", "ModbusTlsClient", "drivebridge_tls_certificate_expires_timestamp_seconds",
     # drivebridge-web
     "drivebridge-web", "drivebridge-webd", "IPAddressAllow", "drivebridge_restart_needed", "drivebridge_web_requests_total", "drivebridge_web_streams",
+    "drivebridge_web_certificate_expires_timestamp_seconds", "libpam-ldapd",
     "drivebridge_web_failed_logins_total", "drivebridge_web_late_jogs_total",
     # events of the log
     "hold-lost", "drive-may-have-restarted",

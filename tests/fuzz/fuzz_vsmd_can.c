@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* VSMD on CAN: whatever frames come, from either side, what is understood is written again as the
  * same frame, and what is collected or changed is nothing but what was sent or meant. */
-#include "codec/vsmd_can_describe.h"
+#include "codec/vsmd_describe.h"
 #include "fakes/must.h"
 
 #include <string.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* VSMD serial: whatever comes down the line, from either side, stays inside its buffer. */
-#include "codec/vsmd_serial_describe.h"
+#include "codec/vsmd_describe.h"
 #include "codec/vsmd_serial_frames.h"
 #include "fakes/must.h"
 

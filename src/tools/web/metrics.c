@@ -42,7 +42,7 @@ static void put_own(FILE *out, const struct db_web_server *server)
 	put(out, "failed_logins_total", "counter", "Logins with a wrong user or password.",
 	    counts->failed_logins);
 	if (server->tls)
-		put(out, "certificate_end_timestamp_seconds", "gauge",
+		put(out, "certificate_expires_timestamp_seconds", "gauge",
 		    "When the certificate ends, in seconds since 1970.",
 		    (uint64_t)db_web_tls_pair(server->tls)->facts.ends);
 	put(out, "jogs_total", "counter", "Motions by a button that was held.", counts->jogs);

@@ -255,6 +255,20 @@ static void log_end(const struct db_web_request *request, const struct db_web_wo
 		                                             "");
 }
 
+static void note_end(const struct db_web_server *server, const struct db_web_work *work,
+                     const struct db_web_caller *caller)
+{
+	const char *what = work->change == DB_WEB_CHANGE_REMOVE ? "removed" :
+	                   work->compares                       ? "password" :
+	                                                          "put";
+	char detail[128];
+
+	(void)snprintf(detail, sizeof(detail), "%s: %s, %.48s", work->fresh.name,
+	               db_role_name(work->fresh.grant.role), work->fresh.grant.drives);
+	db_web_service_note(server->service, "users", what, caller->user, caller->from, detail,
+	                    !work->done);
+}
+
 void db_web_users_end(struct db_web_server *server, struct db_web_request *request,
                       const struct db_web_work *work)
 {
@@ -263,12 +277,7 @@ void db_web_users_end(struct db_web_server *server, struct db_web_request *reque
 	if (request)
 		caller = db_web_request_caller(request);
 	log_end(request, work, caller.text);
-	db_web_service_note(server->service, "users",
-	                    work->change == DB_WEB_CHANGE_REMOVE ? "removed" :
-	                    work->compares                       ? "password" :
-	                                                           "changed",
-	                    caller.user, caller.from, work->fresh.name,
-	                    !work->right || !work->done);
+	note_end(server, work, &caller);
 	if (!request)
 		return;
 	if (work->right && work->compares)

@@ -4,7 +4,7 @@
  *
  * Source: VSMD CAN 2.0 protocol, sections 1.2, 2, 3 and 4.
  */
-#include "codec/vsmd_can_describe.h"
+#include "codec/vsmd_describe.h"
 #include "driver/list.h"
 #include "driver/vsmd/can_frames.h"
 #include "driver/vsmd/commands.h"

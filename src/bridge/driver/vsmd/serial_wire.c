@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "driver/vsmd/vsmd_private.h"
 
-#include "codec/vsmd_serial_describe.h"
+#include "codec/vsmd_describe.h"
 #include "codec/vsmd_serial_frames.h"
 #include "transport/serial.h"
 

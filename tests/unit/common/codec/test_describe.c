@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Frames that the documents print, in words. */
 #include "codec/servo_can_describe.h"
-#include "codec/vsmd_can_describe.h"
-#include "codec/vsmd_serial_describe.h"
+#include "codec/vsmd_describe.h"
 #include "codec/xyza_describe.h"
 
 #include <setjmp.h>
