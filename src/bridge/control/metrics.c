@@ -279,8 +279,8 @@ static void put_audit(FILE *out, const struct db_control_socket *control)
 	struct db_audit_state state;
 
 	db_audit_state(control->setup.ops->audit(control->setup.context), &state);
-	put_one(out, "drivebridge_audit_newest", "counter", "Number of the newest audit record.",
-	        (double)state.newest);
+	put_one(out, "drivebridge_audit_records_total", "counter",
+	        "Number of the newest audit record.", (double)state.newest);
 	put_one(out, "drivebridge_audit_lost_total", "counter",
 	        "Audit records that are missing in the files since the start.", (double)state.lost);
 	put_one(out, "drivebridge_audit_bytes", "gauge", "What the files of the audit trail take.",
