@@ -46,16 +46,21 @@ static struct db_trail *open_trail(struct db_trail_found *found)
 	return trail;
 }
 
-static int append(struct db_trail *trail, uint64_t number)
+static int append_at(struct db_trail *trail, uint64_t number, uint64_t time_us)
 {
 	json_t *object = json_pack(
 		"{s:I, s:s, s:s}", "number", (json_int_t)number, "kind", "command", "text",
 		"a text that is as long as a usual record of a command, which has a client, "
 		"a drive and its arguments");
-	int error = db_trail_append(trail, object, number, number * 1000);
+	int error = db_trail_append(trail, object, number, time_us);
 
 	json_decref(object);
 	return error;
+}
+
+static int append(struct db_trail *trail, uint64_t number)
+{
+	return append_at(trail, number, number * 1000);
 }
 
 static void append_many(struct db_trail *trail, uint64_t first, uint64_t last)
@@ -236,6 +241,44 @@ static void test_changes_are_seen(void **state)
 	/* As it was. */
 	seen = read_changed(bytes, length);
 	assert_int_equal(seen.broken, 0);
+	free(other);
+	free(bytes);
+}
+
+/* Of a trail that has the same key and the same numbers: only what is before it is something else. */
+static void test_a_line_fits_its_place_alone(void **state)
+{
+	struct db_trail *trail = open_trail(NULL);
+	struct seen seen;
+	char path[128];
+	char *other;
+	char *bytes;
+	char *mixed;
+	size_t begin;
+	size_t length;
+
+	(void)state;
+	append_many(trail, 1, 3);
+	db_trail_free(trail);
+	length = read_file("trail-00000001.jsonl", &bytes);
+	snprintf(path, sizeof(path), "%s/trail-00000001.jsonl", folder);
+	assert_int_equal(unlink(path), 0);
+	/* Begun at another time. */
+	trail = open_trail(NULL);
+	assert_int_equal(append_at(trail, 1, 5), 0);
+	append_many(trail, 2, 3);
+	db_trail_free(trail);
+	(void)read_file("trail-00000001.jsonl", &other);
+	mixed = malloc(length);
+	begin = (size_t)(line_of(bytes, 2) - bytes);
+	memcpy(mixed, bytes, length);
+	memcpy(mixed + begin, line_of(other, 2), (size_t)(line_of(other, 3) - line_of(other, 2)));
+	seen = read_changed(mixed, length);
+	assert_int_equal(seen.records, 3);
+	assert_true(seen.broken >= 1);
+	assert_non_null(strstr(seen.why, "seal"));
+	assert_int_equal(read_changed(bytes, length).broken, 0);
+	free(mixed);
 	free(other);
 	free(bytes);
 }
@@ -447,6 +490,7 @@ int main(void)
 		TEST(test_chain_is_whole_over_restarts),
 		TEST(test_key_is_its_owners_alone),
 		TEST(test_changes_are_seen),
+		TEST(test_a_line_fits_its_place_alone),
 		TEST(test_another_key_fits_nothing),
 		TEST(test_torn_end_at_every_byte),
 		TEST(test_files_are_bounded),
