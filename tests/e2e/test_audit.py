@@ -215,8 +215,8 @@ async def test_opcua(state, make_bridge, make_server, certificate):
         pass
     (enabled,) = find(bridge, kind="command", what="enable")
     assert enabled["who"].startswith(f"control, user root for {OPCUA_OPERATOR[0]}, 127.0.0.1")
-    eventually(lambda: {record["user"] for record in find(bridge, kind="login")} ==
-               {OPCUA_OPERATOR[0], OPCUA_READER[0]}, what="both logins")
+    for user, _ in (OPCUA_OPERATOR, OPCUA_READER):
+        wait_for(bridge, kind="login", user=user)
 
 
 def test_mqtt(state, commander):  # noqa: F811

@@ -199,7 +199,7 @@ def test_a_stranger_does_not_lock_a_user_out(gateway):  # noqa: F811
                     {name: ("f" if value[0] != "f" else "0") + value[1:]}):
         new.devices = dict(devices)
         assert refused(429, new.log_in, *OPERATOR).error == "TooManyAttempts"
-    assert page.log_in(*OPERATOR)["role"] == "operator"
+    assert page.log_in(*OPERATOR)["role"] == "engineer"
     # A restart forgets no browser; another password does.
     page.log_out()
     webd.stop()
@@ -210,7 +210,7 @@ def test_a_stranger_does_not_lock_a_user_out(gateway):  # noqa: F811
         pass
     page.close()
     page.load()
-    assert page.log_in(*OPERATOR)["role"] == "operator"
+    assert page.log_in(*OPERATOR)["role"] == "engineer"
     page.log_out()
     webd.add_user("olga", "another word of hers", "operator")
     assert refused(429, page.log_in, "olga", "another word of hers").error == "TooManyAttempts"

@@ -84,36 +84,55 @@ static bool goes_before(const struct db_web_connection *one, const struct db_web
 	                                        one->number < other->number;
 }
 
+/* Whether somebody is logged in from this address: he may open another one. */
+static bool is_home(const struct db_web_connections *connections,
+                    const struct db_web_address *address)
+{
+	for (size_t i = 0; i < places(connections); i++) {
+		const struct db_web_connection *one = &connections->places[i];
+
+		if (is_there(one) && one->known && is_same(&one->address, address))
+			return true;
+	}
+	return false;
+}
+
 /*
  * The connection of this address, or of all with NULL, to close first, of those with at most this
  * rank; NULL: there is none. Of all it is one of the address that has most of these: whoever opens
  * many only takes places of his own, and who has just come with one is not the first to go because
- * he has got less far.
+ * he has got less far. Addresses from which somebody is logged in come last.
  */
 static struct db_web_connection *find_leaver(struct db_web_connections *connections,
                                              const struct db_web_address *address,
                                              enum rank highest)
 {
 	struct db_web_connection *leaver = NULL;
+	bool leaver_is_home = false;
 	unsigned most = 0;
 
 	for (size_t i = 0; i < places(connections); i++) {
 		struct db_web_connection *one = &connections->places[i];
 		unsigned count;
+		bool home;
 
 		if (!is_there(one) || rank_of(one) > highest ||
 		    (address && !is_same(&one->address, address)))
 			continue;
-		/* The count of this address is known. */
+		/* What is known of this address is known. */
 		if (leaver && is_same(&leaver->address, &one->address)) {
 			leaver = goes_before(one, leaver) ? one : leaver;
 			continue;
 		}
+		home = is_home(connections, &one->address);
 		count = count_of(connections, &one->address, highest);
-		if (!leaver || count > most || (count == most && goes_before(one, leaver))) {
-			leaver = one;
-			most = count;
-		}
+		if (leaver && (home != leaver_is_home ?
+		                       home :
+		                       count < most || (count == most && goes_before(leaver, one))))
+			continue;
+		leaver = one;
+		leaver_is_home = home;
+		most = count;
 	}
 	return leaver;
 }

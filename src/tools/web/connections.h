@@ -2,7 +2,8 @@
 /*
  * Connections of browsers, and which of them is closed when there is no place for another one. Those
  * of nobody who is logged in have three quarters of the places at most, and give way first: of the
- * address that has most, the oldest one of those that have got least far. A logged-in
+ * address that has most, the oldest one of those that have got least far; addresses from which
+ * somebody is logged in come last. A logged-in
  * user's request that is under way always stays. A sixteenth of the places is for those that
  * have not sent a whole request yet: with TLS each costs time whenever the others are served.
  * Who opens one after another has to wait a little.

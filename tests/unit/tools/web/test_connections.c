@@ -127,6 +127,25 @@ static void test_who_has_one_does_not_go_for_who_has_many(void **state)
 	db_web_connections_free(connections);
 }
 
+static void test_an_address_that_is_logged_in_goes_last(void **state)
+{
+	struct db_web_connections *connections = db_web_connections_new(MOST, MOST, 7);
+	struct db_web_connection *leaver;
+	struct db_web_connection *own;
+
+	(void)state;
+	hear(come_alone(connections, 1), true, false, false);
+	own = come_alone(connections, 1);
+	/* Each from another address, and each is younger. */
+	for (size_t i = 0; i < 5 * MOST; i++) {
+		assert_non_null(come(connections, (unsigned char)(2 + i), &leaver));
+		assert_ptr_not_equal(leaver, own);
+		if (leaver)
+			db_web_connections_remove(connections, leaver);
+	}
+	db_web_connections_free(connections);
+}
+
 static void test_a_network_of_ipv6_is_one_address(void **state)
 {
 	struct db_web_connections *connections = db_web_connections_new(MOST, MOST_PER_ADDRESS, 7);
@@ -257,6 +276,7 @@ int main(void)
 		cmocka_unit_test(test_the_oldest_of_the_busiest_goes),
 		cmocka_unit_test(test_places_are_kept_for_who_is_logged_in),
 		cmocka_unit_test(test_who_has_one_does_not_go_for_who_has_many),
+		cmocka_unit_test(test_an_address_that_is_logged_in_goes_last),
 		cmocka_unit_test(test_a_network_of_ipv6_is_one_address),
 		cmocka_unit_test(test_who_opens_one_after_another_waits),
 		cmocka_unit_test(test_who_sends_no_head_is_closed),
