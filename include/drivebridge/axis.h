@@ -330,4 +330,8 @@ void db_axis_publish_nameplate(struct db_axis *axis, const struct db_nameplate *
 void db_axis_read(const struct db_axis *axis, struct db_snapshot *snapshot);
 void db_axis_read_nameplate(const struct db_axis *axis, struct db_nameplate_copy *copy);
 
+/* One parameter, whose index is below the family's count. False: it was not read yet, or is
+ * doubtful. Any thread. */
+bool db_axis_read_param(const struct db_axis *axis, size_t param, union db_value *value);
+
 #endif

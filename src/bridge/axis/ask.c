@@ -52,9 +52,8 @@ static struct db_limit_facts collect_limit_facts(const struct db_commander *comm
 	const struct db_drive_config *drive = commander->config.drive_config;
 	int param = driver->preset_velocity_param;
 	struct db_limit_facts facts = { 0 };
-	struct db_nameplate_copy copy;
-	const struct db_nameplate *plate = &copy.plate;
 	struct db_snapshot snapshot;
+	union db_value preset;
 
 	db_axis_read(commander->config.axis, &snapshot);
 	facts.counts = db_scale_counts(drive, &snapshot.feedback);
@@ -63,11 +62,9 @@ static struct db_limit_facts collect_limit_facts(const struct db_commander *comm
 	facts.velocity_counts = db_driver_velocity_counts(driver, drive);
 	if (param < 0 || (size_t)param >= driver->param_count)
 		return facts;
-	db_axis_read_nameplate(commander->config.axis, &copy);
-	facts.has_preset = db_params_have(plate->valid, (size_t)param) && !plate->doubtful &&
+	facts.has_preset = db_axis_read_param(commander->config.axis, (size_t)param, &preset) &&
 	                   !settings_are_pending(commander);
-	facts.preset_velocity = (float)db_value_number(driver->params[param].type,
-	                                               plate->values[param]);
+	facts.preset_velocity = (float)db_value_number(driver->params[param].type, preset);
 	return facts;
 }
 

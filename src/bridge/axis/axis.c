@@ -5,6 +5,7 @@
 #include "drivebridge/scale.h"
 #include "drivebridge/seqlock.h"
 
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -106,6 +107,31 @@ void db_axis_read_nameplate(const struct db_axis *axis, struct db_nameplate_copy
 		db_seqlock_copy(axis->nameplate + at.told, plate->told,
 		                count * sizeof plate->told[0]);
 	} while (!db_seqlock_is(&axis->nameplate_sequence, before));
+}
+
+bool db_axis_read_param(const struct db_axis *axis, size_t param, union db_value *value)
+{
+	enum { WORD = sizeof(db_seqlock_word) };
+	struct places at = places_of(axis->param_count);
+	size_t doubt = offsetof(struct db_nameplate, doubtful);
+	size_t place = param * sizeof(*value);
+	unsigned char head[WORD];
+	unsigned char values[WORD];
+	uint64_t valid;
+	bool doubtful;
+	unsigned spins = 0;
+	unsigned before;
+
+	do {
+		before = db_seqlock_wait(&axis->nameplate_sequence, &spins);
+		db_seqlock_copy(axis->nameplate + doubt / WORD, head, WORD);
+		db_seqlock_copy(axis->nameplate + at.valid + param / 64 * (sizeof(valid) / WORD),
+		                &valid, sizeof(valid));
+		db_seqlock_copy(axis->nameplate + at.values + place / WORD, values, WORD);
+	} while (!db_seqlock_is(&axis->nameplate_sequence, before));
+	memcpy(&doubtful, head + doubt % WORD, sizeof(doubtful));
+	memcpy(value, values + place % WORD, sizeof(*value));
+	return !doubtful && (valid >> param % 64 & 1);
 }
 
 /* Names of the codes that the axis shows. */
