@@ -135,8 +135,10 @@ void xyza_cut(const uint8_t *bytes, size_t available, size_t *skip, size_t *leng
 
 		if (available - start < whole)
 			break;
-		next = find_beginning(bytes, start + 1, start + whole);
-		if (next == start + whole || sum_is_right(bytes + start, whole)) {
+		next = start + whole;
+		if (!sum_is_right(bytes + start, whole))
+			next = find_beginning(bytes, start + 1, start + whole);
+		if (next == start + whole) {
 			*length = whole;
 			break;
 		}
