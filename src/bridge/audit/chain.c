@@ -53,6 +53,7 @@ void db_chain_seal(struct db_chain *chain, const char *body, size_t length,
 static const char *find_seal(const char *line, size_t length, size_t *body)
 {
 	const size_t end = BEGIN_LENGTH + SEAL_DIGITS + END_LENGTH;
+	char digits[DB_SEAL_MAX] = "";
 	const char *seal;
 
 	if (length <= end)
@@ -60,10 +61,10 @@ static const char *find_seal(const char *line, size_t length, size_t *body)
 	*body = length - end;
 	seal = line + *body + BEGIN_LENGTH;
 	if (memcmp(line + *body, seal_begin, BEGIN_LENGTH) != 0 ||
-	    memcmp(seal + SEAL_DIGITS, seal_end, END_LENGTH) != 0 ||
-	    strspn(seal, "0123456789abcdef") != SEAL_DIGITS)
+	    memcmp(seal + SEAL_DIGITS, seal_end, END_LENGTH) != 0)
 		return NULL;
-	return seal;
+	memcpy(digits, seal, SEAL_DIGITS);
+	return strspn(digits, "0123456789abcdef") == SEAL_DIGITS ? seal : NULL;
 }
 
 enum db_chain_verdict db_chain_check(struct db_chain *chain, const char *line, size_t length)
