@@ -90,17 +90,23 @@ static bool begins_group(const struct db_ctl_command *command)
 	return true;
 }
 
-/* What can stand behind the first word. */
-static void write_group(const struct db_ctl_command *group)
+/* What can stand behind this first word of commands of two words. */
+static void write_second_words(const char *first, size_t length)
 {
-	size_t first = (size_t)count_first(group);
-
-	(void)printf("\t%.*s) printf '%%s\\n'", (int)first, group->name);
-	for (const struct db_ctl_command *command = group; command->name; command++) {
-		if (strncmp(command->name, group->name, first + 1) == 0)
-			(void)printf(" %s", command->name + first + 1);
+	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
+		if (strncmp(command->name, first, length) == 0 && command->name[length] == ' ')
+			(void)printf("%s ", command->name + length + 1);
 	}
-	(void)puts("; return ;;");
+}
+
+static bool is_command(const char *name, size_t length)
+{
+	const struct db_ctl_command *command = db_ctl_commands;
+
+	while (command->name &&
+	       (strncmp(command->name, name, length) != 0 || command->name[length] != '\0'))
+		command++;
+	return command->name != NULL;
 }
 
 /* Both shells ask the same function what can stand next; only what they do with it differs. */
@@ -142,14 +148,20 @@ static void write_next_words(void)
 	(void)puts("");
 	(void)puts("\t\treturn ;;");
 	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
-		if (begins_group(command))
-			write_group(command);
+		size_t first = (size_t)count_first(command);
+
+		if (!begins_group(command) || is_command(command->name, first))
+			continue;
+		(void)printf("\t%.*s) printf '%%s\\n' ", (int)first, command->name);
+		write_second_words(command->name, first);
+		(void)puts("; return ;;");
 	}
 	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
 		if (!command->description)
 			continue;
 		(void)printf("\t'%s') kinds='%s%s' && printf '%%s\\n' ", command->name,
 		             command->kinds, command->max > 0 ? " -" : "");
+		write_second_words(command->name, strlen(command->name));
 		write_options(command);
 		(void)puts(" ;;");
 	}

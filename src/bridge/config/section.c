@@ -320,6 +320,7 @@ static void read_drives(const struct db_section *section, const struct db_config
 		set.all = position == 0;
 	}
 	memcpy(member, &set, sizeof(set));
+	// cppcheck-suppress memleak ; the member has it now
 }
 
 /* --- all of them ------------------------------------------------------------------------------ */

@@ -11,6 +11,7 @@
 #define GROUPS_MAX 256
 /* With the zero; Linux has no longer names. */
 #define LOGIN_NAME_SIZE 33
+#define LINE_SIZE 4096 /* of /etc/passwd */
 
 static bool find_group(const char *name, gid_t *gid)
 {
@@ -79,14 +80,17 @@ enum db_right db_rights_find(const struct db_rights *rights, int fd, uid_t *user
 static bool find_user(uid_t user, char name[LOGIN_NAME_SIZE], gid_t *gid)
 {
 	FILE *file = fopen("/etc/passwd", "re");
-	const struct passwd *entry;
+	struct passwd entry;
+	struct passwd *got;
+	char line[LINE_SIZE];
 	bool found = false;
 
-	while (file && !found && (entry = fgetpwent(file)) != NULL) {
-		found = entry->pw_uid == user && strlen(entry->pw_name) < LOGIN_NAME_SIZE;
+	/* The audit trail's thread asks, too. */
+	while (file && !found && fgetpwent_r(file, &entry, line, sizeof(line), &got) == 0) {
+		found = entry.pw_uid == user && strlen(entry.pw_name) < LOGIN_NAME_SIZE;
 		if (found) {
-			strcpy(name, entry->pw_name);
-			*gid = entry->pw_gid;
+			strcpy(name, entry.pw_name);
+			*gid = entry.pw_gid;
 		}
 	}
 	if (file)

@@ -33,6 +33,7 @@ enum db_right db_rights_find(const struct db_rights *rights, int fd, uid_t *user
 /* The same by the user alone, whose groups are those of the two files: groups that only one of its
  * processes has (SupplementaryGroups= of a unit) are not known here. */
 enum db_right db_rights_of_user(const struct db_rights *rights, uid_t user);
+/* Any thread. */
 void db_rights_name(uid_t user, char name[DB_CLIENT_PROCESS_USER_MAX]);
 
 #endif

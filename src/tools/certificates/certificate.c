@@ -179,7 +179,7 @@ static bool check_key(gnutls_x509_crt_t certificate, const struct db_certificate
 	gnutls_pubkey_t ours = NULL;
 	gnutls_pubkey_t theirs = NULL;
 	unsigned char one[64];
-	unsigned char other[64];
+	unsigned char other[64] = { 0 };
 	size_t one_size = sizeof(one);
 	size_t other_size = sizeof(other);
 	bool good = false;
