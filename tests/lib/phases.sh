@@ -7,8 +7,6 @@ VENV=build/venv
 TOTAL_PASSED=0
 TOTAL_FAILED=0
 FAILURES=()
-BEGUN=()
-BEGUN_PID=
 
 # The library of OPC UA, which Debian 12 does not have: CMakePresets.json knows the folder.
 need_open62541() {
@@ -184,7 +182,7 @@ check_cppcheck() {
 		-I include -I src/common -I src/bridge -I src/tools -I src -I docs/generate src docs/generate
 }
 
-# How far its analyzer follows a function: three times as far takes three times as long, and is for the day of a
+# How far its analyzer follows a function: five times as far takes five times as long, and is for the day of a
 # release (ANALYZER_NODES=225000).
 check_clang_tidy() {
 	cmake --preset clang >/dev/null &&
@@ -408,7 +406,6 @@ in_kernel() {
 		-l "build/logs/$name-messages.log" -- "$@"
 }
 
-# Sets PASSED and FAILED.
 run_phase() {
 	local started=$SECONDS
 
@@ -420,41 +417,6 @@ run_phase() {
 	printf '%s: %d passed, %d failed (%d s)\n' "$PHASE" $PASSED $FAILED $((SECONDS - started))
 	TOTAL_PASSED=$((TOTAL_PASSED + PASSED))
 	TOTAL_FAILED=$((TOTAL_FAILED + FAILED))
-}
-
-# begin_phases NAME...: one after the other beside what follows, in time that nobody else wants. What they print and
-# count goes to files until end_begun_phases. Does nothing when called again.
-begin_phases() {
-	[ -z "$BEGUN_PID" ] || return 0
-	BEGUN=("$@")
-	set -m # a process group of its own, for whoever interrupts the run
-	(
-		chrt --idle --pid 0 $BASHPID
-		for phase; do
-			rm -f "build/logs/$phase".{counted,printed}
-			FAILURES=()
-			run_phase "$phase" >"build/logs/$phase.printed" 2>&1
-			printf '%s\n' "$PASSED" "$FAILED" "${FAILURES[@]}" >"build/logs/$phase.counted"
-		done
-	) &
-	BEGUN_PID=$!
-	set +m
-	trap 'kill -- "-$BEGUN_PID" 2>/dev/null || true' EXIT
-}
-
-end_begun_phases() {
-	local phase counted
-
-	[ -n "$BEGUN_PID" ] || return 0
-	wait "$BEGUN_PID" || true
-	for phase in "${BEGUN[@]}"; do
-		counted=(0 1 "$phase: it did not end")
-		[ ! -e "build/logs/$phase.counted" ] || mapfile -t counted <"build/logs/$phase.counted"
-		cat "build/logs/$phase.printed" || true
-		TOTAL_PASSED=$((TOTAL_PASSED + counted[0]))
-		TOTAL_FAILED=$((TOTAL_FAILED + counted[1]))
-		FAILURES+=("${counted[@]:2}")
-	done
 }
 
 finish() {
