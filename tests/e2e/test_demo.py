@@ -142,7 +142,7 @@ def test_its_page_is_for_who_reads_the_terminal(demo):
     with pytest.raises(Failed) as refused:
         page.call("Describe")
     assert refused.value.status == 401
-    assert page.log_in(user, password)["role"] == "operator"
+    assert page.log_in(user, password)["role"] == "engineer"
     assert len(page.call("Describe")["drives"]) == 5
     assert b"uPlot" in page.request("GET", "/uPlot.iife.min.js")[2]
     page.close()

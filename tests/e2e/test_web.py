@@ -363,7 +363,7 @@ def test_streams_and_their_ends(gateway):
     def again():
         try:
             return page.stream("Events")
-        except Failed:
+        except (Failed, ConnectionError):
             return None
 
     assert eventually(again, what="room for a stream").wait()
