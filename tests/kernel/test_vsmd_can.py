@@ -643,8 +643,8 @@ def test_foreign_traffic_costs_nothing(make_can, link, witness):
     foreign = [frame for frame in frames if frame.id in (0x123, 0x0010079E, 0x00180200)]
     assert len(foreign) == 600
     answers = [frame for frame in frames if frame.id in (0x00080200, 0x00080201, 0x00080202)]
-    # Between two looks there may be an answer.
-    assert abs(kernel_matches(link)[ours[0]] - passed - len(answers)) <= 5
+    # Between two looks there may be answers, on a slow machine several; of the others there are 600.
+    assert abs(kernel_matches(link)[ours[0]] - passed - len(answers)) <= 20
     assert {name: gateway.read(name) for name in garbage} == garbage
     assert drive.read("came_online") == 1
 

@@ -357,23 +357,36 @@ count_pytest() {
 # How many failed tests are run alone. Where more fail, it is not because they ran side by side.
 ALONE_MAX=20
 
-# run_pytest PRESET [COMMAND-PREFIX...] -- FILE-OR-FOLDER...: those that fail run once more, alone (tests/e2e/stalls.py).
-run_pytest() {
-	local name=$PHASE-pytest failed=() front=()
+# count_with_alone NAME COMMAND...: counts what start_pytest saw. The tests that failed run once more, alone, as arguments
+# of COMMAND, whose report is NAME-alone (tests/e2e/stalls.py).
+count_with_alone() {
+	local name=$1 failed=()
 
-	start_pytest "$name" "$@"
+	shift
 	[ ! -s "build/logs/$name.failed" ] || mapfile -t failed <"build/logs/$name.failed"
 	if [ ${#failed[@]} -eq 0 ] || [ ${#failed[@]} -gt $ALONE_MAX ]; then
 		count_pytest "$name"
 		return
 	fi
 	printf 'run once more, alone: %s\n' "${failed[@]}"
+	"$@" "${failed[@]}"
+	count_pytest "$name" "$name-alone"
+}
+
+start_alone() {
+	PYTEST_WORKERS=0 start_pytest "$@"
+}
+
+# run_pytest PRESET [COMMAND-PREFIX...] -- FILE-OR-FOLDER...
+run_pytest() {
+	local name=$PHASE-pytest front=()
+
+	start_pytest "$name" "$@"
 	while [ "$1" != -- ]; do
 		front+=("$1")
 		shift
 	done
-	PYTEST_WORKERS=0 start_pytest "$name-alone" "${front[@]}" -- "${failed[@]}"
-	count_pytest "$name" "$name-alone"
+	count_with_alone "$name" start_alone "$name-alone" "${front[@]}" --
 }
 
 phase_e2e() {
@@ -393,8 +406,8 @@ phase_kernel() {
 	in_kernel vsmd_can tests/kernel/test_vsmd_can.py &
 	in_kernel rest "${rest[@]}"
 	wait $!
-	count_pytest kernel-vsmd_can
-	count_pytest kernel-rest
+	count_with_alone kernel-vsmd_can in_kernel vsmd_can-alone
+	count_with_alone kernel-rest in_kernel rest-alone
 }
 
 # in_kernel NAME FILE...
@@ -402,7 +415,7 @@ in_kernel() {
 	local name=kernel-$1
 
 	shift
-	PYTEST_WORKERS=0 start_pytest "$name" gcc tests/kernel/run-in-uml -t 1200 -w build/logs \
+	start_alone "$name" gcc tests/kernel/run-in-uml -t 1200 -w build/logs \
 		-l "build/logs/$name-messages.log" -- "$@"
 }
 
