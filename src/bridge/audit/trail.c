@@ -159,7 +159,7 @@ static int list_segments(struct db_trail *trail)
 
 	if (!folder && fd >= 0)
 		close(fd);
-	while (error == 0 && (file = readdir(folder)) != NULL) {
+	while (folder && error == 0 && (file = readdir(folder)) != NULL) {
 		uint64_t segment = segment_named(file->d_name);
 		uint64_t *more = segment ? realloc(found, (count + 1) * sizeof(*more)) : NULL;
 

@@ -89,6 +89,8 @@ void db_history_recall(struct db_history *history, const struct db_history_entry
 {
 	struct db_history_kept *kept = find_kept(history, db_history_add(history, entry, true));
 
+	if (!kept)
+		return;
 	kept->repeats = entry->repeats;
 	kept->duration_us = entry->duration_us;
 }

@@ -65,7 +65,7 @@ bool db_authority_is_name(const char *name)
 /* A new key, and a certificate with what all have in common. */
 static int begin_pair(struct pair *pair, const struct db_authority_request *request)
 {
-	unsigned char serial[SERIAL_SIZE];
+	unsigned char serial[SERIAL_SIZE] = { 0 };
 	unsigned char id[20];
 	size_t id_size = sizeof(id);
 	gnutls_x509_crt_t crt;
@@ -130,6 +130,7 @@ static int add_role(gnutls_x509_crt_t crt, const char *role)
 {
 	unsigned char value[2 + ROLE_MAX] = { UTF8_STRING, (unsigned char)strlen(role) };
 
+	// NOLINTNEXTLINE(bugprone-not-null-terminated-result) ; a length stands before it
 	memcpy(value + 2, role, strlen(role));
 	return gnutls_x509_crt_set_extension_by_oid(crt, ROLE_OID, value, 2 + strlen(role), 0);
 }

@@ -67,7 +67,7 @@ enum db_certificate_state db_certificate_check_pair(const struct db_certificate_
  * nothing; from the facts' beginning to their end at least one of them is valid, and it is doubtful
  * when now none is.
  */
-enum db_certificate_state db_certificate_check_list(const struct db_certificate_file *list,
+enum db_certificate_state db_certificate_check_list(const struct db_certificate_file *file,
                                                     int64_t now, struct db_certificate_facts *facts,
                                                     char why[DB_CERTIFICATE_WHY]);
 

@@ -40,7 +40,7 @@ void *db_tls_places_displaced(const struct db_tls_places *places, const uint8_t 
 		if (own >= DB_TLS_GREETINGS_PER_ADDRESS &&
 		    !db_tls_places_same(place->address, address))
 			continue;
-		if (count > most || (count == most && place->order < chosen->order)) {
+		if (count > most || (count == most && chosen && place->order < chosen->order)) {
 			chosen = place;
 			most = count;
 		}

@@ -75,13 +75,14 @@ static int64_t wall_s(void)
 
 /* --- who is there ----------------------------------------------------------------------------- */
 
+/* Each peer is one of them until it is dropped. */
 static struct member *find(struct db_tls_server *server, const struct db_tls_peer *peer)
 {
-	for (size_t i = 0; i < server->count; i++) {
-		if (server->members[i].peer == peer)
-			return &server->members[i];
-	}
-	return NULL;
+	struct member *member = server->members;
+
+	while (member->peer != peer)
+		member++;
+	return member;
 }
 
 /* `why`: for the log; null. */

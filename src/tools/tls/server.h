@@ -19,9 +19,9 @@ void db_tls_server_free(struct db_tls_server *server);
 
 /* A db_program_renew_fn: reads its files again, certificates, key and lists of revoked certificates.
  * Wrong ones change nothing but the log. */
-void db_tls_server_renew(void *server);
+void db_tls_server_renew(void *context);
 
 /* A db_program_turn_fn. */
-db_time db_tls_server_turn(void *server, db_time now, int64_t us);
+db_time db_tls_server_turn(void *context, db_time now, int64_t us);
 
 #endif

@@ -29,6 +29,7 @@ static int converse(int count, const struct pam_message **messages, struct pam_r
 	*answers = made;
 	return made ? PAM_SUCCESS : PAM_BUF_ERR;
 fail:
+	/* gcc's analyzer does not see that these are all answers. */
 	for (int i = 0; i < count; i++)
 		free(made[i].resp);
 	free(made);

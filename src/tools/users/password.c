@@ -212,7 +212,7 @@ static bool is_common(const char *text)
 
 const char *db_password_judge(const char *password, const char *user, unsigned least)
 {
-	char text[DB_PASSWORD_MAX + 1];
+	char text[DB_PASSWORD_MAX + 1] = "";
 	const char *wrong = NULL;
 
 	lower(password, text, sizeof(text));

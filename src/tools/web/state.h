@@ -79,6 +79,7 @@ struct db_web_server {
 static inline void db_web_server_wake(struct db_web_server *server)
 {
 	server->runs = 0;
+	/* gcc's analyzer takes what a caller has just given to the server for lost. */
 	(void)sd_event_source_set_enabled(server->turn, SD_EVENT_ONESHOT);
 }
 
