@@ -109,6 +109,20 @@ static bool is_command(const char *name, size_t length)
 	return command->name != NULL;
 }
 
+/* First words that are no command by themselves. */
+static void write_groups(void)
+{
+	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
+		size_t first = (size_t)count_first(command);
+
+		if (!begins_group(command) || is_command(command->name, first))
+			continue;
+		(void)printf("\t%.*s) printf '%%s\\n' ", (int)first, command->name);
+		write_second_words(command->name, first);
+		(void)puts("; return ;;");
+	}
+}
+
 /* Both shells ask the same function what can stand next; only what they do with it differs. */
 static void write_next_words(void)
 {
@@ -147,15 +161,7 @@ static void write_next_words(void)
 	write_options(NULL);
 	(void)puts("");
 	(void)puts("\t\treturn ;;");
-	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
-		size_t first = (size_t)count_first(command);
-
-		if (!begins_group(command) || is_command(command->name, first))
-			continue;
-		(void)printf("\t%.*s) printf '%%s\\n' ", (int)first, command->name);
-		write_second_words(command->name, first);
-		(void)puts("; return ;;");
-	}
+	write_groups();
 	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
 		if (!command->description)
 			continue;
