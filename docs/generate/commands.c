@@ -90,7 +90,7 @@ static bool begins_group(const struct db_ctl_command *command)
 	return true;
 }
 
-/* What can stand behind this first word of commands of two words. */
+/* Prints the second words of all commands whose first word is this one, as "save" of "params save". */
 static void write_second_words(const char *first, size_t length)
 {
 	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {

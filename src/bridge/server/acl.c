@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "server/acl.h"
+#include "drivebridge/client.h"
+#include "identity/local_user.h"
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
@@ -69,4 +71,62 @@ bool db_acl_peer(const struct sockaddr_storage *peer, uint8_t address[16], uint1
 	default:
 		return false;
 	}
+}
+
+void db_acl_identify(int fd, const uint8_t network[16], uint8_t address[16])
+{
+	uid_t user;
+
+	switch (db_local_user(fd, &user)) {
+	case DB_LOCAL_NO:
+		memcpy(address, network, 16);
+		return;
+	case DB_LOCAL_UNKNOWN:
+		user = DB_CLIENT_USER_UNKNOWN;
+		break;
+	case DB_LOCAL_USER:
+		break;
+	}
+	db_client_address_of_user(network, user, address);
+}
+
+enum db_access db_acl_of_client(const struct db_modbus_config *config,
+                                const struct db_rights *rights, const uint8_t network[16],
+                                const uint8_t address[16])
+{
+	static const enum db_access OF_RIGHT[] = {
+		[DB_RIGHT_NONE] = DB_ACCESS_NONE,
+		[DB_RIGHT_READ] = DB_ACCESS_READ,
+		[DB_RIGHT_ACT] = DB_ACCESS_WRITE,
+	};
+	static const enum db_access INSECURE[] = {
+		[DB_SECURE_NOT_REQUIRED] = DB_ACCESS_WRITE,
+		[DB_SECURE_FOR_WRITES] = DB_ACCESS_READ,
+		[DB_SECURE_FOR_ALL] = DB_ACCESS_NONE,
+	};
+	enum db_access access = db_acl_access(config, network);
+	enum db_access most = INSECURE[config->require_secure];
+	uint32_t user;
+
+	if (db_client_user_of_address(address, &user))
+		most = rights ? OF_RIGHT[db_rights_of_user(rights, user)] : DB_ACCESS_WRITE;
+	return access < most ? access : most;
+}
+
+enum db_access db_acl_of_certificate(const struct db_modbus_config *config,
+                                     const uint8_t network[16], const char *name,
+                                     const struct db_role_config **role)
+{
+	enum db_access access = db_acl_access(config, network);
+	const struct db_role_config *found = NULL;
+
+	for (size_t i = 0; i < config->role_count && !found; i++) {
+		if (strcmp(config->roles[i].name, name) == 0)
+			found = &config->roles[i];
+	}
+	*role = found;
+	if (access == DB_ACCESS_WRITE &&
+	    (!found || !(found->write.all || found->write.names || found->control)))
+		return DB_ACCESS_READ;
+	return access;
 }

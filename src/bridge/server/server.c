@@ -7,7 +7,6 @@
 #include "drivebridge/server.h"
 
 #include "identity/certificates.h"
-#include "identity/local_user.h"
 #include "identity/rights.h"
 #include "server/acl.h"
 #include "server/connection.h"
@@ -120,7 +119,7 @@ static void announce_client(const struct db_server *server, const struct db_conn
 	       "%s (%s%sport %u, %s)", connected ? "connected" : "disconnected", network,
 	       network[0] != '\0' ? " " : "", (unsigned)client->port,
 	       client->may_write                   ? "may read and write" :
-	       db_connection_is_barred(connection) ? "without a role, may nothing" :
+	       db_connection_is_barred(connection) ? "has no role, so every request is refused" :
 	                                             "may only read");
 	if (executor->backend->client)
 		executor->backend->client(executor->context, client, connected);
@@ -237,68 +236,11 @@ static void admit_client(struct db_server *server, int fd, struct db_client *cli
 	arm_timer(server, db_connection_deadline(connection));
 }
 
-/* The address under which a client is known: a local one's contains its user, also when it cannot
- * be found out, so that nothing on this machine passes for a network client. */
-static void identify(int fd, const uint8_t network[16], uint8_t address[16])
-{
-	uid_t user;
-
-	switch (db_local_user(fd, &user)) {
-	case DB_LOCAL_NO:
-		memcpy(address, network, 16);
-		return;
-	case DB_LOCAL_UNKNOWN:
-		user = DB_CLIENT_USER_UNKNOWN;
-		break;
-	case DB_LOCAL_USER:
-		break;
-	}
-	db_client_address_of_user(network, user, address);
-}
-
-/* What a client without a certificate may do: by its address in the network and, on this machine,
- * its user. */
 static enum db_access find_access(const struct db_server *server, const uint8_t network[16],
                                   const uint8_t address[16])
 {
-	static const enum db_access OF_RIGHT[] = {
-		[DB_RIGHT_NONE] = DB_ACCESS_NONE,
-		[DB_RIGHT_READ] = DB_ACCESS_READ,
-		[DB_RIGHT_ACT] = DB_ACCESS_WRITE,
-	};
-	static const enum db_access INSECURE[] = {
-		[DB_SECURE_NOT_REQUIRED] = DB_ACCESS_WRITE,
-		[DB_SECURE_FOR_WRITES] = DB_ACCESS_READ,
-		[DB_SECURE_FOR_ALL] = DB_ACCESS_NONE,
-	};
-	enum db_access access = db_acl_access(server->shared.config, network);
-	enum db_access most = INSECURE[server->shared.config->require_secure];
-	uint32_t user;
-
-	if (db_client_user_of_address(address, &user))
-		most = server->users_count ? OF_RIGHT[db_rights_of_user(&server->rights, user)] :
-		                             DB_ACCESS_WRITE;
-	return access < most ? access : most;
-}
-
-/* What a client with a certificate may do: where its address and its role allow it. Null in *role:
- * nothing but to be connected. */
-static enum db_access find_secure_access(const struct db_server *server, const uint8_t network[16],
-                                         const char *name, const struct db_role_config **role)
-{
-	const struct db_modbus_config *config = server->shared.config;
-	enum db_access access = db_acl_access(config, network);
-	const struct db_role_config *found = NULL;
-
-	for (size_t i = 0; i < config->role_count && !found; i++) {
-		if (strcmp(config->roles[i].name, name) == 0)
-			found = &config->roles[i];
-	}
-	*role = found;
-	if (access == DB_ACCESS_WRITE &&
-	    (!found || !(found->write.all || found->write.names || found->control)))
-		return DB_ACCESS_READ;
-	return access;
+	return db_acl_of_client(server->shared.config, server->users_count ? &server->rights : NULL,
+	                        network, address);
 }
 
 static void add_client(struct db_server *server, int fd, const struct sockaddr_storage *address)
@@ -311,7 +253,7 @@ static void add_client(struct db_server *server, int fd, const struct sockaddr_s
 	struct db_peer *peer;
 
 	if (db_acl_peer(address, network, &client.port)) {
-		identify(fd, network, client.address);
+		db_acl_identify(fd, network, client.address);
 		access = find_access(server, network, client.address);
 	}
 	client.may_write = access == DB_ACCESS_WRITE;
@@ -331,8 +273,8 @@ static void add_secure_client(void *context, int fd, const struct db_secure_clie
 	db_time now = loop_time(server);
 	struct db_client client = { .port = hello->port };
 	struct db_peer *peer = db_peers_find(server->shared.peers, hello->address, now);
-	enum db_access access = find_secure_access(server, hello->address, hello->role,
-	                                           &client.role);
+	enum db_access access = db_acl_of_certificate(server->shared.config, hello->address,
+	                                              hello->role, &client.role);
 	enum db_refusal refusal = find_refusal(server, access, peer, fd);
 
 	client.may_write = access == DB_ACCESS_WRITE;
@@ -686,7 +628,8 @@ static void adapt_connection(struct db_server *server, size_t index)
 	const char *name = db_connection_role(connection);
 	const uint8_t *network = db_connection_address(connection);
 	const struct db_role_config *role = NULL;
-	enum db_access access = name ? find_secure_access(server, network, name, &role) :
+	enum db_access access = name ? db_acl_of_certificate(server->shared.config, network, name,
+	                                                     &role) :
 	                               find_access(server, network, client->address);
 	bool could_write = client->may_write;
 
