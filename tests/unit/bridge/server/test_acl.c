@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Address lists and the listening address. */
+/* Address lists, users, roles of certificates, and the listening address. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -11,6 +11,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
+#include "drivebridge/client.h"
 #include "server/acl.h"
 #include "server/listener.h"
 
@@ -120,12 +121,110 @@ static void listen_addresses(void **state)
 	close(fd);
 }
 
+/* Of a client with this network address; known by user 4711 of this machine if `local`. */
+static enum db_access access_of_client(const struct db_modbus_config *config,
+                                       const struct db_rights *rights, const char *text, bool local)
+{
+	struct db_network from = network(text, 128);
+	uint8_t address[16];
+
+	memcpy(address, from.address, sizeof(address));
+	if (local)
+		db_client_address_of_user(from.address, 4711, address);
+	return db_acl_of_client(config, rights, from.address, address);
+}
+
+static void without_a_certificate(void **state)
+{
+	static const struct {
+		enum db_require_secure require;
+		enum db_access most;
+	} rows[] = {
+		{ DB_SECURE_NOT_REQUIRED, DB_ACCESS_WRITE },
+		{ DB_SECURE_FOR_WRITES, DB_ACCESS_READ },
+		{ DB_SECURE_FOR_ALL, DB_ACCESS_NONE },
+	};
+	struct db_network writer = network("::ffff:192.168.10.5", 128);
+	struct db_network local = network("::1", 128);
+	struct db_network writers[] = { writer, local };
+	struct db_modbus_config config = { .allow_write = writers, .allow_write_count = 2 };
+	/* Of user 4711, whom no file has. */
+	const struct db_rights none = { .everybody_reads = false };
+	const struct db_rights read = { .everybody_reads = true };
+	const struct db_rights own = { .own = 4711 };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(rows) / sizeof(rows[0]); i++) {
+		config.require_secure = rows[i].require;
+		/* Whatever the rights of users are, the network has its own. */
+		assert_int_equal(access_of_client(&config, &none, "::ffff:192.168.10.5", false),
+		                 rows[i].most);
+		assert_int_equal(access_of_client(&config, NULL, "::ffff:192.168.10.6", false),
+		                 rows[i].most < DB_ACCESS_READ ? rows[i].most : DB_ACCESS_READ);
+		/* The kernel says who is on this machine, so these need no certificate. */
+		assert_int_equal(access_of_client(&config, &own, "::1", true), DB_ACCESS_WRITE);
+		assert_int_equal(access_of_client(&config, &read, "::1", true), DB_ACCESS_READ);
+		assert_int_equal(access_of_client(&config, &none, "::1", true), DB_ACCESS_NONE);
+		/* A user has no more than his address has. */
+		assert_int_equal(access_of_client(&config, &own, "::ffff:192.168.10.6", true),
+		                 DB_ACCESS_READ);
+	}
+}
+
+static void with_a_certificate(void **state)
+{
+	char feeder[] = "feeder\0";
+	struct db_role_config roles[] = {
+		{ .name = (char[]){ "Reader" }, .read.all = true },
+		{ .name = (char[]){ "Operator" }, .write.names = feeder },
+		{ .name = (char[]){ "Claims" }, .control = true },
+		{ .name = (char[]){ "All" }, .write.all = true },
+	};
+	static const struct {
+		const char *role;
+		int found; /* -1: none */
+		enum db_access access;
+	} rows[] = {
+		{ "Reader", 0, DB_ACCESS_READ },   { "Operator", 1, DB_ACCESS_WRITE },
+		{ "Claims", 2, DB_ACCESS_WRITE },  { "All", 3, DB_ACCESS_WRITE },
+		{ "", -1, DB_ACCESS_READ },        { "operator", -1, DB_ACCESS_READ },
+		{ "Operato", -1, DB_ACCESS_READ },
+	};
+	struct db_network writer = network("::ffff:192.168.10.0", 96 + 24);
+	struct db_network reader = network("::ffff:192.168.11.0", 96 + 24);
+	struct db_modbus_config config = { .allow_write = &writer,
+		                           .allow_write_count = 1,
+		                           .allow_read = &reader,
+		                           .allow_read_count = 1,
+		                           .roles = roles,
+		                           .role_count = 4,
+		                           .require_secure = DB_SECURE_FOR_ALL };
+	const struct db_role_config *role;
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(rows) / sizeof(rows[0]); i++) {
+		struct db_network from = network("::ffff:192.168.10.5", 128);
+
+		assert_int_equal(db_acl_of_certificate(&config, from.address, rows[i].role, &role),
+		                 rows[i].access);
+		assert_ptr_equal(role, rows[i].found < 0 ? NULL : &roles[rows[i].found]);
+		/* A role gives no address more than it has. */
+		from = network("::ffff:192.168.11.5", 128);
+		assert_int_equal(db_acl_of_certificate(&config, from.address, rows[i].role, &role),
+		                 DB_ACCESS_READ);
+		from = network("::ffff:192.168.12.5", 128);
+		assert_int_equal(db_acl_of_certificate(&config, from.address, rows[i].role, &role),
+		                 DB_ACCESS_NONE);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(matches_prefixes), cmocka_unit_test(empty_lists),
-		cmocka_unit_test(both_lists),       cmocka_unit_test(peers),
-		cmocka_unit_test(listen_addresses),
+		cmocka_unit_test(matches_prefixes),   cmocka_unit_test(empty_lists),
+		cmocka_unit_test(both_lists),         cmocka_unit_test(peers),
+		cmocka_unit_test(listen_addresses),   cmocka_unit_test(without_a_certificate),
+		cmocka_unit_test(with_a_certificate),
 	};
 
 	return cmocka_run_group_tests_name("server/acl", tests, NULL, NULL);
