@@ -131,6 +131,70 @@ static void never_tears(void **state)
 	db_axis_free(race.axis);
 }
 
+/* More than one word of the set of those that are valid. */
+#define MANY 130
+
+static void one_parameter_is_read_as_all_are(void **state)
+{
+	struct db_axis *axis = db_axis_new(MANY);
+	struct db_nameplate_copy copy = { .plate.generation = 1 };
+	struct db_nameplate *plate = &copy.plate;
+	union db_value value;
+
+	(void)state;
+	DB_NAMEPLATE_INIT(plate, &copy.room, MANY);
+	assert_false(db_axis_read_param(axis, MANY - 1, &value));
+	for (size_t i = 0; i < MANY; i++) {
+		plate->values[i].u = 0x01020304u * (uint32_t)(i + 1);
+		if (i % 3 != 0)
+			db_params_add(plate->valid, i);
+	}
+	for (int doubtful = 0; doubtful < 2; doubtful++) {
+		plate->doubtful = doubtful;
+		db_axis_publish_nameplate(axis, plate);
+		for (size_t i = 0; i < MANY; i++) {
+			assert_int_equal(db_axis_read_param(axis, i, &value),
+			                 !doubtful && i % 3 != 0);
+			assert_int_equal(value.u, plate->values[i].u);
+		}
+	}
+	db_axis_free(axis);
+}
+
+/* Only the value 1 is both valid and without a doubt. */
+static void *publish_doubts(void *context)
+{
+	struct race *race = context;
+	struct db_nameplate_copy copy = { .plate.generation = 1 };
+	struct db_nameplate *plate = &copy.plate;
+
+	DB_NAMEPLATE_INIT(plate, &copy.room, MANY);
+	for (unsigned i = 1; i <= PUBLICATIONS; i++) {
+		plate->values[MANY - 1].u = i % 3;
+		plate->doubtful = i % 3 == 2;
+		plate->valid[(MANY - 1) / 64] = i % 3 == 0 ? 0 : UINT64_MAX;
+		db_axis_publish_nameplate(race->axis, plate);
+	}
+	atomic_store(&race->done, true);
+	return NULL;
+}
+
+static void one_parameter_never_tears(void **state)
+{
+	struct race race = { .axis = db_axis_new(MANY) };
+	union db_value value;
+	unsigned torn = 0;
+	pthread_t writer;
+
+	(void)state;
+	assert_int_equal(pthread_create(&writer, NULL, publish_doubts, &race), 0);
+	while (!atomic_load(&race.done))
+		torn += db_axis_read_param(race.axis, MANY - 1, &value) && value.u != 1;
+	pthread_join(writer, NULL);
+	assert_int_equal(torn, 0);
+	db_axis_free(race.axis);
+}
+
 static void names(void **state)
 {
 	(void)state;
@@ -226,6 +290,8 @@ int main(void)
 		cmocka_unit_test(starts_offline_and_empty),
 		cmocka_unit_test(what_is_published_is_read),
 		cmocka_unit_test(never_tears),
+		cmocka_unit_test(one_parameter_is_read_as_all_are),
+		cmocka_unit_test(one_parameter_never_tears),
 		cmocka_unit_test(names),
 		cmocka_unit_test(kinds_of_commands),
 		cmocka_unit_test(what_ends_a_motion),
