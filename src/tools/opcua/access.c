@@ -1,33 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/access.h"
+#include "opcua/login.h"
 #include "opcua/nodes.h"
 #include "opcua/security.h"
 #include "opcua/values.h"
 
 #include "client/clock.h"
 #include "client/log.h"
-#include "users/attempts.h"
 
 #include <open62541/server_config_default.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/random.h>
 
 #define ANONYMOUS_POLICY "anonymous"
 #define USERNAME_POLICY "username"
-
-/* Password attempts that one address has at once, and the time until one is available again. */
-static const struct db_attempts_limit each = { .most = 5, .every = 5 * DB_NS_PER_S };
-
-/* The same for all addresses together. A comparison takes some hundredths of a second, in which no
- * other client is served: after a wrong password no other is compared in the same round. */
-static const struct db_attempts_limit together = { .most = 10, .every = DB_NS_PER_S / 2 };
-
-const struct db_users_keeper db_opcua_keeper = {
-	.program = "drivebridge-opcua",
-	.former = DB_USERS_FORMER_OPCUA,
-};
 
 /* A session that is not activated yet. */
 struct waiting {
@@ -42,12 +29,7 @@ struct db_opcua_access {
 	db_opcua_note_fn *note;
 	void *context;
 	unsigned last_number;
-	char nobody
-		/* a hash that no password has: an unknown user takes as long as a known one */
-		[160];
-	struct db_attempts attempts;
-	bool wrong
-		[2]; /* a wrong password in this round, of connections that are not signed or are */
+	struct db_opcua_logins *logins;
 	struct db_certificate_pair own;     /* the server's certificate */
 	struct db_client_log_rations lines; /* for logins without a user, and as readers */
 	uint64_t users_stamp; /* of the file of users when sessions were last checked against it */
@@ -66,7 +48,9 @@ struct db_opcua_access *db_opcua_access_new(const struct db_opcua_config *config
 	struct db_opcua_access *access = calloc(1, sizeof(*access) +
 	                                                   places * sizeof(access->sessions[0]));
 
-	if (!access || getrandom(&access->attempts.seed, sizeof(access->attempts.seed), 0) < 0) {
+	if (access)
+		access->logins = db_opcua_logins_new(config, &access->lines);
+	if (!access || !access->logins) {
 		free(access);
 		return NULL;
 	}
@@ -85,8 +69,10 @@ void db_opcua_access_free(struct db_opcua_access *access)
 		UA_NodeId_clear(&access->sessions[i].id);
 	for (size_t i = 0; access && i < DB_OPCUA_NETWORK_PLACES; i++)
 		UA_NodeId_clear(&access->waiting[i].id);
-	if (access)
+	if (access) {
+		db_opcua_logins_free(access->logins);
 		db_certificate_pair_clear(&access->own);
+	}
 	free(access);
 }
 
@@ -310,7 +296,7 @@ static struct db_opcua_session *add_session(struct db_opcua_access *access, cons
 
 void db_opcua_access_begin(struct db_opcua_access *access)
 {
-	memset(access->wrong, 0, sizeof(access->wrong));
+	db_opcua_logins_begin(access->logins);
 }
 
 static bool may_stay(const struct db_opcua_session *session, const struct db_users *users)
@@ -346,105 +332,6 @@ void db_opcua_access_review(struct db_opcua_access *access)
 	db_users_clear(&users);
 }
 
-/* --- passwords -------------------------------------------------------------------------------- */
-
-/* OPC UA has no words for this: the log has. */
-static void tell_weak(struct db_opcua_access *access, const struct db_user *user,
-                      const char *password)
-{
-	const char *wrong = db_password_judge(password, user->name,
-	                                      access->config->password_min_length);
-
-	if (wrong)
-		db_client_log_rationed_for(
-			&access->lines, user->name, db_client_now(), DB_CLIENT_WARNING,
-			"the password of %s is weak: %s; the page changes it, or "
-			"drivebridge-opcua --add-user",
-			user->name, wrong);
-}
-
-/* BadUserAccessDenied: wrong password, or no such user. Right ones are not counted. */
-static UA_StatusCode check_password(struct db_opcua_access *access, const char *address,
-                                    bool is_signed, const char *name, const char *password,
-                                    struct db_grant *grant, unsigned long *digest)
-{
-	db_time now = db_client_now();
-	struct db_attempts *attempts = &access->attempts;
-	uint64_t own = db_attempts_key(attempts, 'a', address, strlen(address));
-	/* Unsigned connections have attempts of their own: they take none from the signed ones. */
-	uint64_t all = db_attempts_key(attempts, is_signed ? 's' : 'u', "", 0);
-	const struct db_user *user = NULL;
-	struct db_users users = { .list = NULL };
-	bool right;
-
-	if (access->wrong[is_signed] || db_attempts_wait(attempts, own, each, now) > 0 ||
-	    db_attempts_wait(attempts, all, together, now) > 0)
-		return UA_STATUSCODE_BADTCPSERVERTOOBUSY;
-	if (db_users_load(&users, access->config->users, &db_opcua_keeper, stderr))
-		user = db_users_find(&users, name);
-	/* The library waits for the answer, and with it every client. */
-	if (user && user->pam)
-		db_client_log_rationed_for(&access->lines, address, now, DB_CLIENT_WARNING,
-		                           "%s: the password of %s is checked by PAM, which only "
-		                           "the page does",
-		                           address, name);
-	right = db_password_matches(user && !user->pam ? user->hash : access->nobody, password) &&
-	        user;
-	if (right) {
-		*grant = user->grant;
-		*digest = db_users_digest(user);
-		tell_weak(access, user, password);
-	} else {
-		db_attempts_count(attempts, own, all, each, now);
-		db_attempts_count(attempts, all, own, together, now);
-		access->wrong[is_signed] = true;
-	}
-	db_users_clear(&users);
-	return right ? UA_STATUSCODE_GOOD : UA_STATUSCODE_BADUSERACCESSDENIED;
-}
-
-static bool copy_text(const UA_String *string, char *text, size_t size)
-{
-	if (string->length >= size || memchr(string->data, '\0', string->length))
-		return false;
-	memcpy(text, string->data, string->length);
-	text[string->length] = '\0';
-	return true;
-}
-
-static UA_StatusCode find_role(struct db_opcua_access *access, const char *address, bool is_signed,
-                               const UA_ExtensionObject *token, char *user, size_t size,
-                               struct db_grant *grant, unsigned long *digest)
-{
-	char password[DB_PASSWORD_MAX + 1] = "";
-	const UA_UserNameIdentityToken *named;
-	UA_StatusCode status = UA_STATUSCODE_BADUSERACCESSDENIED;
-
-	user[0] = '\0';
-	/* A missing token means anonymous. */
-	if (token->encoding == UA_EXTENSIONOBJECT_ENCODED_NOBODY ||
-	    (token->encoding >= UA_EXTENSIONOBJECT_DECODED &&
-	     token->content.decoded.type == &UA_TYPES[UA_TYPES_ANONYMOUSIDENTITYTOKEN])) {
-		*grant = (struct db_grant){ .role = DB_ROLE_OBSERVER, .drives = "*" };
-		return access->config->anonymous == DB_OPCUA_READ ? UA_STATUSCODE_GOOD : status;
-	}
-	if (token->encoding < UA_EXTENSIONOBJECT_DECODED ||
-	    token->content.decoded.type != &UA_TYPES[UA_TYPES_USERNAMEIDENTITYTOKEN])
-		return status;
-	named = token->content.decoded.data;
-	if (copy_text(&named->userName, user, size) &&
-	    copy_text(&named->password, password, sizeof(password)))
-		status = check_password(access, address, is_signed, user, password, grant, digest);
-	else
-		user[0] = '\0';
-	explicit_bzero(password, sizeof(password));
-	grant->stops = is_signed && access->config->readers_may_stop == DB_OPCUA_YES;
-	/* An unsigned connection may be anybody's. */
-	if (!is_signed)
-		grant->role = DB_ROLE_OBSERVER;
-	return status;
-}
-
 /* --- callbacks of the library ----------------------------------------------------------------- */
 
 static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *control,
@@ -457,58 +344,57 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	uintptr_t before = connection;
 	const char *address = db_opcua_network_address(access->network, connection);
 	struct db_opcua_session *session = find_session(access, id);
-	struct db_grant grant = { .role = DB_ROLE_NONE };
-	unsigned long digest = 0;
-	char user[DB_USERS_NAME_MAX + 1];
-	UA_StatusCode status = find_role(access, address,
-	                                 endpoint->securityMode != UA_MESSAGESECURITYMODE_NONE,
-	                                 token, user, sizeof(user), &grant, &digest);
+	struct db_opcua_login login;
+	UA_StatusCode status = db_opcua_logins_check(
+		access->logins, address, endpoint->securityMode != UA_MESSAGESECURITYMODE_NONE,
+		token, &login);
 
 	(void)server;
 	(void)certificate;
 	(void)session_context;
 	/* Another user's session is not taken over. */
 	if (status == UA_STATUSCODE_GOOD && session && session->connection != connection &&
-	    strcmp(session->user, user) != 0)
+	    strcmp(session->user, login.user) != 0)
 		status = UA_STATUSCODE_BADIDENTITYCHANGENOTSUPPORTED;
 	if (status == UA_STATUSCODE_GOOD && !session) {
-		session = add_session(access, id, grant.role);
+		session = add_session(access, id, login.grant.role);
 		status = session ? UA_STATUSCODE_GOOD : UA_STATUSCODE_BADTOOMANYSESSIONS;
 	} else if (status == UA_STATUSCODE_GOOD) {
 		before = session->connection;
-		if (before != connection || session->digest != digest ||
-		    session->grant.role != grant.role || strcmp(session->user, user) != 0)
+		if (before != connection || session->digest != login.digest ||
+		    session->grant.role != login.grant.role ||
+		    strcmp(session->user, login.user) != 0)
 			access->left(access->context, session->number);
 	}
 	if (status != UA_STATUSCODE_GOOD) {
 		db_client_log_rationed_for(&access->lines, address, db_client_now(),
 		                           DB_CLIENT_WARNING, "%s: not logged in: %s: %s", address,
-		                           user[0] ? user : "without a user",
+		                           login.user[0] ? login.user : "without a user",
 		                           UA_StatusCode_name(status));
 		access->note(access->context, "login", "in", "", address,
-		             user[0] ? user : "without a user", true);
+		             login.user[0] ? login.user : "without a user", true);
 		return status;
 	}
 	session->connection = connection;
-	session->grant = grant;
-	session->digest = digest;
-	(void)snprintf(session->user, sizeof(session->user), "%s", user);
+	session->grant = login.grant;
+	session->digest = login.digest;
+	(void)snprintf(session->user, sizeof(session->user), "%s", login.user);
 	(void)snprintf(session->label, sizeof(session->label), "%s at %s",
-	               user[0] ? user : "anonymous", address);
+	               login.user[0] ? login.user : "anonymous", address);
 	(void)snprintf(session->from, sizeof(session->from), "%s", address);
 	update_network(access, connection);
 	update_network(access, before);
 	/* Without a user nothing can be done but reading. */
-	if (user[0])
-		access->note(access->context, "login", "in", user, address,
-		             db_role_name(grant.role), false);
-	if (db_role_moves(grant.role))
+	if (login.user[0])
+		access->note(access->context, "login", "in", login.user, address,
+		             db_role_name(login.grant.role), false);
+	if (db_role_moves(login.grant.role))
 		db_client_log(DB_CLIENT_INFO, "%s: logged in as %s", session->label,
-		              db_role_name(grant.role));
+		              db_role_name(login.grant.role));
 	else
 		db_client_log_rationed_for(&access->lines, address, db_client_now(), DB_CLIENT_INFO,
 		                           "%s: logged in as %s", session->label,
-		                           db_role_name(grant.role));
+		                           db_role_name(login.grant.role));
 	return UA_STATUSCODE_GOOD;
 }
 
@@ -725,8 +611,6 @@ UA_StatusCode db_opcua_access_set_up(struct db_opcua_access *access, UA_ServerCo
 	UA_ByteString certificate = db_opcua_security_bytes(&access->own.certificate);
 	UA_ByteString key = db_opcua_security_bytes(&access->own.key);
 
-	if (status == UA_STATUSCODE_GOOD && !db_password_hash("nobody", access->nobody))
-		status = UA_STATUSCODE_BADOUTOFMEMORY;
 	if (status == UA_STATUSCODE_GOOD)
 		status = db_opcua_security_guard(access->config, &settings->secureChannelPKI);
 	if (status == UA_STATUSCODE_GOOD)

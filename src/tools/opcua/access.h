@@ -21,9 +21,6 @@
 
 #include <open62541/server.h>
 
-/* For the file of users. */
-extern const struct db_users_keeper db_opcua_keeper;
-
 /* Sessions in addition to the configured number, for operators that may read and stop; the oldest
  * makes room for the next. */
 #define DB_OPCUA_STOP_PLACES 2

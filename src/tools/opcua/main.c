@@ -4,7 +4,7 @@
  * control socket of drivebridged and of nothing else.
  */
 #include "client/program.h"
-#include "opcua/access.h"
+#include "opcua/login.h"
 #include "opcua/security.h"
 #include "opcua/server.h"
 
