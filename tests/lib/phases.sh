@@ -307,12 +307,13 @@ fuzz_one() {
 }
 
 # What is counted is instructions, with valgrind, and bytes, not times, so that a machine that is busy or slow
-# is no reason to fail.
+# is no reason to fail. What else needs the optimized build is here, too.
 phase_bench() {
 	need_build gcc || return 0
 	step instructions tests/bench/instructions build/gcc
 	step memory build/gcc/bench/bench_drive_memory
 	step memcheck tests/memcheck build/gcc
+	step powercut "$VENV/bin/python" tests/powercut --moments 60 --commands 240 --late 10
 }
 
 # start_pytest NAME PRESET [COMMAND-PREFIX...] -- FILE-OR-FOLDER...: runs it; its report and log have this name.

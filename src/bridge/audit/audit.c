@@ -21,7 +21,7 @@
 /* Maximum time at the end for records to be written. */
 #define FLUSH_S 1
 /* A loss of power costs the records of this time at most. */
-#define SYNC_EVERY (5 * DB_NS_PER_S)
+#define SYNC_EVERY DB_NS_PER_S
 /* Read at the start, for histories. */
 #define PAST_BYTES (1024 * 1024)
 /* Read for a page. */
@@ -639,6 +639,7 @@ static void open_trail(struct db_audit *audit, const struct db_audit_setup *setu
 		         strerror(-error));
 		return;
 	}
+	audit->sync_at = now_ns();
 	audit->state.kept = true;
 	audit->state.newest = db_trail_newest(audit->trail);
 	if (setup->past && setup->on)

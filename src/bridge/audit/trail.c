@@ -278,6 +278,8 @@ static int open_files(struct db_trail *trail, const char *folder, struct db_trai
 	db_chain_init(&trail->chain, key);
 	explicit_bzero(key, sizeof(key));
 	error = open_last(trail, &found->cut);
+	/* A service that was killed may have left lines that are not on the disk yet. */
+	trail->unsynced = true;
 	found->wrong_end = trail->wrong_end && !found->fresh_key;
 	return error;
 }
