@@ -2,6 +2,9 @@
 """Who may what at the page and over OPC UA: docs/security/who-may-what.md, tried cell by cell; users, passwords, PAM."""
 
 import contextlib
+import http.client
+import json
+import socket
 import stat
 import subprocess
 import sys
@@ -249,6 +252,74 @@ async def test_over_opcua_observers_stop_only_where_they_may(bridge, make_server
     with says("BadIdentityTokenRejected", "BadIdentityTokenInvalid", "BadUserAccessDenied"):
         await connect(server.client(certificate, ("petra", "her word")))
     assert "the password of petra is checked by PAM, which only the page does" in server.log()
+
+
+# --- requests that take their time ------------------------------------------------------------------
+
+class SlowRequest:
+    """A request whose headers have arrived, and whose body comes later."""
+
+    def __init__(self, page, path, body):
+        self.body = json.dumps(body).encode()
+        self.link = socket.create_connection(page.webd.address, 30)
+        host, port = page.webd.address
+        headers = page.headers(Host=f"{host}:{port}", Content_Length=str(len(self.body)), Expect="100-continue")
+        lines = "".join(f"{name}: {value}\r\n" for name, value in headers.items())
+        self.link.sendall(f"POST {path} HTTP/1.1\r\n{lines}\r\n".encode())
+        assert self.link.recv(4096).startswith(b"HTTP/1.1 100 ")
+
+    def end(self):
+        """The status of its answer, and what error it is."""
+        self.link.sendall(self.body)
+        response = http.client.HTTPResponse(self.link)
+        response.begin()
+        answer = json.loads(response.read())
+        self.link.close()
+        return response.status, answer.get("error")
+
+
+def test_a_request_has_the_rights_of_when_it_is_whole(gateway):
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge, users=tuple(USERS.values()))
+    pages = {who: gateway.page(webd, user[:2]) for who, user in USERS.items()}
+    run = SlowRequest(pages["engineer"], "/api/call/Run", {"drive": "drive1", "command": "enable"})
+    lesser = SlowRequest(pages["operator"], "/api/call/Run", {"drive": "drive1", "command": "enable"})
+    put = SlowRequest(pages["administrator"], "/api/users/put", {
+        "user": "mallory", "role": "administrator", "drives": "*", "password": "quite a long word"})
+    own = SlowRequest(pages["operator of other drives"], "/api/password", {
+        "password": USERS["operator of other drives"][1], "fresh": "another word of hers"})
+    same = SlowRequest(pages["observer"], "/api/call/Describe", {})
+    lines = webd.users_path.read_text().splitlines()
+    other = hash_of("given by another one")
+    webd.users_path.write_text("".join(
+        f"{line}\n".replace("oscar:operator", "oscar:observer") if not line.startswith("lena") else
+        f"lena:operator:drive2:{other}\n" for line in lines if not line.startswith(("egon", "ada"))))
+    for late in (run, lesser, put):
+        assert late.end() == (401, "LoginRequired")
+    # Whoever has not even said which password is to be his next one does not stay logged in by that.
+    assert refused(401, pages["operator of other drives"].run, "drive2", "enable").error == "LoginRequired"
+    assert own.end() == (401, "LoginRequired")
+    assert same.end() == (200, None)
+    assert "mallory" not in webd.users_path.read_text() and "enable" not in webd.log()
+
+
+def test_a_request_does_not_take_as_long_as_it_wants(gateway):
+    """However busily its body goes on."""
+    page = gateway.page(gateway.webd(users=(USERS["engineer"],)), USERS["engineer"][:2])
+    slow = SlowRequest(page, "/api/call/Run", {"drive": "drive1", "command": "enable", "more": " " * 10000})
+    slow.link.settimeout(0.1)
+
+    def closed():
+        try:
+            slow.link.sendall(b" ")
+            return slow.link.recv(4096) == b""
+        except TimeoutError:
+            return False
+        except OSError:
+            return True
+
+    eventually(closed, 30, "the connection to be closed")
+    slow.link.close()
 
 
 # --- users and passwords ----------------------------------------------------------------------------

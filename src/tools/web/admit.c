@@ -59,27 +59,32 @@ static void find_peer(struct db_web_request *request, const char *forwarded)
 		request->secure = true;
 }
 
-static void find_session(struct db_web_request *request)
+/* Makes the request one of this session's user, or of nobody without a session of this id. */
+static void take_session(struct db_web_request *request, const char *id)
 {
 	struct db_web_server *server = request->server;
+	const struct db_web_session *session = db_web_sessions_find(server->sessions, id,
+	                                                            db_client_now());
+
+	(void)snprintf(request->user, sizeof(request->user), "%s", session ? session->user : "");
+	(void)snprintf(request->session, sizeof(request->session), "%s",
+	               session ? session->id : "");
+	(void)snprintf(request->token, sizeof(request->token), "%s", session ? session->token : "");
+	request->grant = session ? session->grant : db_web_grant_of_nobody(server->config);
+	request->grant.stops = session && server->config->readers_may_stop == DB_WEB_YES;
+	request->weak = session ? session->weak : NULL;
+	request->pam = session && session->pam;
+}
+
+static void find_session(struct db_web_request *request)
+{
 	const char *cookie = MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND,
 	                                                 request->secure ? DB_WEB_COOKIE_SECURE :
 	                                                                   DB_WEB_COOKIE);
-	const struct db_web_session *session =
-		cookie ? db_web_sessions_find(server->sessions, cookie, db_client_now()) : NULL;
 
-	request->grant = db_web_grant_of_nobody(server->config);
-	if (session) {
-		(void)snprintf(request->user, sizeof(request->user), "%s", session->user);
-		(void)snprintf(request->session, sizeof(request->session), "%s", session->id);
-		(void)snprintf(request->token, sizeof(request->token), "%s", session->token);
-		request->grant = session->grant;
-		request->grant.stops = server->config->readers_may_stop == DB_WEB_YES;
-		request->weak = session->weak;
-		request->pam = session->pam;
-	} else if (cookie && cookie[0] == DB_WEB_NOBODY && db_web_secret_is_good(cookie + 1)) {
+	take_session(request, cookie ? cookie : "");
+	if (cookie && cookie[0] == DB_WEB_NOBODY && db_web_secret_is_good(cookie + 1))
 		(void)snprintf(request->token, sizeof(request->token), "%s", cookie + 1);
-	}
 }
 
 static bool is_json(const char *type)
@@ -179,6 +184,21 @@ void db_web_admit(struct db_web_request *request)
 	find_peer(request, lines.forwarded);
 	find_session(request);
 	check_head(request, lines.hosts);
+}
+
+void db_web_admit_again(struct db_web_request *request)
+{
+	char id[DB_WEB_SECRET_TEXT];
+
+	(void)snprintf(id, sizeof(id), "%s", request->session);
+	take_session(request, id);
+	if (request->route.needs == DB_MAY_NOTHING)
+		return;
+	if (request->session[0] == '\0')
+		db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginRequired",
+		                      "the login has ended");
+	else if (!may_at_all(request))
+		refuse_deed(request, request->route.needs, NULL);
 }
 
 /* What a write of several registers needs: of each. False: it is refused. */

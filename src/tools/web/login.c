@@ -252,13 +252,14 @@ void db_web_logout(struct db_web_request *request)
 	db_web_login_tell(request);
 }
 
-/* True while the user of this session changes his own password. */
+/* True while the user of this session changes his own password: a request of which something is
+ * missing yet changes nothing. */
 static bool changes_own_password(const struct db_web_server *server, const char *session)
 {
 	const struct db_web_request *request = server->requests;
 
-	while (request && (request->route.kind != DB_WEB_PASSWORD || request->status != 0 ||
-	                   strcmp(request->session, session) != 0))
+	while (request && (request->route.kind != DB_WEB_PASSWORD || !request->taken ||
+	                   request->status != 0 || strcmp(request->session, session) != 0))
 		request = request->next;
 	return request;
 }
