@@ -205,13 +205,29 @@ static void begin_session(struct db_web_request *request)
 	db_web_login_tell(request);
 }
 
+/* Whether the user stands in the file as before: PAM may have taken its time. */
+static bool is_as_before(const struct db_web_server *server, const struct db_user *before)
+{
+	struct db_users users;
+	const struct db_user *now = NULL;
+	bool same;
+
+	if (db_users_load(&users, server->config->users_file, &db_web_keeper, stderr))
+		now = db_users_find(&users, before->name);
+	same = now && db_users_digest(now) == db_users_digest(before);
+	db_users_clear(&users);
+	return same;
+}
+
 void db_web_login_end(struct db_web_request *request, const struct db_web_work *work)
 {
 	struct db_web_server *server = request->server;
 	const char *user = json_string_value(json_object_get(request->parameters, "user"));
 	struct db_web_caller caller = db_web_request_caller(request);
+	bool right = work->right && request->known;
+	bool changed = right && !is_as_before(server, request->known);
 
-	if (work->right && request->known) {
+	if (right && !changed) {
 		const char *role = db_role_name(request->known->grant.role);
 
 		db_web_try_was_right(request, user);
@@ -224,7 +240,8 @@ void db_web_login_end(struct db_web_request *request, const struct db_web_work *
 		return;
 	}
 	/* An unknown name may be a password typed in the wrong field. */
-	log_login(request, " failed", request->known ? user : "an unknown user", work->why);
+	log_login(request, " failed", request->known ? user : "an unknown user",
+	          changed ? "the user was changed meanwhile" : work->why);
 	db_web_service_note(server->service, "login", "in", "", caller.from,
 	                    request->known ? user : "an unknown user", true);
 	server->counts.failed_logins++;
