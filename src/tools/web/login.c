@@ -234,7 +234,11 @@ void db_web_login_end(struct db_web_request *request, const struct db_web_work *
 		db_client_log(DB_CLIENT_NOTICE, "%s: logged in as %s, %s%s%s", caller.text, user,
 		              role, request->weak ? "; the password is weak: " : "",
 		              request->weak ? request->weak : "");
-		db_web_service_note(server->service, "login", "in", user, caller.from, role, false);
+		db_web_service_note(server->service, &(struct db_link_note){ .kind = "login",
+		                                                             .what = "in",
+		                                                             .user = user,
+		                                                             .from = caller.from,
+		                                                             .text = role });
 		server->counts.logins++;
 		begin_session(request);
 		return;
@@ -242,8 +246,13 @@ void db_web_login_end(struct db_web_request *request, const struct db_web_work *
 	/* An unknown name may be a password typed in the wrong field. */
 	log_login(request, " failed", request->known ? user : "an unknown user",
 	          changed ? "the user was changed meanwhile" : work->why);
-	db_web_service_note(server->service, "login", "in", "", caller.from,
-	                    request->known ? user : "an unknown user", true);
+	db_web_service_note(
+		server->service,
+		&(struct db_link_note){ .kind = "login",
+	                                .what = "in",
+	                                .from = caller.from,
+	                                .text = request->known ? user : "an unknown user",
+	                                .refused = true });
 	server->counts.failed_logins++;
 	db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginFailed",
 	                      "the user or the password is wrong");
@@ -257,8 +266,10 @@ void db_web_logout(struct db_web_request *request)
 		struct db_web_caller caller = db_web_request_caller(request);
 
 		db_web_log_action(request, "logged out", NULL);
-		db_web_service_note(server->service, "login", "out", caller.user, caller.from, "",
-		                    false);
+		db_web_service_note(server->service, &(struct db_link_note){ .kind = "login",
+		                                                             .what = "out",
+		                                                             .user = caller.user,
+		                                                             .from = caller.from });
 		end_session(server, request->session);
 	}
 	request->user[0] = '\0';
@@ -314,8 +325,11 @@ void db_web_login_review(struct db_web_server *server)
 		return;
 	/* Who has changed the file may be no user of the page: root did. */
 	if (server->users_stamp != 0)
-		db_web_service_note(server->service, "users", "changed", "", "page",
-		                    server->config->users_file, false);
+		db_web_service_note(server->service,
+		                    &(struct db_link_note){ .kind = "users",
+		                                            .what = "changed",
+		                                            .from = "page",
+		                                            .text = server->config->users_file });
 	server->users_stamp = stamp;
 	/* If the file cannot be read, there are no users. */
 	(void)db_users_load(&review.users, server->config->users_file, &db_web_keeper, stderr);

@@ -243,8 +243,12 @@ static void note_end(const struct db_web_server *server, const struct db_web_wor
 
 	(void)snprintf(detail, sizeof(detail), "%s: %s, %.48s", work->fresh.name,
 	               db_role_name(work->fresh.grant.role), work->fresh.grant.drives);
-	db_web_service_note(server->service, "users", what, caller->user, caller->from, detail,
-	                    !work->done);
+	db_web_service_note(server->service, &(struct db_link_note){ .kind = "users",
+	                                                             .what = what,
+	                                                             .user = caller->user,
+	                                                             .from = caller->from,
+	                                                             .text = detail,
+	                                                             .refused = !work->done });
 }
 
 void db_web_users_end(struct db_web_server *server, struct db_web_request *request,
