@@ -503,7 +503,8 @@ static bool refuse_after_key(struct scan *scan, size_t section, const char *name
 		return refuse_token(scan, "= after the key");
 	}
 	db_messages_add_error(scan->messages, line,
-	                      "a section begins here, but section '%s' of %s has no } at its end",
+	                      "a section begins here, but section '%s' of %s has no } at its end; "
+	                      "put it before this line",
 	                      open->name, db_messages_name_line(scan->messages, open->line).text);
 	return false;
 }
