@@ -16,6 +16,7 @@ from types import SimpleNamespace
 
 import pytest
 from bridgelib import (
+    BUSY,
     ILLEGAL_FUNCTION,
     NO_PATH,
     STANDSTILL,
@@ -175,6 +176,35 @@ def test_addresses_hold_as_well(make_tls, plant):
         assert client.request(READ)[0] == 3
         assert client.request(struct.pack(">BHH", 6, 100, 1)) == bytes([0x86, ILLEGAL_FUNCTION])
     assert tlsd.connect(plant.plc, source="127.0.0.3").closed()
+
+
+def test_a_role_that_may_less_gives_up_control(make_tls, plant):
+    tlsd = make_tls(drives=2, modbus={"control": "drive", "control-timeout-ms": 60000})
+    boss = plant.authority.issue("boss", utf8("Boss"))
+    tlsd.bridge.sections["role Boss"] = {"write": "all"}
+    tlsd.bridge.reload()
+    first, second = (SecureUnit(tlsd, plant.plc, number) for number in (1, 2))
+    others = [SecureUnit(tlsd, boss, number) for number in (1, 2)]
+    for drive in (first, second):
+        assert drive.command("enable") == 0
+    assert [drive.command("enable") for drive in others] == [BUSY, BUSY]
+    tlsd.bridge.sections["role Operator"] = {"write": ["drive1"], "control": "yes"}
+    tlsd.bridge.reload()
+    assert [drive.command("enable") for drive in others] == [BUSY, 0]
+    assert first.command("enable") == 0 and second.command("enable") == ILLEGAL_FUNCTION
+
+
+def test_no_secure_socket_no_secure_clients(make_tls, plant):
+    tlsd = make_tls()
+    client = tlsd.connect(plant.plc)
+    assert client.request(READ)[0] == 3
+    socket_path = tlsd.bridge.sections["modbus"].pop("secure-socket")
+    tlsd.bridge.reload()
+    assert client.closed(30)
+    tlsd.bridge.sections["modbus"]["secure-socket"] = socket_path
+    tlsd.bridge.reload()
+    with tlsd.connect(plant.plc) as client:
+        assert client.request(READ)[0] == 3
 
 
 def test_ids_are_the_certificates(make_tls, plant):

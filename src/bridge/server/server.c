@@ -294,6 +294,11 @@ static const char *secure_path(const struct db_modbus_config *config)
 	return config->secure_socket ? config->secure_socket : DB_NO_SOCKET;
 }
 
+static bool has_secure(const struct db_modbus_config *config)
+{
+	return strcmp(secure_path(config), DB_NO_SOCKET) != 0;
+}
+
 /* Clients without certificates must not be kept out by this: an error is logged, and nothing
  * else. */
 static void open_secure(struct db_server *server)
@@ -302,7 +307,7 @@ static void open_secure(struct db_server *server)
 	const char *why;
 	int error;
 
-	if (strcmp(path, DB_NO_SOCKET) == 0)
+	if (!has_secure(server->shared.config))
 		return;
 	error = db_secure_new(server->loop, path, &server->log, add_secure_client, server,
 	                      &server->secure, &why);
@@ -633,14 +638,14 @@ static void adapt_connection(struct db_server *server, size_t index)
 	                               find_access(server, network, client->address);
 	bool could_write = client->may_write;
 
-	if (access == DB_ACCESS_NONE) {
+	if (access == DB_ACCESS_NONE || (name && !has_secure(server->shared.config))) {
 		struct db_client_words words;
 		struct db_log_about about = { .client = words.address };
 
 		describe(server, client, &words);
 		db_log(&server->log, loop_time(server), DB_EVENT_CLIENT_REFUSED, &about,
 		       "connection closed: it may not read any more (allow-read, allow-write, "
-		       "read-group, act-group, require-secure)");
+		       "read-group, act-group, require-secure, secure-socket)");
 		drop_connection(server, index);
 		return;
 	}
@@ -649,6 +654,8 @@ static void adapt_connection(struct db_server *server, size_t index)
 	server->readers += !client->may_write;
 	if (could_write && !client->may_write && executor->backend->restricted)
 		executor->backend->restricted(executor->context, client);
+	else if (role && client->may_write && executor->backend->reassigned)
+		executor->backend->reassigned(executor->context, client);
 }
 
 void db_server_apply(struct db_server *server, struct db_server_change *change)
