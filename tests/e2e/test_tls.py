@@ -27,6 +27,7 @@ from bridgelib import (
 )
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
+from test_commission import SERVO, SERVO_SIM
 from tlslib import DAY, NOW, ROLE_OID, Authority, Holder, SecureUnit, Tlsd, utf8
 
 READ = struct.pack(">BHH", 3, 0, 10)
@@ -192,6 +193,19 @@ def test_a_role_that_may_less_gives_up_control(make_tls, plant):
     tlsd.bridge.reload()
     assert [drive.command("enable") for drive in others] == [BUSY, 0]
     assert first.command("enable") == 0 and second.command("enable") == ILLEGAL_FUNCTION
+
+
+def test_what_reaches_a_bus_needs_all_its_drives(make_tls, plant):
+    tlsd = make_tls(drives=2, **SERVO, drive={"sync": "yes"}, sim_drive={**SERVO_SIM, "sync": "true"})
+    operator = SecureUnit(tlsd, plant.plc, 2)
+    feeder = SecureUnit(tlsd, plant.feeder, 1)
+    assert operator.command("enable") == 0
+    assert operator.command("move_velocity", target_velocity=300) == 0
+    assert feeder.command("enable") == 0
+    assert feeder.command("sync_start") == ILLEGAL_FUNCTION
+    assert float(tlsd.bridge.sim.get("drive2")["velocity"]) == 0
+    assert operator.command("sync_start") == 0
+    eventually(lambda: operator.read("velocity") > 0, what="the motion")
 
 
 def test_no_secure_socket_no_secure_clients(make_tls, plant):
