@@ -359,6 +359,7 @@ def test_check(make_tls, plant, tmp_path):
     complains("not signed by an authority", crl_file=Authority(tmp_path, "foreign").crl)
     ended = plant.authority.issue("old", since=NOW - 9 * DAY, until=NOW - DAY, usage=ExtendedKeyUsageOID.SERVER_AUTH)
     complains("has ended", certificate_file=ended.pem, key_file=ended.key_pem)
+    complains("is not for server authentication", certificate_file=plant.feeder.pem, key_file=plant.feeder.key_pem)
     plant.plc.key_pem.chmod(0o644)
     complains("key-file", certificate_file=plant.plc.pem, key_file=plant.plc.key_pem)
     plant.plc.key_pem.chmod(0o600)

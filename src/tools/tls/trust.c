@@ -50,6 +50,7 @@ static bool load_own(struct db_tls_trust *trust, const struct db_tls_config *con
 	struct db_certificate_file key = { .bytes = NULL };
 	struct db_certificate_facts facts = { .ends = 0 };
 	char reason[DB_CERTIFICATE_WHY] = "";
+	enum db_certificate_state state;
 	gnutls_datum_t certificate_datum;
 	gnutls_datum_t key_datum;
 	bool good = false;
@@ -58,7 +59,10 @@ static bool load_own(struct db_tls_trust *trust, const struct db_tls_config *con
 	if (!read_file(&certificate, "certificate-file", config->certificate_file, why) ||
 	    !read_file(&key, "key-file", config->key_file, why))
 		goto end;
-	switch (db_certificate_check_pair(&certificate, &key, now, &facts, reason)) {
+	state = db_certificate_check_pair(&certificate, &key, now, &facts, reason);
+	if (state == DB_CERTIFICATE_GOOD)
+		state = db_certificate_check_server(&certificate, reason);
+	switch (state) {
 	case DB_CERTIFICATE_WRONG:
 		(void)snprintf(why, DB_TLS_WHY, "certificate-file = %s: %s",
 		               config->certificate_file, reason);
