@@ -357,12 +357,20 @@ def test_check(make_tls, plant, tmp_path):
     complains("does not belong to the certificate", key_file=plant.plc.key_pem)
     complains("ca-file", ca_file=tmp_path / "none")
     complains("not signed by an authority", crl_file=Authority(tmp_path, "foreign").crl)
+    complains("crl-file", crl_file=tmp_path / "none")
     ended = plant.authority.issue("old", since=NOW - 9 * DAY, until=NOW - DAY, usage=ExtendedKeyUsageOID.SERVER_AUTH)
     complains("has ended", certificate_file=ended.pem, key_file=ended.key_pem)
     complains("is not for server authentication", certificate_file=plant.feeder.pem, key_file=plant.feeder.key_pem)
     plant.plc.key_pem.chmod(0o644)
     complains("key-file", certificate_file=plant.plc.pem, key_file=plant.plc.key_pem)
     plant.plc.key_pem.chmod(0o600)
+
+
+def test_without_a_list_nobody_is_revoked_and_it_is_said(make_tls, plant):
+    tlsd = make_tls({"certificates": {"crl-file": ""}})
+    with tlsd.connect(plant.plc) as client:
+        assert "none is revoked" in tlsd.hang_up()
+        assert client.request(READ)[0] == 3
 
 
 def test_an_end_that_comes_is_said(make_tls, plant):
