@@ -20,8 +20,10 @@ from bridgelib import (
     ILLEGAL_FUNCTION,
     NO_PATH,
     STANDSTILL,
+    Raw,
     Refused,
     build_directory,
+    encode,
     eventually,
     find_program,
 )
@@ -474,6 +476,50 @@ def test_the_watchdog_when_the_program_dies(make_tls, plant):
     eventually(lambda: seen.read("watchdog_trips") == 1)
     eventually(lambda: seen.read("velocity") == 0)
     assert tlsd.bridge.told("127.0.0.1, certificate press-plc, role Operator: disconnected")
+
+
+def motion(drive):
+    """The request for move_velocity with 2000 counts/s."""
+    start, end = drive.row("command"), drive.row("target_velocity")
+    words = drive.words(start.address, end.address + end.size - start.address)
+    words[0] = int(drive.bridge.commands["move_velocity"]["code"])
+    words[end.address - start.address:] = encode(end.type, 2000.0, drive.bridge.low_first)
+    return struct.pack(f">BHHB{len(words)}H", 16, start.address, len(words), 2 * len(words), *words)
+
+
+def hello(name, role, waited_ms):
+    """What drivebridge-tls says before a client's Modbus."""
+    address = bytes(10) + b"\xff\xff" + bytes([127, 0, 0, 1])
+    return struct.pack(">6sBH16s32sqB20s64s32sI", b"DBTLS\x01", 1, 50123, address, b"\xab" * 32, 2**32, 0, b"",
+                       name.encode(), role.encode(), waited_ms).ljust(256, b"\0")
+
+
+@pytest.mark.parametrize("how", ["stopped", "told"])
+def test_who_has_left_does_not_keep_a_drive_going(make_tls, plant, how):
+    """A command that waited in drivebridge-tls is carried out; but its time began when it came."""
+    tlsd = make_tls(per_drive={1: {"watchdog-ms": 2000, "on-client-loss": "stop"}})
+    drive = tlsd.bridge.drive()
+    assert drive.command("enable") == 0
+    pdu = motion(drive)
+    if how == "stopped":
+        client = tlsd.connect(plant.plc)
+        assert client.request(READ)[0] == 3
+        tlsd.process.send_signal(signal.SIGSTOP)
+        client.send(client.adu(1, 1, pdu))
+        client.close()
+        time.sleep(2.2)
+        tlsd.process.send_signal(signal.SIGCONT)
+    else:
+        client = socket.socket(socket.AF_UNIX)
+        client.connect(str(tlsd.keys["service"]["socket"]))
+        client.sendall(hello("press-plc", "Operator", 2200) + Raw.adu(1, 1, pdu))
+        client.close()
+    eventually(lambda: drive.read("watchdog_trips") == 1, what="the watchdog")
+    eventually(lambda: drive.read("velocity") == 0, what="standstill")
+    assert "move_velocity" == next(name for name, entry in tlsd.bridge.commands.items()
+                                   if int(entry["code"]) == drive.read("history2_command"))
+    # Two seconds would be 4000.
+    assert drive.read("position") < 2500
 
 
 def test_nobody_else_is_believed(make_tls, plant):

@@ -278,6 +278,8 @@ static void add_secure_client(void *context, int fd, const struct db_secure_clie
 	enum db_refusal refusal = find_refusal(server, access, peer, fd);
 
 	client.may_write = access == DB_ACCESS_WRITE;
+	if (hello->waited_ms > 0)
+		client.arrived = now - (db_time)hello->waited_ms * DB_NS_PER_MS;
 	if (refusal == DB_REFUSAL_COUNT &&
 	    !db_certificates_hold(server->certificates, hello, client.address))
 		refusal = DB_REFUSED_FULL;
