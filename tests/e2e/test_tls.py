@@ -494,6 +494,16 @@ def hello(name, role, waited_ms):
                        name.encode(), role.encode(), waited_ms).ljust(256, b"\0")
 
 
+def test_a_program_that_hangs_is_not_up(make_tls, plant):
+    tlsd = make_tls()
+    up = lambda: "drivebridge_tls_up 1" in ctl("--socket", tlsd.bridge.control_path, "metrics")
+    eventually(up)
+    tlsd.process.send_signal(signal.SIGSTOP)
+    eventually(lambda: not up(), timeout=60)
+    tlsd.process.send_signal(signal.SIGCONT)
+    eventually(up, timeout=60)
+
+
 @pytest.mark.parametrize("how", ["stopped", "told"])
 def test_who_has_left_does_not_keep_a_drive_going(make_tls, plant, how):
     """A command that waited in drivebridge-tls is carried out; but its time began when it came."""
