@@ -323,7 +323,13 @@ def test_revoked_and_ended_while_connected(make_tls, tmp_path):
     authority.write_crl(due=NOW - DAY / 2)
     assert "a newer list was due" in tlsd.hang_up()
     assert client.request(READ)[0] == 3
-    authority.revoke(plc)
+    # One by a clock that is ahead of this one, too.
+    authority.write_crl(since=NOW + DAY / 24)
+    assert "are read again" in tlsd.hang_up()
+    with tlsd.connect(other) as late:
+        assert client.request(READ)[0] == 3 and late.request(READ)[0] == 3
+    authority.revoked.append(plc.certificate.serial_number)
+    authority.write_crl(since=NOW + DAY / 24)
     tlsd.hang_up()
     assert client.closed(60)
     assert tlsd.told("client 127.0.0.1, certificate plc disconnected: ")
