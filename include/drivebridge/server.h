@@ -91,6 +91,9 @@ struct db_backend {
 
 	/* A client that could write no longer may. May be null. */
 	void (*restricted)(void *context, const struct db_client *client);
+
+	/* The role of a client that may write allows more or less than before. May be null. */
+	void (*reassigned)(void *context, const struct db_client *client);
 };
 
 /* Exception codes are 01 to 0B. */

@@ -16,16 +16,20 @@ from types import SimpleNamespace
 
 import pytest
 from bridgelib import (
+    BUSY,
     ILLEGAL_FUNCTION,
     NO_PATH,
     STANDSTILL,
+    Raw,
     Refused,
     build_directory,
+    encode,
     eventually,
     find_program,
 )
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
+from test_commission import SERVO, SERVO_SIM
 from tlslib import DAY, NOW, ROLE_OID, Authority, Holder, SecureUnit, Tlsd, utf8
 
 READ = struct.pack(">BHH", 3, 0, 10)
@@ -177,6 +181,48 @@ def test_addresses_hold_as_well(make_tls, plant):
     assert tlsd.connect(plant.plc, source="127.0.0.3").closed()
 
 
+def test_a_role_that_may_less_gives_up_control(make_tls, plant):
+    tlsd = make_tls(drives=2, modbus={"control": "drive", "control-timeout-ms": 60000})
+    boss = plant.authority.issue("boss", utf8("Boss"))
+    tlsd.bridge.sections["role Boss"] = {"write": "all"}
+    tlsd.bridge.reload()
+    first, second = (SecureUnit(tlsd, plant.plc, number) for number in (1, 2))
+    others = [SecureUnit(tlsd, boss, number) for number in (1, 2)]
+    for drive in (first, second):
+        assert drive.command("enable") == 0
+    assert [drive.command("enable") for drive in others] == [BUSY, BUSY]
+    tlsd.bridge.sections["role Operator"] = {"write": ["drive1"], "control": "yes"}
+    tlsd.bridge.reload()
+    assert [drive.command("enable") for drive in others] == [BUSY, 0]
+    assert first.command("enable") == 0 and second.command("enable") == ILLEGAL_FUNCTION
+
+
+def test_what_reaches_a_bus_needs_all_its_drives(make_tls, plant):
+    tlsd = make_tls(drives=2, **SERVO, drive={"sync": "yes"}, sim_drive={**SERVO_SIM, "sync": "true"})
+    operator = SecureUnit(tlsd, plant.plc, 2)
+    feeder = SecureUnit(tlsd, plant.feeder, 1)
+    assert operator.command("enable") == 0
+    assert operator.command("move_velocity", target_velocity=300) == 0
+    assert feeder.command("enable") == 0
+    assert feeder.command("sync_start") == ILLEGAL_FUNCTION
+    assert float(tlsd.bridge.sim.get("drive2")["velocity"]) == 0
+    assert operator.command("sync_start") == 0
+    eventually(lambda: operator.read("velocity") > 0, what="the motion")
+
+
+def test_no_secure_socket_no_secure_clients(make_tls, plant):
+    tlsd = make_tls()
+    client = tlsd.connect(plant.plc)
+    assert client.request(READ)[0] == 3
+    socket_path = tlsd.bridge.sections["modbus"].pop("secure-socket")
+    tlsd.bridge.reload()
+    assert client.closed(30)
+    tlsd.bridge.sections["modbus"]["secure-socket"] = socket_path
+    tlsd.bridge.reload()
+    with tlsd.connect(plant.plc) as client:
+        assert client.request(READ)[0] == 3
+
+
 def test_ids_are_the_certificates(make_tls, plant):
     """A PLC that comes back from another address with its last id is not executed again."""
     tlsd = make_tls(modbus={"command-id-scope": "client"})
@@ -277,7 +323,13 @@ def test_revoked_and_ended_while_connected(make_tls, tmp_path):
     authority.write_crl(due=NOW - DAY / 2)
     assert "a newer list was due" in tlsd.hang_up()
     assert client.request(READ)[0] == 3
-    authority.revoke(plc)
+    # One by a clock that is ahead of this one, too.
+    authority.write_crl(since=NOW + DAY / 24)
+    assert "are read again" in tlsd.hang_up()
+    with tlsd.connect(other) as late:
+        assert client.request(READ)[0] == 3 and late.request(READ)[0] == 3
+    authority.revoked.append(plc.certificate.serial_number)
+    authority.write_crl(since=NOW + DAY / 24)
     tlsd.hang_up()
     assert client.closed(60)
     assert tlsd.told("client 127.0.0.1, certificate plc disconnected: ")
@@ -313,11 +365,20 @@ def test_check(make_tls, plant, tmp_path):
     complains("does not belong to the certificate", key_file=plant.plc.key_pem)
     complains("ca-file", ca_file=tmp_path / "none")
     complains("not signed by an authority", crl_file=Authority(tmp_path, "foreign").crl)
+    complains("crl-file", crl_file=tmp_path / "none")
     ended = plant.authority.issue("old", since=NOW - 9 * DAY, until=NOW - DAY, usage=ExtendedKeyUsageOID.SERVER_AUTH)
     complains("has ended", certificate_file=ended.pem, key_file=ended.key_pem)
+    complains("is not for server authentication", certificate_file=plant.feeder.pem, key_file=plant.feeder.key_pem)
     plant.plc.key_pem.chmod(0o644)
     complains("key-file", certificate_file=plant.plc.pem, key_file=plant.plc.key_pem)
     plant.plc.key_pem.chmod(0o600)
+
+
+def test_without_a_list_nobody_is_revoked_and_it_is_said(make_tls, plant):
+    tlsd = make_tls({"certificates": {"crl-file": ""}})
+    with tlsd.connect(plant.plc) as client:
+        assert "none is revoked" in tlsd.hang_up()
+        assert client.request(READ)[0] == 3
 
 
 def test_an_end_that_comes_is_said(make_tls, plant):
@@ -421,6 +482,60 @@ def test_the_watchdog_when_the_program_dies(make_tls, plant):
     eventually(lambda: seen.read("watchdog_trips") == 1)
     eventually(lambda: seen.read("velocity") == 0)
     assert tlsd.bridge.told("127.0.0.1, certificate press-plc, role Operator: disconnected")
+
+
+def motion(drive):
+    """The request for move_velocity with 2000 counts/s."""
+    start, end = drive.row("command"), drive.row("target_velocity")
+    words = drive.words(start.address, end.address + end.size - start.address)
+    words[0] = int(drive.bridge.commands["move_velocity"]["code"])
+    words[end.address - start.address:] = encode(end.type, 2000.0, drive.bridge.low_first)
+    return struct.pack(f">BHHB{len(words)}H", 16, start.address, len(words), 2 * len(words), *words)
+
+
+def hello(name, role, waited_ms):
+    """What drivebridge-tls says before a client's Modbus."""
+    address = bytes(10) + b"\xff\xff" + bytes([127, 0, 0, 1])
+    return struct.pack(">6sBH16s32sqB20s64s32sI", b"DBTLS\x01", 1, 50123, address, b"\xab" * 32, 2**32, 0, b"",
+                       name.encode(), role.encode(), waited_ms).ljust(256, b"\0")
+
+
+def test_a_program_that_hangs_is_not_up(make_tls, plant):
+    tlsd = make_tls()
+    up = lambda: "drivebridge_tls_up 1" in ctl("--socket", tlsd.bridge.control_path, "metrics")
+    eventually(up)
+    tlsd.process.send_signal(signal.SIGSTOP)
+    eventually(lambda: not up(), timeout=60)
+    tlsd.process.send_signal(signal.SIGCONT)
+    eventually(up, timeout=60)
+
+
+@pytest.mark.parametrize("how", ["stopped", "told"])
+def test_who_has_left_does_not_keep_a_drive_going(make_tls, plant, how):
+    """A command that waited in drivebridge-tls is carried out; but its time began when it came."""
+    tlsd = make_tls(per_drive={1: {"watchdog-ms": 2000, "on-client-loss": "stop"}})
+    drive = tlsd.bridge.drive()
+    assert drive.command("enable") == 0
+    pdu = motion(drive)
+    if how == "stopped":
+        client = tlsd.connect(plant.plc)
+        assert client.request(READ)[0] == 3
+        tlsd.process.send_signal(signal.SIGSTOP)
+        client.send(client.adu(1, 1, pdu))
+        client.close()
+        time.sleep(2.2)
+        tlsd.process.send_signal(signal.SIGCONT)
+    else:
+        client = socket.socket(socket.AF_UNIX)
+        client.connect(str(tlsd.keys["service"]["socket"]))
+        client.sendall(hello("press-plc", "Operator", 2200) + Raw.adu(1, 1, pdu))
+        client.close()
+    eventually(lambda: drive.read("watchdog_trips") == 1, what="the watchdog")
+    eventually(lambda: drive.read("velocity") == 0, what="standstill")
+    assert "move_velocity" == next(name for name, entry in tlsd.bridge.commands.items()
+                                   if int(entry["code"]) == drive.read("history2_command"))
+    # Two seconds would be 4000.
+    assert drive.read("position") < 2500
 
 
 def test_nobody_else_is_believed(make_tls, plant):

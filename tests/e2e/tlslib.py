@@ -101,8 +101,8 @@ class Authority:
         self.revoked.append(holder.certificate.serial_number)
         self.write_crl()
 
-    def write_crl(self, due=None):
-        builder = (x509.CertificateRevocationListBuilder().issuer_name(self.subject).last_update(NOW - DAY)
+    def write_crl(self, due=None, since=None):
+        builder = (x509.CertificateRevocationListBuilder().issuer_name(self.subject).last_update(since or NOW - DAY)
                    .next_update(due or NOW + 30 * DAY))
         for serial in self.revoked:
             builder = builder.add_revoked_certificate(

@@ -179,6 +179,11 @@ static void backend_restricted(void *context, const struct db_client *client)
 	db_clients_release_control(context, client);
 }
 
+static void backend_reassigned(void *context, const struct db_client *client)
+{
+	db_clients_release_lost(context, client);
+}
+
 static void backend_client(void *context, const struct db_client *client, bool connected)
 {
 	const struct db_registers *registers = context;
@@ -199,5 +204,6 @@ const struct db_backend db_registers_backend = {
 	.device_id = backend_device_id,
 	.client = backend_client,
 	.restricted = backend_restricted,
+	.reassigned = backend_reassigned,
 	.denied = backend_denied,
 };

@@ -122,6 +122,16 @@ void db_clients_release_control(const struct db_registers *registers,
 		db_control_release(&registers->roster->drives[i]->control, client);
 }
 
+void db_clients_release_lost(const struct db_registers *registers, const struct db_client *client)
+{
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		struct db_view_drive *drive = registers->roster->drives[i];
+
+		if (!may_act(drive, client))
+			db_control_release(&drive->control, client);
+	}
+}
+
 void db_clients_forget(const struct db_registers *registers, const struct db_client *client)
 {
 	db_time now = registers->ops->now(registers->context);

@@ -71,22 +71,45 @@ static enum db_command find_stop(const struct write *write)
 	return db_command_is_stop(command) ? command : DB_CMD_NONE;
 }
 
+/* True if it gives this command, now or to be started later. */
+static bool has_command(const struct write *write, enum db_command command)
+{
+	return find_value(write, offsetof(struct db_drive_image, block.command)) == command ||
+	       find_value(write, offsetof(struct db_drive_image, block.staged_command)) == command;
+}
+
 /* True if it changes what a drive keeps, the watchdog, or what only a raw frame reaches. */
 static bool changes_settings(const struct write *write)
 {
-	const size_t commands[] = { offsetof(struct db_drive_image, block.command),
-		                    offsetof(struct db_drive_image, block.staged_command) };
 	const struct db_cell *first = &write->span.cells[0];
 
 	if (first->part != DB_PART_BLOCK)
 		return !(first->flags & (DB_ROW_CONTROL | DB_ROW_HEARTBEAT));
-	for (size_t i = 0; i < sizeof(commands) / sizeof(commands[0]); i++) {
-		uint16_t command = find_value(write, commands[i]);
+	return has_command(write, DB_CMD_SAVE_PARAMETERS) || has_command(write, DB_CMD_RAW_FRAME);
+}
 
-		if (command == DB_CMD_SAVE_PARAMETERS || command == DB_CMD_RAW_FRAME)
-			return true;
+/* What may move other drives of the bus needs the right to command them. */
+static bool is_permitted_for_bus(const struct write *write)
+{
+	const struct db_view_drive *drive = write->drive;
+	const struct db_registers *registers = drive->registers;
+
+	if (!has_command(write, DB_CMD_SYNC_START) && !has_command(write, DB_CMD_RAW_FRAME))
+		return true;
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		const struct db_view_drive *other = registers->roster->drives[i];
+
+		if (other->bus_config != drive->bus_config ||
+		    db_clients_are_permitted(other, write->client, DB_MAY_COMMAND))
+			continue;
+		db_clients_count_role_refusal(registers, write->client);
+		db_record_denied(registers, drive, write->client, (uint8_t)drive->config->unit,
+		                 write->address,
+		                 "the role of its certificate does not allow it for every drive of "
+		                 "the bus");
+		return false;
 	}
-	return false;
+	return true;
 }
 
 /* The id and the arguments of its write are ignored. */
@@ -354,8 +377,9 @@ int db_write_drive(struct db_view_drive *drive, const struct db_client *client, 
 		return stop != DB_CMD_NONE ? execute_command(&write, stop, NULL) :
 		                             refuse_write(&write, DB_RESULT_OUT_OF_RANGE, 0);
 	}
-	if (changes_settings(&write) &&
-	    !db_clients_permit(drive, client, DB_MAY_SET_PARAMETERS, address)) {
+	if ((changes_settings(&write) &&
+	     !db_clients_permit(drive, client, DB_MAY_SET_PARAMETERS, address)) ||
+	    !is_permitted_for_bus(&write)) {
 		enum db_command stop = find_stop(&write);
 
 		return stop != DB_CMD_NONE ? execute_command(&write, stop, NULL) :

@@ -88,6 +88,21 @@ void db_connection_count_refusal(struct db_connection_shared *shared, struct db_
 	db_peers_refused(shared->peers, peer, kind, now);
 }
 
+/* Bytes in the socket. */
+static size_t count_unread(const struct db_connection *c)
+{
+	int count = 0;
+
+	return ioctl(c->fd, SIOCINQ, &count) == 0 && count > 0 ? (size_t)count : 0;
+}
+
+/* Everything in the socket has arrived by now. */
+static void mark_arrived(struct db_connection *c, db_time now)
+{
+	c->marked = count_unread(c);
+	c->mark_time = now;
+}
+
 struct db_connection *db_connection_new(struct db_connection_shared *shared, int fd,
                                         const struct db_client *client, const char *role,
                                         struct db_peer *peer, db_time now)
@@ -110,9 +125,14 @@ struct db_connection *db_connection_new(struct db_connection_shared *shared, int
 	c->peer->connections++;
 	c->fd = fd;
 	c->events = READING;
-	c->client.arrived = now;
 	c->since = now;
 	c->active_since = now;
+	if (client->arrived == 0) {
+		c->client.arrived = now;
+	} else {
+		mark_arrived(c, now);
+		c->behind = c->marked > 0;
+	}
 	return c;
 }
 
@@ -465,21 +485,6 @@ static bool handle_requests(struct db_connection *c, size_t *offset, db_time now
 
 /* --- when requests arrived -------------------------------------------------------------------- */
 
-/* Bytes in the socket. */
-static size_t count_unread(const struct db_connection *c)
-{
-	int count = 0;
-
-	return ioctl(c->fd, SIOCINQ, &count) == 0 && count > 0 ? (size_t)count : 0;
-}
-
-/* Everything in the socket has arrived by now. */
-static void mark_arrived(struct db_connection *c, db_time now)
-{
-	c->marked = count_unread(c);
-	c->mark_time = now;
-}
-
 /*
  * Bytes were read. As a rule they were read when they arrived. After a time in which nothing was
  * read, or while more arrives than is read, the socket has older ones: for those only the marks
@@ -576,7 +581,8 @@ static bool receive_bytes(struct db_connection *c, db_time now)
 
 bool db_connection_ready(struct db_connection *c, uint32_t events, db_time now)
 {
-	if (events & (EPOLLERR | EPOLLHUP))
+	/* A Unix socket hangs up while there is still something to read, as TCP does not. */
+	if ((events & EPOLLERR) || ((events & EPOLLHUP) && (c->ended || !(events & EPOLLIN))))
 		return false;
 	c->closing = events & EPOLLRDHUP;
 	if ((events & EPOLLIN) && !receive_bytes(c, now))

@@ -37,7 +37,8 @@ void db_connection_count_refusal(struct db_connection_shared *shared, struct db_
 
 /* Takes over the descriptor (also on failure) and waits for input. Counts as a connection of its
  * peer until it is freed. `role`: that of its certificate, "" when it has none; null: it came
- * without. Null when out of memory. */
+ * without. `client->arrived`: when what is in the socket already came; 0: now. Null when out of
+ * memory. */
 struct db_connection *db_connection_new(struct db_connection_shared *shared, int fd,
                                         const struct db_client *client, const char *role,
                                         struct db_peer *peer, db_time now);

@@ -19,6 +19,8 @@
  * sender is on this machine. */
 #define VISITORS_MAX 32
 #define HELLO_TIMEOUT (2 * DB_NS_PER_S)
+/* The status comes every 5 s. */
+#define STATUS_TIME (12 * DB_NS_PER_S)
 #define ACCEPTS_AT_ONCE 16
 
 /* A connection until its hello is there; one with a status stays. */
@@ -41,6 +43,7 @@ struct db_secure {
 	void *context;
 	const struct visitor *teller; /* whose status counts: the latest one; null */
 	struct db_secure_status status;
+	db_time told; /* when it came */
 	struct visitor visitors[VISITORS_MAX];
 };
 
@@ -87,6 +90,7 @@ static void take_hello(struct visitor *visitor)
 			db_log(secure->log, loop_time(secure), DB_EVENT_SECURE_CHANGED, NULL,
 			       "drivebridge-tls is there");
 		secure->status = hello.status;
+		secure->told = loop_time(secure);
 		secure->teller = visitor;
 		visitor->until = DB_TIME_NEVER;
 		break;
@@ -229,7 +233,7 @@ void db_secure_free(struct db_secure *secure)
 
 bool db_secure_read_status(const struct db_secure *secure, struct db_secure_status *status)
 {
-	if (!secure || !secure->teller)
+	if (!secure || !secure->teller || loop_time(secure) - secure->told > STATUS_TIME)
 		return false;
 	*status = secure->status;
 	return true;

@@ -28,7 +28,7 @@ int db_secure_new(sd_event *loop, const char *path, const struct db_log_source *
 /* Removes the socket. Clients that were handed over stay. Null is fine. */
 void db_secure_free(struct db_secure *secure);
 
-/* How the program is. False: it is not connected. `secure` may be null. */
+/* How the program is. False: it is not connected, or silent. `secure` may be null. */
 bool db_secure_read_status(const struct db_secure *secure, struct db_secure_status *status);
 
 #endif

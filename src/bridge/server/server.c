@@ -278,6 +278,8 @@ static void add_secure_client(void *context, int fd, const struct db_secure_clie
 	enum db_refusal refusal = find_refusal(server, access, peer, fd);
 
 	client.may_write = access == DB_ACCESS_WRITE;
+	if (hello->waited_ms > 0)
+		client.arrived = now - (db_time)hello->waited_ms * DB_NS_PER_MS;
 	if (refusal == DB_REFUSAL_COUNT &&
 	    !db_certificates_hold(server->certificates, hello, client.address))
 		refusal = DB_REFUSED_FULL;
@@ -294,6 +296,11 @@ static const char *secure_path(const struct db_modbus_config *config)
 	return config->secure_socket ? config->secure_socket : DB_NO_SOCKET;
 }
 
+static bool has_secure(const struct db_modbus_config *config)
+{
+	return strcmp(secure_path(config), DB_NO_SOCKET) != 0;
+}
+
 /* Clients without certificates must not be kept out by this: an error is logged, and nothing
  * else. */
 static void open_secure(struct db_server *server)
@@ -302,7 +309,7 @@ static void open_secure(struct db_server *server)
 	const char *why;
 	int error;
 
-	if (strcmp(path, DB_NO_SOCKET) == 0)
+	if (!has_secure(server->shared.config))
 		return;
 	error = db_secure_new(server->loop, path, &server->log, add_secure_client, server,
 	                      &server->secure, &why);
@@ -633,14 +640,14 @@ static void adapt_connection(struct db_server *server, size_t index)
 	                               find_access(server, network, client->address);
 	bool could_write = client->may_write;
 
-	if (access == DB_ACCESS_NONE) {
+	if (access == DB_ACCESS_NONE || (name && !has_secure(server->shared.config))) {
 		struct db_client_words words;
 		struct db_log_about about = { .client = words.address };
 
 		describe(server, client, &words);
 		db_log(&server->log, loop_time(server), DB_EVENT_CLIENT_REFUSED, &about,
 		       "connection closed: it may not read any more (allow-read, allow-write, "
-		       "read-group, act-group, require-secure)");
+		       "read-group, act-group, require-secure, secure-socket)");
 		drop_connection(server, index);
 		return;
 	}
@@ -649,6 +656,8 @@ static void adapt_connection(struct db_server *server, size_t index)
 	server->readers += !client->may_write;
 	if (could_write && !client->may_write && executor->backend->restricted)
 		executor->backend->restricted(executor->context, client);
+	else if (role && client->may_write && executor->backend->reassigned)
+		executor->backend->reassigned(executor->context, client);
 }
 
 void db_server_apply(struct db_server *server, struct db_server_change *change)

@@ -15,7 +15,8 @@ enum {
 	CLIENT_SERIAL = CLIENT_EXPIRES + 8,
 	CLIENT_NAME = CLIENT_SERIAL + 1 + DB_SECURE_SERIAL_MAX,
 	CLIENT_ROLE = CLIENT_NAME + DB_SECURE_NAME_MAX,
-	CLIENT_END = CLIENT_ROLE + DB_SECURE_ROLE_MAX,
+	CLIENT_WAITED = CLIENT_ROLE + DB_SECURE_ROLE_MAX,
+	CLIENT_END = CLIENT_WAITED + 4,
 };
 enum {
 	STATUS_TIMES = BODY,
@@ -90,6 +91,7 @@ static void write_client(const struct db_secure_client *client, uint8_t *bytes)
 	memcpy(bytes + CLIENT_SERIAL + 1, client->serial, client->serial_size);
 	memcpy(bytes + CLIENT_NAME, client->name, strlen(client->name));
 	memcpy(bytes + CLIENT_ROLE, client->role, strlen(client->role));
+	put(bytes + CLIENT_WAITED, 4, client->waited_ms);
 }
 
 static bool read_client(const uint8_t *bytes, struct db_secure_client *client)
@@ -102,6 +104,7 @@ static bool read_client(const uint8_t *bytes, struct db_secure_client *client)
 	if (client->serial_size > DB_SECURE_SERIAL_MAX)
 		return false;
 	memcpy(client->serial, bytes + CLIENT_SERIAL + 1, client->serial_size);
+	client->waited_ms = (uint32_t)get(bytes + CLIENT_WAITED, 4);
 	return client->port != 0 &&
 	       get_text(bytes + CLIENT_NAME, DB_SECURE_NAME_MAX, client->name) &&
 	       is_name(client->name) &&

@@ -31,6 +31,9 @@ struct db_secure_client {
 	char name[DB_SECURE_NAME_MAX + 1];
 	/* Visible ASCII, see db_secure_role_is_good(); "": it has none. */
 	char role[DB_SECURE_ROLE_MAX + 1];
+	/* So long ago, in ms, the last bytes of a client came that has closed its side since. They
+	 * follow the hello at once, and are no sign of life. 0: the client is there. */
+	uint32_t waited_ms;
 };
 
 /* The program itself, now and since it began. */

@@ -89,8 +89,8 @@ static void say_what_next(const struct task *task, const struct db_authority_req
 		             "delete the key here when it has it\n",
 		             request->folder, request->name, request->name);
 	else if (task->carry_out == db_authority_revoke)
-		(void)printf("%s is revoked; crl-file in tls.conf must name %s/revoked.pem, then: "
-		             "systemctl reload drivebridge-tls\n",
+		(void)printf("%s is revoked in %s/revoked.pem, which crl-file in tls.conf has to "
+		             "name; now: systemctl reload drivebridge-tls\n",
 		             request->name, request->folder);
 	else if (task->carry_out == db_authority_make_server)
 		(void)printf("%s/server.pem is made; systemctl reload drivebridge-tls takes it "

@@ -236,6 +236,31 @@ enum db_certificate_state db_certificate_check_pair(const struct db_certificate_
 	return state;
 }
 
+enum db_certificate_state db_certificate_check_server(const struct db_certificate_file *certificate,
+                                                      char why[DB_CERTIFICATE_WHY])
+{
+	const char *missing = NULL;
+	char name[DB_CERTIFICATE_NAME];
+	unsigned usage = 0;
+	struct list list;
+
+	if (!read_list(&list, certificate, why))
+		return DB_CERTIFICATE_WRONG;
+	if (gnutls_x509_crt_check_key_purpose(list.all[0], GNUTLS_KP_TLS_WWW_SERVER, 0) == 0)
+		missing = "server authentication (extended key usage)";
+	else if (gnutls_x509_crt_get_key_usage(list.all[0], &usage, NULL) == 0 &&
+	         (usage & GNUTLS_KEY_DIGITAL_SIGNATURE) == 0)
+		missing = "digital signatures (key usage)";
+	if (missing) {
+		write_name(list.all[0], name);
+		(void)snprintf(why, DB_CERTIFICATE_WHY,
+		               "the certificate of %s is not for %s: clients refuse it", name,
+		               missing);
+	}
+	clear_list(&list);
+	return missing ? DB_CERTIFICATE_DOUBTFUL : DB_CERTIFICATE_GOOD;
+}
+
 enum db_certificate_state db_certificate_check_list(const struct db_certificate_file *file,
                                                     int64_t now, struct db_certificate_facts *facts,
                                                     char why[DB_CERTIFICATE_WHY])

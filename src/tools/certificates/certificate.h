@@ -71,6 +71,13 @@ enum db_certificate_state db_certificate_check_list(const struct db_certificate_
                                                     int64_t now, struct db_certificate_facts *facts,
                                                     char why[DB_CERTIFICATE_WHY]);
 
+/*
+ * Whether the first certificate of a file is for servers, by its usages: doubtful, and `why`, when
+ * it is not. One without usages is for everything.
+ */
+enum db_certificate_state db_certificate_check_server(const struct db_certificate_file *certificate,
+                                                      char why[DB_CERTIFICATE_WHY]);
+
 void db_certificate_write_date(int64_t time, char text[DB_CERTIFICATE_DATE]);
 
 #endif

@@ -34,8 +34,8 @@ const struct db_setting db_tls_keys[] = {
 	{ DB_TEXT_SETTING("certificates", "ca-file", "/etc/drivebridge/tls/authority.pem", 1, 255,
 	                  "Certificates of the authorities by which clients' certificates must be signed (PEM)"),
 	  AT(ca_file) },
-	{ DB_TEXT_SETTING("certificates", "crl-file", "", 1, 255,
-	                  "Lists of revoked certificates by these authorities (PEM); none is revoked when not given"),
+	{ DB_TEXT_SETTING("certificates", "crl-file", "/etc/drivebridge/tls/revoked.pem", 0, 255,
+	                  "Lists of revoked certificates by these authorities (PEM); \"\": none, and no certificate can be taken back"),
 	  AT(crl_file) },
 	{ .name = NULL },
 };

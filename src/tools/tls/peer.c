@@ -20,6 +20,8 @@
 #define FAREWELL_TIME (5 * DB_NS_PER_S)
 /* So long the service may take less than the client sends. */
 #define BEHIND_TIME (500 * DB_NS_PER_MS)
+/* So long the last bytes of a client may wait here. */
+#define LATE_MS 100
 /* The least that the kernel has: what waits there is older than it looks. */
 #define SERVICE_BUFFER 4608
 /* Turns of one client before others have theirs. */
@@ -49,6 +51,7 @@ struct db_tls_peer {
 	db_time begun;
 	db_time behind; /* since when the service takes less than it sends; 0: it does not */
 	db_time parted; /* since when it has closed its side; 0 */
+	bool late;      /* what it sent last has waited too long here */
 	struct db_secure_client client;
 	char why[DB_TLS_WHY]; /* why its certificate was refused */
 	struct chunk up;      /* to the service */
@@ -172,6 +175,8 @@ enum db_tls_greeting db_tls_peer_greet(struct db_tls_peer *peer, char why[DB_TLS
 
 /* --- Modbus to the service and back ----------------------------------------------------------- */
 
+static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data);
+
 /* What a step in one direction came to. */
 enum step { STUCK, MOVED, GONE };
 
@@ -201,10 +206,67 @@ static void fill(struct chunk *chunk, ssize_t size)
 	chunk->end = (size_t)size;
 }
 
+/* A socket to the service, with who the client is on its way, and its first bytes, which become
+ * empty; -1: the service is not there. */
+static int connect_service(const struct db_tls_peer *peer, struct chunk *first, uint32_t waited_ms)
+{
+	struct sockaddr_un name = { .sun_family = AF_UNIX };
+	struct db_secure_hello hello = { .kind = DB_SECURE_CLIENT, .client = peer->client };
+	uint8_t bytes[DB_SECURE_HELLO_SIZE + CHUNK];
+	size_t size = DB_SECURE_HELLO_SIZE + first->end - first->begin;
+	int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+
+	(void)snprintf(name.sun_path, sizeof(name.sun_path), "%s", peer->peers->socket);
+	hello.client.waited_ms = waited_ms;
+	db_secure_hello_write(&hello, bytes);
+	memcpy(bytes + DB_SECURE_HELLO_SIZE, first->bytes + first->begin,
+	       size - DB_SECURE_HELLO_SIZE);
+	first->begin = first->end;
+	if (fd < 0)
+		return -1;
+	set_option(fd, SOL_SOCKET, SO_SNDBUF, SERVICE_BUFFER);
+	/* In one piece: the service looks at what has come with the hello. */
+	if (connect(fd, (const struct sockaddr *)&name, sizeof(name)) == 0 &&
+	    send(fd, bytes, size, MSG_NOSIGNAL) == (ssize_t)size)
+		return fd;
+	close(fd);
+	return -1;
+}
+
+/* How long ago its last bytes came, if it has closed its side since, in ms. Otherwise 0. */
+static uint32_t count_waited_ms(const struct db_tls_peer *peer)
+{
+	struct tcp_info info = { .tcpi_state = 0 };
+	socklen_t size = sizeof(info);
+
+	return getsockopt(peer->fd, IPPROTO_TCP, TCP_INFO, &info, &size) == 0 &&
+	                       info.tcpi_state == TCP_CLOSE_WAIT ?
+	               info.tcpi_last_data_recv :
+	               0;
+}
+
+/*
+ * This program was stopped, or had no processor, and the client has gone meanwhile. What it had
+ * sent is still carried out, a stop above all; but the service must not take it for a client that
+ * is there. So it gets the bytes over another connection, with their age.
+ */
+static enum step hand_over_late(struct db_tls_peer *peer, uint32_t waited_ms)
+{
+	peer->late = true;
+	peer->service_io = sd_event_source_disable_unref(peer->service_io);
+	close(peer->service);
+	peer->service = connect_service(peer, &peer->up, waited_ms);
+	return peer->service >= 0 && sd_event_add_io(peer->peers->loop, &peer->service_io,
+	                                             peer->service, EPOLLIN, on_bytes, peer) >= 0 ?
+	               MOVED :
+	               GONE;
+}
+
 /* From the client to the service. */
 static enum step move_up(struct db_tls_peer *peer, db_time now)
 {
 	struct chunk *up = &peer->up;
+	uint32_t waited_ms;
 	enum step step;
 	ssize_t moved;
 
@@ -224,6 +286,9 @@ static enum step move_up(struct db_tls_peer *peer, db_time now)
 		if (step != MOVED)
 			return step;
 		fill(up, moved);
+		waited_ms = peer->late ? 0 : count_waited_ms(peer);
+		if (waited_ms >= LATE_MS)
+			return hand_over_late(peer, waited_ms);
 	}
 	moved = send(peer->service, up->bytes + up->begin, up->end - up->begin,
 	             MSG_NOSIGNAL | MSG_DONTWAIT);
@@ -303,29 +368,9 @@ static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data
 	return 0;
 }
 
-/* A socket to the service, with who the client is on its way; -1: it is not there. */
-static int connect_service(const struct db_tls_peer *peer)
-{
-	struct sockaddr_un name = { .sun_family = AF_UNIX };
-	struct db_secure_hello hello = { .kind = DB_SECURE_CLIENT, .client = peer->client };
-	uint8_t bytes[DB_SECURE_HELLO_SIZE];
-	int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-
-	(void)snprintf(name.sun_path, sizeof(name.sun_path), "%s", peer->peers->socket);
-	db_secure_hello_write(&hello, bytes);
-	if (fd < 0)
-		return -1;
-	set_option(fd, SOL_SOCKET, SO_SNDBUF, SERVICE_BUFFER);
-	if (connect(fd, (const struct sockaddr *)&name, sizeof(name)) == 0 &&
-	    send(fd, bytes, sizeof(bytes), MSG_NOSIGNAL) == (ssize_t)sizeof(bytes))
-		return fd;
-	close(fd);
-	return -1;
-}
-
 bool db_tls_peer_open(struct db_tls_peer *peer, db_time now)
 {
-	peer->service = connect_service(peer);
+	peer->service = connect_service(peer, &peer->up, 0);
 	peer->io = sd_event_source_disable_unref(peer->io);
 	if (peer->service < 0 ||
 	    sd_event_add_io(peer->peers->loop, &peer->io, peer->fd, EPOLLIN, on_bytes, peer) < 0 ||

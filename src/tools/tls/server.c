@@ -484,7 +484,10 @@ void db_tls_server_renew(void *context)
 
 	if (!load_trust(server))
 		return;
-	db_client_log(DB_CLIENT_NOTICE, "its certificates are read again");
+	db_client_log(DB_CLIENT_NOTICE, "its certificates are read again%s",
+	              server->config->crl_file[0] != '\0' ?
+	                      "" :
+	                      "; none is revoked, since it was started without crl-file");
 	look_at_own(server, now);
 	server->tell_at = now;
 	for (size_t i = 0; i < server->count; i++)

@@ -11,9 +11,10 @@
 
 #define CHAIN_MAX 8
 
-/* Nothing but that a newer list of revoked certificates is due: what it revokes stays revoked, and
- * a plant does not stand still for it. The log says so. */
-#define OVERDUE (GNUTLS_CERT_INVALID | GNUTLS_CERT_REVOCATION_DATA_SUPERSEDED)
+/* A newer list of revoked certificates is due, or this one is of a clock that is ahead of ours: what
+ * it revokes is revoked, and a plant does not stand still for it. */
+#define UNTIMELY \
+	(GNUTLS_CERT_REVOCATION_DATA_SUPERSEDED | GNUTLS_CERT_REVOCATION_DATA_ISSUED_IN_FUTURE)
 
 struct db_tls_trust {
 	unsigned holders;
@@ -50,6 +51,7 @@ static bool load_own(struct db_tls_trust *trust, const struct db_tls_config *con
 	struct db_certificate_file key = { .bytes = NULL };
 	struct db_certificate_facts facts = { .ends = 0 };
 	char reason[DB_CERTIFICATE_WHY] = "";
+	enum db_certificate_state state;
 	gnutls_datum_t certificate_datum;
 	gnutls_datum_t key_datum;
 	bool good = false;
@@ -58,7 +60,10 @@ static bool load_own(struct db_tls_trust *trust, const struct db_tls_config *con
 	if (!read_file(&certificate, "certificate-file", config->certificate_file, why) ||
 	    !read_file(&key, "key-file", config->key_file, why))
 		goto end;
-	switch (db_certificate_check_pair(&certificate, &key, now, &facts, reason)) {
+	state = db_certificate_check_pair(&certificate, &key, now, &facts, reason);
+	if (state == DB_CERTIFICATE_GOOD)
+		state = db_certificate_check_server(&certificate, reason);
+	switch (state) {
 	case DB_CERTIFICATE_WRONG:
 		(void)snprintf(why, DB_TLS_WHY, "certificate-file = %s: %s",
 		               config->certificate_file, reason);
@@ -115,7 +120,15 @@ static bool load_authorities(struct db_tls_trust *trust, const struct db_tls_con
 	return count > 0;
 }
 
-/* Whether every list is signed by one of the authorities, now due or not. */
+/* Whether nothing was found in a verification but, perhaps, an untimely list. */
+static bool is_good(unsigned status)
+{
+	/* "Invalid" comes with every other one. */
+	return status == 0 ||
+	       ((status & UNTIMELY) && (status | UNTIMELY) == (UNTIMELY | GNUTLS_CERT_INVALID));
+}
+
+/* Whether every list is signed by one of the authorities, timely or not. */
 static bool are_signed(const char *ca_file, gnutls_x509_crl_t *lists, unsigned count)
 {
 	char reason[DB_CERTIFICATE_WHY];
@@ -136,7 +149,7 @@ static bool are_signed(const char *ca_file, gnutls_x509_crl_t *lists, unsigned c
 
 		good = gnutls_x509_crl_verify(lists[i], authorities, authority_count,
 		                              GNUTLS_VERIFY_DISABLE_TIME_CHECKS, &status) >= 0 &&
-		       (status == 0 || status == OVERDUE);
+		       is_good(status);
 	}
 	for (unsigned i = 0; i < authority_count; i++)
 		gnutls_x509_crt_deinit(authorities[i]);
@@ -306,7 +319,7 @@ static bool verify_chain(const struct db_tls_trust *trust, gnutls_x509_crt_t *ch
 		(void)snprintf(why, DB_TLS_WHY, "%s", gnutls_strerror(result));
 		return false;
 	}
-	if (status == 0 || status == OVERDUE)
+	if (is_good(status))
 		return true;
 	if (gnutls_certificate_verification_status_print(status, GNUTLS_CRT_X509, &text, 0) != 0)
 		return false;

@@ -19,6 +19,7 @@ static struct db_secure_hello make_client(const char *name, const char *role)
 	for (unsigned i = 0; i < DB_SECURE_FINGERPRINT_SIZE; i++)
 		hello.client.fingerprint[i] = (uint8_t)(0xA0 + i);
 	hello.client.expires = 1893456000;
+	hello.client.waited_ms = 70000;
 	hello.client.serial_size = 3;
 	memcpy(hello.client.serial, "\x01\x02\x03", 3);
 	strcpy(hello.client.name, name);
@@ -48,6 +49,7 @@ static void test_client_there_and_back(void **state)
 			assert_memory_equal(read.client.fingerprint, hello.client.fingerprint,
 			                    DB_SECURE_FINGERPRINT_SIZE);
 			assert_int_equal(read.client.expires, 1893456000);
+			assert_int_equal(read.client.waited_ms, 70000);
 			assert_int_equal(read.client.serial_size, 3);
 			assert_memory_equal(read.client.serial, "\x01\x02\x03", 3);
 			assert_string_equal(read.client.name, names[i]);

@@ -51,6 +51,16 @@ static struct party make_party(const char *name, const struct party *issuer, int
 	return party;
 }
 
+/* Signs it anew, with another usage beside the earlier ones. */
+static void set_usage(struct party *party, const char *purpose, unsigned usage)
+{
+	assert_int_equal(gnutls_x509_crt_set_key_purpose_oid(party->certificate, purpose, 0), 0);
+	assert_int_equal(gnutls_x509_crt_set_key_usage(party->certificate, usage), 0);
+	assert_int_equal(gnutls_x509_crt_sign2(party->certificate, party->certificate, party->key,
+	                                       GNUTLS_DIG_SHA256, 0),
+	                 0);
+}
+
 static void free_party(struct party *party)
 {
 	gnutls_x509_crt_deinit(party->certificate);
@@ -169,6 +179,37 @@ static void test_a_foreign_key_is_wrong(void **state)
 	free_party(&other);
 }
 
+static void test_whether_a_certificate_is_for_servers(void **state)
+{
+	struct party party = make_party("gateway", NULL, NOW - DAY, NOW + DAY);
+	struct db_certificate_file file = { .bytes = NULL };
+	char why[DB_CERTIFICATE_WHY] = "";
+
+	(void)state;
+	/* Without usages it is for everything. */
+	add_certificate(&file, &party, GNUTLS_X509_FMT_PEM);
+	assert_int_equal(db_certificate_check_server(&file, why), DB_CERTIFICATE_GOOD);
+	db_certificate_file_clear(&file);
+
+	set_usage(&party, GNUTLS_KP_TLS_WWW_CLIENT, GNUTLS_KEY_DIGITAL_SIGNATURE);
+	add_certificate(&file, &party, GNUTLS_X509_FMT_PEM);
+	assert_int_equal(db_certificate_check_server(&file, why), DB_CERTIFICATE_DOUBTFUL);
+	assert_non_null(strstr(why, "CN=gateway is not for server authentication"));
+	db_certificate_file_clear(&file);
+
+	set_usage(&party, GNUTLS_KP_TLS_WWW_SERVER, GNUTLS_KEY_DIGITAL_SIGNATURE);
+	add_certificate(&file, &party, GNUTLS_X509_FMT_DER);
+	assert_int_equal(db_certificate_check_server(&file, why), DB_CERTIFICATE_GOOD);
+	db_certificate_file_clear(&file);
+
+	set_usage(&party, GNUTLS_KP_TLS_WWW_SERVER, GNUTLS_KEY_KEY_ENCIPHERMENT);
+	add_certificate(&file, &party, GNUTLS_X509_FMT_PEM);
+	assert_int_equal(db_certificate_check_server(&file, why), DB_CERTIFICATE_DOUBTFUL);
+	assert_non_null(strstr(why, "is not for digital signatures"));
+	db_certificate_file_clear(&file);
+	free_party(&party);
+}
+
 static void test_files_are_read_or_it_is_said_why_not(void **state)
 {
 	char path[] = "/tmp/drivebridge-XXXXXX";
@@ -217,6 +258,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_a_pair_with_its_chain_is_good),
 		cmocka_unit_test(test_a_foreign_key_is_wrong),
+		cmocka_unit_test(test_whether_a_certificate_is_for_servers),
 		cmocka_unit_test(test_files_are_read_or_it_is_said_why_not),
 		cmocka_unit_test(test_the_end_is_said_at_30_7_and_1_days_and_at_it),
 	};
