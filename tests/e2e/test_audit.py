@@ -214,7 +214,7 @@ async def test_opcua(state, make_bridge, make_server, certificate):
     async with server.session(certificate, OPCUA_READER):
         pass
     (enabled,) = find(bridge, kind="command", what="enable")
-    assert enabled["who"].startswith(f"control, user root for {OPCUA_OPERATOR[0]}, 127.0.0.1")
+    assert enabled["who"].startswith(f"control, user root for {OPCUA_OPERATOR[0]}, OPC UA, 127.0.0.1")
     for user, _ in (OPCUA_OPERATOR, OPCUA_READER):
         wait_for(bridge, kind="login", user=user)
 

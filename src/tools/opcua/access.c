@@ -381,7 +381,7 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	(void)snprintf(session->user, sizeof(session->user), "%s", login.user);
 	(void)snprintf(session->label, sizeof(session->label), "%s at %s",
 	               login.user[0] ? login.user : "anonymous", address);
-	(void)snprintf(session->from, sizeof(session->from), "%s", address);
+	(void)snprintf(session->from, sizeof(session->from), "OPC UA, %s", address);
 	update_network(access, connection);
 	update_network(access, before);
 	/* Without a user nothing can be done but reading. */

@@ -36,7 +36,7 @@ struct db_opcua_session {
 	char token[DB_OPCUA_TOKEN_MAX];
 	unsigned long digest; /* of the user at login, db_users_digest() */
 	char label[128];      /* for the log: the user and the address */
-	char from[65];        /* the address, for the audit trail */
+	char from[65];        /* for the audit trail: "OPC UA, 10.0.0.7" */
 };
 
 /* A session has ended, or has lost its connection. */

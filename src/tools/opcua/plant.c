@@ -269,9 +269,10 @@ void db_opcua_plant_note(const struct db_opcua_plant *plant, const char *kind, c
 	if (db_plant_is_there(plant->plant) && db_opcua_plant_has_audit(plant) &&
 	    json_is_true(json_object_get(plant->known, "may_act")))
 		(void)db_link_tell(db_plant_reader(plant->plant), "Note",
-		                   json_pack("{s:s, s:s, s:s, s:s, s:s, s:b}", "kind", kind, "what",
-		                             what, "user", user, "from", from, "text", text,
-		                             "refused", refused));
+		                   json_pack("{s:s, s:s, s:s, s:o, s:s, s:b}", "kind", kind, "what",
+		                             what, "user", user, "from",
+		                             json_sprintf("OPC UA%s%s", from[0] ? ", " : "", from),
+		                             "text", text, "refused", refused));
 }
 
 static void open_fetcher(struct db_opcua_plant *plant)
