@@ -653,3 +653,8 @@ void db_opcua_access_look(struct db_opcua_access *access, int64_t us)
 {
 	db_opcua_security_look(access->config, &access->own, us);
 }
+
+int64_t db_opcua_access_certificate_ends(const struct db_opcua_access *access)
+{
+	return access->own.facts.ends;
+}

@@ -92,6 +92,9 @@ bool db_opcua_access_set_token(struct db_opcua_access *access, const UA_NodeId *
 const struct db_opcua_session *db_opcua_access_next(const struct db_opcua_access *access,
                                                     size_t *place);
 
+/* When the server's own certificate ends, in seconds since 1970-01-01 UTC. */
+int64_t db_opcua_access_certificate_ends(const struct db_opcua_access *access);
+
 /* A connection is closed: its sessions have lost it. */
 void db_opcua_access_forget_connection(struct db_opcua_access *access, uintptr_t connection);
 
