@@ -223,7 +223,7 @@ def test_mqtt(state, commander):  # noqa: F811
     message = command("enable", "e2")
     commander.send({**message, "user": "anna"})
     assert commander.result("e2")["result"] == "ok"
-    assert "control, user root for anna" in {
+    assert "control, user root for anna, MQTT" in {
         record["who"] for record in wait_for(commander.bridge, kind="command", what="enable")}
 
 

@@ -96,9 +96,12 @@ const char *db_capture_audit_way(const json_t *record)
 		return "service";
 	if (strncmp(who, "control", strlen("control")) != 0)
 		return strstr(who, ", certificate ") ? "Modbus over TLS" : "Modbus";
-	for (size_t i = 0; i < sizeof(tools) / sizeof(tools[0]); i++) {
-		if (strstr(who, tools[i]))
-			return db_capture_audit_ways[i];
+	/* What the tool says comes last: before it stands what users call themselves. */
+	for (const char *at = who + strlen(who); at > who; at--) {
+		for (size_t i = 0; i < sizeof(tools) / sizeof(tools[0]); i++) {
+			if (strncmp(at, tools[i], strlen(tools[i])) == 0)
+				return db_capture_audit_ways[i];
+		}
 	}
 	return "control socket";
 }

@@ -60,6 +60,7 @@ static void test_ways(void **state)
 		{ "control, user drivebridge-web, page, 10.0.0.5", "page" },
 		{ "control, user drivebridge-opcua for otto, OPC UA, 10.0.0.5", "OPC UA" },
 		{ "control, user drivebridge-mqtt for otto, MQTT", "MQTT" },
+		{ "control, user drivebridge-mqtt for otto, page, MQTT", "MQTT" },
 		{ "control, user page", "control socket" },
 		{ "192.168.10.5 port 51234", "Modbus" },
 		{ "127.0.0.1, user root", "Modbus" },
