@@ -326,6 +326,14 @@ static void fill_text(struct db_opcua_node *node, const char *text, bool valued)
 	set_constant(node, &UA_TYPES[UA_TYPES_STRING], false, value, 1);
 }
 
+static void fill_variable(struct db_opcua_node *node, UA_QualifiedName name,
+                          const char *description, const UA_DataType *type, bool writable,
+                          double interval_ms)
+{
+	set_head(node, UA_NODECLASS_VARIABLE, name, description);
+	set_variable(node, type, false, writable, interval_ms);
+}
+
 static void fill_property(const struct db_opcua_shown *shown, const struct db_opcua_branch *branch,
                           struct db_opcua_node *node, bool valued)
 {
@@ -367,9 +375,8 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 		break;
 	case DB_OPCUA_VARIABLE:
 		reg = &kind->list[branch->place];
-		set_head(node, UA_NODECLASS_VARIABLE, name, reg->description);
-		set_variable(node, db_opcua_data_type(reg->type), false, reg->writable,
-		             nodes->config->interval_ms);
+		fill_variable(node, name, reg->description, db_opcua_data_type(reg->type),
+		              reg->writable, nodes->config->interval_ms);
 		break;
 	case DB_OPCUA_COLUMN:
 		set_head(node, UA_NODECLASS_VARIABLE, name,
@@ -378,17 +385,16 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 		             true, false, nodes->config->interval_ms);
 		break;
 	case DB_OPCUA_CLOCK:
-		set_head(
-			node, UA_NODECLASS_VARIABLE, name,
+		fill_variable(
+			node, name,
 			"A moment of the service's clock; once a session has written one here, a motion "
-			"that it starts is refused when the newest it has written is older than 500 ms");
-		set_variable(node, &UA_TYPES[UA_TYPES_STRING], false, true,
-		             nodes->config->interval_ms);
+			"that it starts is refused when the newest it has written is older than 500 ms",
+			&UA_TYPES[UA_TYPES_STRING], true, nodes->config->interval_ms);
 		break;
 	case DB_OPCUA_CERTIFICATE_ENDS:
-		set_head(node, UA_NODECLASS_VARIABLE, name,
-		         "When the certificate ends that this server shows to its clients");
-		set_variable(node, &UA_TYPES[UA_TYPES_DATETIME], false, false, FIGURES_INTERVAL);
+		fill_variable(node, name,
+		              "When the certificate ends that this server shows to its clients",
+		              &UA_TYPES[UA_TYPES_DATETIME], false, FIGURES_INTERVAL);
 		break;
 	case DB_OPCUA_METHOD:
 		text = json_string_value(
