@@ -74,6 +74,8 @@ struct db_audit_entry {
 	/* What. */
 	const char *drive;
 	const char *bus;
+	uint16_t node;    /* the drive's address on its bus */
+	uint16_t axis;    /* there; 0: the address has one drive */
 	const char *what; /* not of commands, whose names are known */
 	const char *text; /* details */
 	uint16_t command; /* enum db_command */
@@ -99,8 +101,9 @@ struct db_audit_setup {
 
 /* Makes the trail; an unusable folder is logged. 0 or a negative errno. */
 int db_audit_new(const struct db_audit_setup *setup, db_time now, struct db_audit **audit);
-/* Writes the remaining records, for a second at most. Null is fine. */
-void db_audit_free(struct db_audit *audit);
+/* Writes the remaining records, for a second at most. Null is fine. False: the disk still holds up
+ * the thread, which goes on using the log until the process ends. */
+bool db_audit_free(struct db_audit *audit);
 void db_audit_change(struct db_audit *audit, bool on, unsigned mib);
 
 /*
@@ -108,10 +111,10 @@ void db_audit_change(struct db_audit *audit, bool on, unsigned mib);
  * record's number, for db_audit_end(); 0: it was counted, or lost, or the trail is off.
  */
 uint32_t db_audit_post(struct db_audit *audit, const struct db_audit_entry *entry, db_time now);
-/* How a record with the result PENDING ended, maybe more than once: a motion is accepted, and then
- * it ends. */
-void db_audit_end(struct db_audit *audit, uint32_t number, enum db_result result, uint32_t took_us,
-                  uint64_t time_us);
+/* How a record of this drive with the result PENDING ended, maybe more than once: a motion is
+ * accepted, and then it ends. */
+void db_audit_end(struct db_audit *audit, uint32_t number, const char *drive, enum db_result result,
+                  uint32_t took_us, uint64_t time_us);
 
 struct db_audit_state {
 	bool on;

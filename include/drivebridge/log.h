@@ -93,6 +93,8 @@ struct db_log;
 int db_log_new(struct db_log **log);
 /* Writes the remaining lines, for a second at most; for the end of the process. Null is fine. */
 void db_log_free(struct db_log *log);
+/* The same while a thread that cannot be ended may still add lines: its memory stays. */
+void db_log_leave(struct db_log *log);
 
 /* The source of a line: one bus, or the network side when `bus` is null. May be copied. */
 struct db_log_source {

@@ -75,7 +75,8 @@ struct db_registers_ops {
 	 * bridge's own. Returns its number, see db_audit_post(). May be null, with the next one. */
 	uint32_t (*audit)(void *context, const struct db_client *client,
 	                  const struct db_audit_entry *entry);
-	void (*audit_end)(void *context, uint32_t record, enum db_result result, db_time took);
+	void (*audit_end)(void *context, uint32_t record, const char *drive, enum db_result result,
+	                  db_time took);
 	/* A client connected or disconnected. May be null. */
 	void (*client)(void *context, const struct db_client *client, bool connected);
 	/* The watchdog stops a drive. `last` fed it last, and may have disconnected since;
@@ -118,9 +119,14 @@ extern const struct db_backend db_registers_backend;
 void db_registers_complete(struct db_registers *registers, struct db_request *request, db_time now);
 /* See db_commander_owed_stop(), for the drive of this number. */
 enum db_command db_registers_owed_stop(const struct db_registers *registers, uint16_t number);
-/* Puts an entry of an earlier run into a drive's history, before those to come. */
+/* Puts an entry of an earlier run into a drive's history, before those to come, if the drive of this
+ * name is still the one at this place of this bus. */
 struct db_recalled {
 	const char *drive;
+	/* Which drive had this name then: */
+	const char *bus;
+	uint16_t node; /* its address */
+	uint16_t axis;
 	struct db_history_entry entry;
 	struct db_args args; /* of a command */
 	const char *param;   /* the parameter that was written; null: a command */

@@ -83,7 +83,8 @@ int main(int argc, char **argv)
 		entry.time_us += 100000;
 		entry.id = (uint16_t)i;
 		number = db_audit_post(audit, &entry, DB_NS_PER_S);
-		db_audit_end(audit, number, DB_RESULT_OK, 12345, entry.time_us + 12345);
+		db_audit_end(audit, number, entry.drive, DB_RESULT_OK, 12345,
+		             entry.time_us + 12345);
 		posting += seconds(CLOCK_THREAD_CPUTIME_ID) - before - clocks;
 		nanosleep(&pauses[i % LONG_PAUSE_EVERY == 0], NULL);
 	}

@@ -2,6 +2,7 @@
 """The audit trail: who had a drive do what and what was refused to whom, over restarts, kills and full disks; and
 whether somebody has changed it."""
 
+import asyncio
 import json
 import os
 import random
@@ -13,14 +14,16 @@ import threading
 import time
 
 import pytest
+from asyncua import ua
 from bridgelib import Client, as_shown, eventually, find_program
 from opcualib import OPERATOR as OPCUA_OPERATOR
 from opcualib import READER as OPCUA_READER
-from opcualib import call, fixture_certificate, fixture_make_server, in_loop  # noqa: F401
+from opcualib import at, call, connect, fixture_certificate, fixture_make_server, in_loop, says, until  # noqa: F401
 from pymodbus.client import ModbusTcpClient
 from test_control import Tool, as_nobody
 from test_history import entry
 from test_mqtt import command, commander, plant  # noqa: F401
+from test_roles import USERS, method, run, stream, users_text, variable, write
 from test_web import gateway, refused  # noqa: F401
 from weblib import OPERATOR, READER
 
@@ -113,22 +116,22 @@ def test_refusals(state, make_bridge):
     plc, other, reader = (Client(bridge, f"127.0.0.{last}") for last in (2, 3, 4))
     assert plc.command("move_absolute", target_position=101, target_velocity=0) == 3
     assert plc.command("move_absolute", target_position=10, target_velocity=0) == 0
+    assert plc.write_word(60000, 1) == 2
     for _ in range(50):
         assert other.command("enable") == 6
     for _ in range(10):
         assert reader.command("enable") == 1
-    assert plc.write_word(60000, 1) == 2
     assert plc.write("control_request", 0) == 0
     wait_for(bridge, kind="control", what="released")
     (limit,) = find(bridge, what="move_absolute", result="limit")
     assert limit["arguments"]["target_position"] == 101 and limit["who"].startswith("127.0.0.2")
     (taken,) = find(bridge, kind="control", what="taken")
     assert taken["who"].startswith("127.0.0.2")
-    # The first ones of a kind, each client by itself.
+    # The first ones of a kind. All three are programs of one user of this machine, so they are one client.
     busy = find(bridge, what="enable", result="not_in_control")
     assert len(busy) == 3 and all(record["who"].startswith("127.0.0.3") for record in busy)
     denied = [record for record in find(bridge, kind="denied") if record["who"].startswith("127.0.0.4")]
-    assert len(denied) == 3 and denied[0]["drive"] == "drive1" and "read" in denied[0]["text"]
+    assert len(denied) == 2 and denied[0]["drive"] == "drive1" and "read" in denied[0]["text"]
     (missing,) = [record for record in find(bridge, kind="denied") if record["who"].startswith("127.0.0.2")]
     assert missing["register"] == 60000
     assert len(records(bridge, "--refused", "--user", "127.0.0.3")) == 3
@@ -138,7 +141,7 @@ def test_refusals(state, make_bridge):
     # The end of the service ends the minute.
     bridge.restart_bridge()
     counts = {record["who"].split(",")[0]: record["count"] for record in wait_for(bridge, kind="repeated")}
-    assert counts == {"127.0.0.3": 47, "127.0.0.4": 7}
+    assert counts == {"127.0.0.3": 47, "127.0.0.4": 8}
     assert [record["what"] for record in find(bridge, kind="service")] == ["begins", "ends", "begins"]
 
 
@@ -219,6 +222,103 @@ async def test_opcua(state, make_bridge, make_server, certificate):
         wait_for(bridge, kind="login", user=user)
 
 
+# Who attempted what that his role or his drives forbid; how the trail calls it, and why it was refused.
+DENIED_AT_THE_PAGE = (
+    ("observer", run("enable"), "enable", "drive1", "this needs the role operator"),
+    ("operator", write(target_velocity=1.0, spd=640.0), "write spd", "drive1", "this needs the role engineer"),
+    ("operator of other drives", run("enable"), "enable", "drive1", "drive1 is not among this user's drives: drive2"),
+    ("engineer of other drives", lambda page: page.call("Reload"), "Reload", None,
+     "this needs all drives; this user has drive2"),
+    ("operator", lambda page: page.ask("POST", "/api/users/put", {}), "users/put", None,
+     "this needs the role administrator"),
+    ("administrator", stream("commission", drive="drive1"), "commission", None, "this needs the role engineer"),
+    ("operator", lambda page: page.ask("POST", "/api/audit", {}), "audit", None,
+     "this needs the role engineer or administrator"),
+    ("engineer of other drives", lambda page: page.ask("POST", "/api/audit/verify", {}), "audit/verify", None,
+     "this needs all drives; this user has drive2"),
+    # Words that are no names do not come into the trail, however long they are.
+    ("observer", lambda page: page.run("\u202edrive1" + "\u00e4" * 500, "\u202eelbane" + "a" * 500), "Run", None,
+     "of a drive that is not there"),
+)
+DENIED_OVER_OPCUA = (
+    ("observer", method("Enable"), "enable", "drive1", "this needs the role operator"),
+    ("observer", variable("drive1.CommandBlock.Command", 1), "enable", "drive1", "this needs the role operator"),
+    ("observer", variable("/Gateway.Clock", "", ua.VariantType.String), "write clock", None,
+     "this needs the role operator"),
+    ("operator", variable("drive1.Parameters.spd", 640.0, ua.VariantType.Float), "write spd", "drive1",
+     "this needs the role engineer"),
+    ("operator of other drives", method("Enable"), "enable", "drive1",
+     "drive1 is not among this user's drives: drive2"),
+)
+
+
+def check_denied(bridge, table, place):
+    """The trail has what is in the table, and nothing else."""
+    expected = [(f"control, user root for {USERS[who][0]}, {place}", what, drive, text)
+                for who, _, what, drive, text in table]
+    eventually(lambda: len(find(bridge, kind="denied")) >= len(expected), what="all records")
+    assert [(record["who"], record["what"], record.get("drive"), record["text"])
+            for record in find(bridge, kind="denied")] == expected
+    assert len(records(bridge, "--refused")) == len(expected)
+
+
+def test_what_roles_forbid_at_the_page(state, gateway):  # noqa: F811
+    bridge = gateway.make_bridge(drives=2)
+    webd = gateway.webd(bridge, users=tuple(USERS.values()))
+    pages = {who: gateway.page(webd, user[:2]) for who, user in USERS.items()}
+    pages["observer"].call("Read", drive="drive1", names=["position"])
+    pages["operator"].run("drive1", "stop")
+    for who, attempt, *_ in DENIED_AT_THE_PAGE:
+        refused(403, attempt, pages[who])
+    check_denied(bridge, DENIED_AT_THE_PAGE, "page, 127.0.0.1")
+
+
+@in_loop
+async def test_what_roles_forbid_over_opcua(state, make_bridge, make_server, certificate):
+    bridge = make_bridge(drives=2)
+    server = make_server(bridge, security={"anonymous": "off", "none": "off"})
+    server.users_path.write_text(users_text(), encoding="utf-8")
+    for who, attempt, *_ in DENIED_OVER_OPCUA:
+        async with server.session(certificate, USERS[who][:2]) as session:
+            speed = at(session, "drive1.Parameters.spd")
+            await until(lambda: speed.read_data_value(raise_on_bad_status=False), what="the drive to be known")
+            # Reading is no attempt; and clients are told what they may.
+            assert ua.AccessLevel.CurrentWrite not in await speed.get_user_access_level()
+            assert await attempt(session) in ("BadUserAccessDenied", "BadNotExecutable")
+    async with server.session(certificate, USERS["engineer"][:2]) as session:
+        assert ua.AccessLevel.CurrentWrite in await at(session, "drive1.Parameters.spd").get_user_access_level()
+    check_denied(bridge, DENIED_OVER_OPCUA, "OPC UA, 127.0.0.1")
+
+
+class Bytes(str):
+    """A name that is no text."""
+
+    __slots__ = ()
+
+    def encode(self, *_, **__):
+        return b"\xff\xfe\xe2\x80\xaename"
+
+
+@in_loop
+async def test_names_over_opcua_may_be_anything(state, make_bridge, make_server, certificate):
+    """An unknown one may be a password, typed into the wrong field: it is nowhere."""
+    bridge = make_bridge()
+    server = make_server(bridge)
+    async with server.session(certificate, OPCUA_READER):
+        pass
+    for name in ("my secret pass", Bytes("x"), OPCUA_READER[0]):
+        client = server.client(certificate, ("x", "wrong"))
+        client._username = name
+        with says("BadUserAccessDenied", "BadTcpServerTooBusy"):
+            await connect(client)
+    await until(lambda: asyncio.to_thread(find, bridge, kind="login", text=OPCUA_READER[0]), what="the last one")
+    assert [record["text"] for record in find(bridge, kind="login", result="refused")] == [
+        "an unknown user", "an unknown user", OPCUA_READER[0]]
+    log = server.log()
+    assert log.count("not logged in: an unknown user: ") == 2 and "secret" not in log
+    assert "secret" not in ctl(bridge, "audit").stdout
+
+
 def test_mqtt(state, commander):  # noqa: F811
     message = command("enable", "e2")
     commander.send({**message, "user": "anna"})
@@ -244,7 +344,7 @@ def test_forms(state, make_bridge):
 
 
 def test_history_survives(state, make_bridge):
-    bridge = make_bridge(modbus={"local-writers": "everybody"})
+    bridge = make_bridge(sim_drives=2, modbus={"local-writers": "everybody"})
     plc = Client(bridge, "127.0.0.2")
     assert plc.command("move_absolute", target_position=640, target_velocity=0) == 0
     eventually(lambda: entry(plc)["duration_us"] > 100000, what="the end of the motion")
@@ -267,6 +367,12 @@ def test_history_survives(state, make_bridge):
     after = [json.loads(line) for line in ctl(bridge, "history", "drive1", "--json").stdout.splitlines()]
     assert [(old["user"], old["address"], old["arguments"]) for old in after] == [
         (new["user"], new["address"], new["arguments"]) for new in map(json.loads, before.splitlines())]
+    # The name says nothing about which motor it was: at another address it is another one.
+    kill(bridge)
+    bridge.sections["drive drive1"]["address"] = 2
+    bridge.write_config()
+    bridge.start_bridge()
+    assert ctl(bridge, "history", "drive1", "--json").stdout == ""
 
 
 def test_changes_are_found(state, make_bridge):

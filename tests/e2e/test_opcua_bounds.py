@@ -186,8 +186,9 @@ class Asker:
 
 @in_loop
 async def test_readers_who_ask_for_more_than_can_be_answered(make_bridge, make_server, certificate):
-    """An operator who comes, and his stop, wait for a few of their requests, not for all; a drive that moves is fed."""
-    bridge = make_bridge(drives=2, drive={"watchdog-ms": 1000})
+    """An operator who comes, and his stop, wait for a few of their requests, not for all; a drive that moves is fed. All of
+    them would take far longer than its watchdog."""
+    bridge = make_bridge(drives=2, drive={"watchdog-ms": 3000})
     server = make_server(bridge)
     async with moving_drive(bridge, server, certificate), contextlib.AsyncExitStack() as stack:
         askers = [Asker(await stack.enter_async_context(connected_for(server))) for _ in range(8)]

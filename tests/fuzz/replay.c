@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * In place of libFuzzer: runs a fuzz target once with each file, or each file of a folder. For builds
- * that measure coverage, and for debuggers and valgrind.
+ * In place of libFuzzer: runs a fuzz target once with each file, or each file of a folder, which must
+ * not be empty. For the seeds in every run of the tests, for coverage, debuggers and valgrind.
  */
 #include <dirent.h>
 #include <limits.h>
@@ -11,23 +11,30 @@
 #include <stdlib.h>
 #include <sys/stat.h>
 
-#define SIZE_MAX_OF_INPUT (1 << 20)
-
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static int run_file(const char *path)
 {
-	static uint8_t bytes[SIZE_MAX_OF_INPUT];
 	FILE *file = fopen(path, "rb");
-	size_t size;
+	struct stat status;
+	uint8_t *bytes = NULL;
+	int result = -1;
 
-	if (!file) {
+	if (!file || fstat(fileno(file), &status) != 0)
+		goto done;
+	/* As large as the input and no larger: address sanitizer sees who reads behind it. */
+	bytes = malloc(status.st_size > 0 ? (size_t)status.st_size : 1);
+	if (!bytes || fread(bytes, 1, (size_t)status.st_size, file) != (size_t)status.st_size)
+		goto done;
+	result = LLVMFuzzerTestOneInput(bytes, (size_t)status.st_size);
+
+done:
+	if (result != 0)
 		perror(path);
-		return -1;
-	}
-	size = fread(bytes, 1, sizeof bytes, file);
-	(void)fclose(file);
-	return LLVMFuzzerTestOneInput(bytes, size);
+	free(bytes);
+	if (file)
+		(void)fclose(file);
+	return result;
 }
 
 static int run_folder(const char *path)
@@ -35,6 +42,7 @@ static int run_folder(const char *path)
 	char name[PATH_MAX];
 	struct dirent *entry;
 	DIR *folder = opendir(path);
+	unsigned count = 0;
 	int result = 0;
 
 	if (!folder) {
@@ -44,11 +52,13 @@ static int run_folder(const char *path)
 	while (result == 0 && (entry = readdir(folder)) != NULL) {
 		if (entry->d_name[0] == '.')
 			continue;
-		(void)snprintf(name, sizeof name, "%s/%s", path, entry->d_name);
+		(void)snprintf(name, sizeof(name), "%s/%s", path, entry->d_name);
 		result = run_file(name);
+		count++;
 	}
 	(void)closedir(folder);
-	return result;
+	printf("%s: %u files\n", path, count);
+	return count > 0 ? result : -1;
 }
 
 int main(int argc, char **argv)

@@ -276,42 +276,44 @@ phase_docs() {
 
 # What a fuzzer finds by chance does not belong into a run that must say the same to everybody: the seeds do,
 # among them every input that has ever broken something.
-fuzz_one() {
-	local target=$1 name corpus effort=(-runs=0)
+phase_fuzz() {
+	local folder=build/asan/fuzz name
 
-	name=${target##*/fuzz_}
-	corpus=tests/fuzz/corpus/$name
-	if [ ! -d "$corpus" ]; then
-		printf 'no seed corpus %s\n' "$corpus"
-		return 1
+	if [ "$FUZZ_SECONDS" -gt 0 ]; then
+		folder=build/fuzz/fuzz
+		need_build fuzz fuzzers || return 0
+	else
+		need_build asan || return 0
 	fi
-	[ "$FUZZ_SECONDS" -eq 0 ] || effort=(-max_total_time="$FUZZ_SECONDS")
-	# What it finds goes to build/, the seeds stay as they are.
-	mkdir -p "build/fuzz/found/$name"
-	"$target" "${effort[@]}" -timeout=30 -rss_limit_mb=1024 \
-		-artifact_prefix="build/fuzz/found/$name-" "build/fuzz/found/$name" "$corpus"
+	export ASAN_OPTIONS=allow_addr2line=1 UBSAN_OPTIONS=print_stacktrace=1
+	for name in tests/fuzz/fuzz_*.c; do
+		name=$(basename "$name" .c)
+		step "$name" fuzz_one "$folder/$name" "${name#fuzz_}"
+	done
 }
 
-phase_fuzz() {
-	local target ran=0
+# fuzz_one TARGET NAME: its seeds, which every target has, and for FUZZ_SECONDS what libFuzzer makes of them.
+fuzz_one() {
+	local found=build/fuzz/found/$2
 
-	need_build fuzz fuzzers || return 0
-	export ASAN_OPTIONS=allow_addr2line=1 UBSAN_OPTIONS=print_stacktrace=1
-	for target in build/fuzz/fuzz/fuzz_*; do
-		[ -x "$target" ] || continue
-		ran=1
-		step "${target##*/}" fuzz_one "$target"
-	done
-	[ $ran -eq 1 ] || step targets false
+	if [ "$FUZZ_SECONDS" -eq 0 ]; then
+		timeout 120 "$1" "tests/fuzz/corpus/$2"
+	else
+		# What it finds goes to build/, the seeds stay as they are.
+		mkdir -p "$found"
+		"$1" -max_total_time="$FUZZ_SECONDS" -timeout=30 -rss_limit_mb=1024 -artifact_prefix="$found-" "$found" \
+			"tests/fuzz/corpus/$2"
+	fi
 }
 
 # What is counted is instructions, with valgrind, and bytes, not times, so that a machine that is busy or slow
-# is no reason to fail.
+# is no reason to fail. What else needs the optimized build is here, too.
 phase_bench() {
 	need_build gcc || return 0
 	step instructions tests/bench/instructions build/gcc
 	step memory build/gcc/bench/bench_drive_memory
 	step memcheck tests/memcheck build/gcc
+	step powercut "$VENV/bin/python" tests/powercut --moments 60 --commands 240 --late 10
 }
 
 # start_pytest NAME PRESET [COMMAND-PREFIX...] -- FILE-OR-FOLDER...: runs it; its report and log have this name.

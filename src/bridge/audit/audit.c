@@ -21,7 +21,7 @@
 /* Maximum time at the end for records to be written. */
 #define FLUSH_S 1
 /* A loss of power costs the records of this time at most. */
-#define SYNC_EVERY (5 * DB_NS_PER_S)
+#define SYNC_EVERY DB_NS_PER_S
 /* Read at the start, for histories. */
 #define PAST_BYTES (1024 * 1024)
 /* Read for a page. */
@@ -32,14 +32,15 @@
 /* One page at a time. */
 enum reading { READING_NOTHING, READING_ASKED, READING_DONE };
 
-/* What a record was about whose end comes later. */
+/* What a record was about whose end comes later: of each drive the latest ones, unless there are
+ * more drives than places. */
 struct begun {
-	uint64_t number; /* 0: none */
+	uint64_t number; /* 0: none; a greater one is newer */
 	char drive[64];
 	char what[64];
 	char who[160];
 };
-#define BEGUN_MAX 64
+#define BEGUN_MAX 256
 
 struct db_audit {
 	struct db_log_source log;
@@ -51,10 +52,10 @@ struct db_audit {
 	db_time sync_at;             /* DB_TIME_NEVER: nothing to be done */
 	uint64_t unkept;             /* records that the files do not have */
 	bool failing;                /* which was logged */
+	bool unsynced;               /* the disk did not take the latest ones for good */
 	struct db_trail_place place; /* behind the page that was read last */
 	uint64_t place_number;       /* of the next record there */
 	struct begun begun[BEGUN_MAX];
-	size_t begun_next;
 
 	pthread_mutex_t lock; /* of the following */
 	struct db_audit_queue queue;
@@ -154,12 +155,13 @@ uint32_t db_audit_post(struct db_audit *audit, const struct db_audit_entry *entr
 	return (uint32_t)number;
 }
 
-void db_audit_end(struct db_audit *audit, uint32_t number, enum db_result result, uint32_t took_us,
-                  uint64_t time_us)
+void db_audit_end(struct db_audit *audit, uint32_t number, const char *drive, enum db_result result,
+                  uint32_t took_us, uint64_t time_us)
 {
 	struct db_audit_entry entry = {
 		.kind = DB_AUDIT_END,
 		.time_us = time_us,
+		.drive = drive,
 		.result = result,
 		.took_us = took_us,
 	};
@@ -202,7 +204,6 @@ static void note_trouble(struct db_audit *audit, int error)
 	pthread_mutex_lock(&audit->lock);
 	snprintf(audit->state.trouble, sizeof(audit->state.trouble), "%s",
 	         error == 0 ? "" : strerror(-error));
-	audit->state.lost += error != 0;
 	if (audit->trail)
 		audit->state.bytes = db_trail_bytes(audit->trail);
 	pthread_mutex_unlock(&audit->lock);
@@ -217,6 +218,14 @@ static void note_trouble(struct db_audit *audit, int error)
 		       "are only in the journal",
 		       strerror(-error));
 	audit->failing = error != 0;
+}
+
+static void count_unkept(struct db_audit *audit)
+{
+	audit->unkept++;
+	pthread_mutex_lock(&audit->lock);
+	audit->state.lost++;
+	pthread_mutex_unlock(&audit->lock);
 }
 
 /* Into the files; what these do not take is counted before the next one that they take. */
@@ -241,10 +250,12 @@ static void keep(struct db_audit *audit, const struct db_audit_entry *entry, con
 		error = db_trail_append(audit->trail, object, entry->number, entry->time_us);
 		if (audit->unkept > 0 || error != 0)
 			note_trouble(audit, error);
-		audit->unkept = error != 0;
+		audit->unkept = 0;
+		if (error != 0)
+			count_unkept(audit);
 	} else {
 		note_trouble(audit, error);
-		audit->unkept++;
+		count_unkept(audit);
 	}
 	if (audit->sync_at == DB_TIME_NEVER)
 		audit->sync_at = now_ns() + SYNC_EVERY;
@@ -302,6 +313,41 @@ static const char *text_of(const json_t *object, const char *key)
 	return text ? text : "";
 }
 
+static unsigned count_begun(const struct db_audit *audit, const char *drive)
+{
+	unsigned count = 0;
+
+	for (size_t i = 0; i < BEGUN_MAX; i++)
+		count += audit->begun[i].number != 0 && strcmp(audit->begun[i].drive, drive) == 0;
+	return count;
+}
+
+/* A free place, or that of the oldest record of the drive that has most of them. */
+static struct begun *find_begun_place(struct db_audit *audit)
+{
+	struct begun *chosen = &audit->begun[0];
+	unsigned most = 0;
+
+	for (size_t i = 0; i < BEGUN_MAX; i++) {
+		struct begun *place = &audit->begun[i];
+		unsigned count;
+
+		if (place->number == 0)
+			return place;
+		if (most > 0 && strcmp(place->drive, chosen->drive) == 0) {
+			if (place->number < chosen->number)
+				chosen = place;
+			continue;
+		}
+		count = count_begun(audit, place->drive);
+		if (count > most) {
+			most = count;
+			chosen = place;
+		}
+	}
+	return chosen;
+}
+
 /* Who it was, to be freed. An end also gets what it ends, which was read shortly before. */
 static char *name_who(struct db_audit *audit, uint64_t number, json_t *object)
 {
@@ -309,11 +355,11 @@ static char *name_who(struct db_audit *audit, uint64_t number, json_t *object)
 	char *who = db_record_who(object);
 
 	if (strcmp(text_of(object, "kind"), db_audit_kind_name(DB_AUDIT_END)) != 0) {
-		struct begun *place = &audit->begun[audit->begun_next];
+		struct begun *place;
 
 		if (strcmp(text_of(object, "result"), db_result_name(DB_RESULT_PENDING)) != 0)
 			return who;
-		audit->begun_next = (audit->begun_next + 1) % BEGUN_MAX;
+		place = find_begun_place(audit);
 		place->number = number;
 		snprintf(place->drive, sizeof(place->drive), "%s", text_of(object, "drive"));
 		snprintf(place->what, sizeof(place->what), "%s",
@@ -327,11 +373,12 @@ static char *name_who(struct db_audit *audit, uint64_t number, json_t *object)
 		if (of == 0 || place->number != of)
 			continue;
 		free(who);
-		(void)json_object_set_new(object, "drive", json_string(place->drive));
 		(void)json_object_set_new(object, "what", json_string(place->what));
 		return strdup(place->who);
 	}
-	return who;
+	/* Its record was not read, or is gone. */
+	free(who);
+	return strdup("");
 }
 
 static bool is_wanted(const struct db_audit_query *query, const json_t *object, const char *who)
@@ -484,15 +531,27 @@ static void serve_reader(struct db_audit *audit)
 
 /* --- the thread ------------------------------------------------------------------------------- */
 
+/* A size that is less than before costs files, and the disk may take its time. */
+static void change_size(struct db_audit *audit)
+{
+	uint64_t bytes;
+	bool changed;
+
+	pthread_mutex_lock(&audit->lock);
+	changed = audit->changed;
+	bytes = (uint64_t)audit->state.mib * MIB;
+	audit->changed = false;
+	pthread_mutex_unlock(&audit->lock);
+	if (changed && audit->trail)
+		db_trail_set_bytes(audit->trail, bytes);
+}
+
 static bool next_record(struct db_audit *audit, struct db_audit_taken *taken, db_time *next,
                         bool *ending)
 {
 	bool any;
 
 	pthread_mutex_lock(&audit->lock);
-	if (audit->changed && audit->trail)
-		db_trail_set_bytes(audit->trail, (uint64_t)audit->state.mib * MIB);
-	audit->changed = false;
 	any = take_record(audit, now_ns(), taken);
 	*next = audit->state.on ? db_floods_next(&audit->floods) : DB_TIME_NEVER;
 	*ending = audit->ending;
@@ -500,6 +559,16 @@ static bool next_record(struct db_audit *audit, struct db_audit_taken *taken, db
 		audit->state.bytes = db_trail_bytes(audit->trail);
 	pthread_mutex_unlock(&audit->lock);
 	return any;
+}
+
+static void sync_trail(struct db_audit *audit)
+{
+	int error = db_trail_sync(audit->trail);
+
+	if (error != 0 || audit->unsynced)
+		note_trouble(audit, error);
+	audit->unsynced = error != 0;
+	audit->sync_at = DB_TIME_NEVER;
 }
 
 static void *run(void *context)
@@ -520,6 +589,7 @@ static void *run(void *context)
 			sem_wait(&audit->wake);
 		else
 			sem_clockwait(&audit->wake, CLOCK_MONOTONIC, &time);
+		change_size(audit);
 		/* Who reads the trail waits for some records at most. */
 		for (unsigned i = 0; i < WRITTEN_AT_ONCE; i++) {
 			if (!next_record(audit, &taken, &next, &ending))
@@ -530,8 +600,7 @@ static void *run(void *context)
 		}
 		serve_reader(audit);
 		if (audit->trail && (now_ns() >= audit->sync_at || ending)) {
-			(void)db_trail_sync(audit->trail);
-			audit->sync_at = DB_TIME_NEVER;
+			sync_trail(audit);
 		}
 	}
 	return NULL;
@@ -570,6 +639,7 @@ static void open_trail(struct db_audit *audit, const struct db_audit_setup *setu
 		         strerror(-error));
 		return;
 	}
+	audit->sync_at = now_ns();
 	audit->state.kept = true;
 	audit->state.newest = db_trail_newest(audit->trail);
 	if (setup->past && setup->on)
@@ -581,8 +651,13 @@ static void open_trail(struct db_audit *audit, const struct db_audit_setup *setu
 		db_log(&audit->log, now, DB_EVENT_AUDIT_UNKEPT, NULL, "the audit trail: %s", text);
 		(void)db_audit_post(audit, &entry, now);
 	}
-	if (found.fresh_key) {
-		entry.text = "the key was missing: what is before cannot be verified any more";
+	if (found.fresh_key || found.wrong_end) {
+		entry.text =
+			found.fresh_key ?
+				"the key was missing: what is before cannot be verified any "
+				"more" :
+				"the last record does not fit: it or the key was changed while "
+				"the service did not run";
 		db_log(&audit->log, now, DB_EVENT_AUDIT_UNKEPT, NULL, "the audit trail: %s",
 		       entry.text);
 		(void)db_audit_post(audit, &entry, now);
@@ -640,12 +715,12 @@ int db_audit_new(const struct db_audit_setup *setup, db_time now, struct db_audi
 	return 0;
 }
 
-void db_audit_free(struct db_audit *audit)
+bool db_audit_free(struct db_audit *audit)
 {
 	struct timespec end;
 
 	if (!audit)
-		return;
+		return true;
 	pthread_mutex_lock(&audit->lock);
 	audit->ending = true;
 	pthread_mutex_unlock(&audit->lock);
@@ -657,9 +732,10 @@ void db_audit_free(struct db_audit *audit)
 		/* The disk does not take them. The blocked call cannot be ended, so the thread
 		 * keeps its resources until the process ends. */
 		pthread_detach(audit->thread);
-		return;
+		return false;
 	}
 	if (audit->reading == READING_DONE)
 		free(audit->page.records);
 	release(audit);
+	return true;
 }

@@ -107,6 +107,9 @@ bool db_audit_queue_take(struct db_audit_queue *queue, struct db_audit_taken *ta
 
 #define DB_FLOOD_FIRST 3   /* of one kind: client, drive, command and result */
 #define DB_FLOOD_CLIENT 60 /* of all kinds of a client */
+/* Of what clients without a right are denied, all of them together: who has no right must not have
+ * the means to push out what others did. */
+#define DB_FLOOD_DENIED 30
 #define DB_FLOOD_PERIOD_S 60
 #define DB_FLOODS_MAX 128
 
@@ -129,7 +132,7 @@ struct db_flood {
 };
 
 struct db_floods {
-	struct db_flood places[DB_FLOODS_MAX];
+	struct db_flood places[DB_FLOODS_MAX + 1]; /* the last one is not a client's */
 };
 
 /* True: it is a record of its own, and its number is to be noted in *place. */
@@ -179,6 +182,7 @@ struct db_trail;
 struct db_trail_found {
 	uint64_t cut;   /* bytes of a torn line at the end, which were cut off */
 	bool fresh_key; /* there were files, and no key for them */
+	bool wrong_end; /* the last record does not fit to the key, or to the one before */
 };
 
 /* 0 or a negative errno. The folder is made. */

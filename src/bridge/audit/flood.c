@@ -23,11 +23,21 @@ static uint64_t hash_text(uint64_t value, const char *text)
 	return hash(value, text ? text : "", text ? strlen(text) + 1 : 1);
 }
 
-/* The same client, over whichever connection. */
+/* The place behind those of clients: what all of them were denied. */
+#define DENIED DB_FLOODS_MAX
+
+#define HASH_BEGIN 14695981039346656037u
+
+/* The same client, over whichever connection: a user of this machine has all of its addresses. */
 static uint64_t subject_of_client(const struct db_audit_entry *entry)
 {
-	uint64_t value = hash(14695981039346656037u, entry->address, sizeof(entry->address));
+	uint64_t value = HASH_BEGIN;
+	uint32_t user;
 
+	if (db_client_user_of_address(entry->address, &user))
+		value = hash(value, &user, sizeof(user));
+	else
+		value = hash(value, entry->address, sizeof(entry->address));
 	value = hash_text(value, entry->user);
 	return hash_text(value, entry->from);
 }
@@ -91,14 +101,14 @@ static void count(struct db_flood *place, const struct db_audit_entry *entry)
 	copy(place->from, sizeof(place->from), entry->from);
 }
 
-bool db_floods_pass(struct db_floods *floods, const struct db_audit_entry *entry, db_time now,
-                    struct db_flood **place)
+/* Within what this client may leave in a minute, of this kind and of all? */
+static bool client_passes(struct db_floods *floods, const struct db_audit_entry *entry, db_time now,
+                          struct db_flood **place)
 {
 	uint64_t client = subject_of_client(entry);
 	struct db_flood *whole = find_place(floods, client, NULL);
 	struct db_flood *kind;
 
-	*place = NULL;
 	/* More clients at once than there are places for: nothing is left out. */
 	if (!whole)
 		return true;
@@ -122,11 +132,29 @@ bool db_floods_pass(struct db_floods *floods, const struct db_audit_entry *entry
 	return true;
 }
 
+bool db_floods_pass(struct db_floods *floods, const struct db_audit_entry *entry, db_time now,
+                    struct db_flood **place)
+{
+	struct db_flood *denied = &floods->places[DENIED];
+
+	*place = NULL;
+	if (entry->kind != DB_AUDIT_DENIED)
+		return client_passes(floods, entry, now, place);
+	if (begin_minute(denied, now)->passed >= DB_FLOOD_DENIED) {
+		denied->counted++;
+		return false;
+	}
+	if (!client_passes(floods, entry, now, place))
+		return false;
+	denied->passed++;
+	return true;
+}
+
 db_time db_floods_next(const struct db_floods *floods)
 {
 	db_time next = DB_TIME_NEVER;
 
-	for (size_t i = 0; i < DB_FLOODS_MAX; i++) {
+	for (size_t i = 0; i <= DENIED; i++) {
 		const struct db_flood *place = &floods->places[i];
 
 		if (place->counted > 0 && place->since + PERIOD < next)
@@ -137,7 +165,7 @@ db_time db_floods_next(const struct db_floods *floods)
 
 bool db_floods_due(struct db_floods *floods, db_time now, bool all, struct db_audit_entry *entry)
 {
-	for (size_t i = 0; i < DB_FLOODS_MAX; i++) {
+	for (size_t i = 0; i <= DENIED; i++) {
 		struct db_flood *place = &floods->places[i];
 
 		if (place->counted == 0 || (now < place->since + PERIOD && !all))
@@ -150,10 +178,13 @@ bool db_floods_due(struct db_floods *floods, db_time now, bool all, struct db_au
 			.login = place->login,
 			.user = place->user,
 			.from = place->from,
-			.what = place->whole ? "of all kinds" : NULL,
+			.what = i == DENIED  ? "denied to all clients" :
+			        place->whole ? "of all kinds" :
+			                       NULL,
 			.drive = place->whole ? NULL : place->drive,
 			.command = place->whole ? 0 : place->command,
-			.result = place->whole ? DB_RESULT_NONE : (enum db_result)place->result,
+			.result = place->whole || i == DENIED ? DB_RESULT_NONE :
+			                                        (enum db_result)place->result,
 		};
 		memcpy(entry->address, place->address, sizeof(entry->address));
 		/* It stays for another minute, whose first ones are counted as well. */

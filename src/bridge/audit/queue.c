@@ -59,7 +59,13 @@ bool db_audit_queue_put(struct db_audit_queue *queue, const struct db_audit_entr
 	unsigned char *to;
 
 	for (size_t i = 0; i < TEXTS; i++) {
-		head.lengths[i] = (uint16_t)(strnlen(text_at(entry, i), TEXT_MAX - 1));
+		const char *text = text_at(entry, i);
+		size_t length = strnlen(text, TEXT_MAX - 1);
+
+		/* Half a character would make it unreadable. */
+		while (length > 0 && ((unsigned char)text[length] & 0xC0) == 0x80)
+			length--;
+		head.lengths[i] = (uint16_t)length;
 		head.size += head.lengths[i] + 1u;
 	}
 	head.size = (uint32_t)(ALIGNED(head.size + sizeof(*entry)) + values);

@@ -173,6 +173,8 @@ json_t *db_record_write(const struct db_audit_entry *entry)
 	set_who(object, entry);
 	set_text(object, "drive", entry->drive);
 	set_text(object, "bus", entry->bus);
+	set_number(object, "node", entry->node);
+	set_number(object, "axis", entry->axis);
 	set_number(object, "unit", entry->unit);
 	set_text(object, "what",
 	         entry->command != DB_CMD_NONE ? db_command_name(entry->command) : entry->what);
@@ -296,6 +298,8 @@ bool db_record_read(const json_t *object, struct db_audit_entry *entry,
 		.from = text_of(object, "from"),
 		.drive = text_of(object, "drive"),
 		.bus = text_of(object, "bus"),
+		.node = (uint16_t)number_of(object, "node"),
+		.axis = (uint16_t)number_of(object, "axis"),
 		.what = text_of(object, "what"),
 		.text = text_of(object, "text"),
 		.id = (uint16_t)number_of(object, "id"),

@@ -28,6 +28,7 @@ struct db_trail {
 	size_t count;
 	int fd; /* of the last one; -1: none yet */
 	bool unsynced;
+	bool wrong_end; /* see struct db_trail_found */
 };
 
 void db_trail_name(uint64_t segment, char name[32])
@@ -223,7 +224,7 @@ static void take_last(void *context, const struct db_lines *lines, json_t *objec
 	(void)object;
 	(void)text;
 	(void)length;
-	(void)why;
+	trail->wrong_end = why != NULL;
 	memcpy(trail->chain.seal, lines->chain.seal, sizeof(trail->chain.seal));
 	if (lines->number > trail->number)
 		trail->number = lines->number;
@@ -276,7 +277,11 @@ static int open_files(struct db_trail *trail, const char *folder, struct db_trai
 		return error;
 	db_chain_init(&trail->chain, key);
 	explicit_bzero(key, sizeof(key));
-	return open_last(trail, &found->cut);
+	error = open_last(trail, &found->cut);
+	/* A service that was killed may have left lines that are not on the disk yet. */
+	trail->unsynced = true;
+	found->wrong_end = trail->wrong_end && !found->fresh_key;
+	return error;
 }
 
 int db_trail_open(const char *folder, uint64_t bytes, struct db_trail **trail,
@@ -371,13 +376,15 @@ static int write_line(struct db_trail *trail, json_t const *object)
 static int begin_segment(struct db_trail *trail, uint64_t number, uint64_t time_us)
 {
 	uint64_t segment = trail->count > 0 ? trail->segments[trail->count - 1] + 1 : 1;
-	int fd = open_segment(trail, segment, O_RDWR | O_CREAT | O_TRUNC | O_APPEND);
 	int former = trail->fd;
 	json_t *head;
-	int error;
+	/* What is not written on any more is not synced again. */
+	int error = db_trail_sync(trail);
+	int fd = error == 0 ? open_segment(trail, segment, O_RDWR | O_CREAT | O_TRUNC | O_APPEND) :
+	                      -1;
 
 	if (fd < 0)
-		return -errno;
+		return error != 0 ? error : -errno;
 	make_room(trail);
 	add_segment(trail, segment, 0);
 	trail->fd = fd;
@@ -386,6 +393,9 @@ static int begin_segment(struct db_trail *trail, uint64_t number, uint64_t time_
 	                 (json_int_t)time_us, "before", trail->chain.seal);
 	error = head ? write_line(trail, head) : -ENOMEM;
 	json_decref(head);
+	/* Its name, too, outlives a loss of power. */
+	if (error == 0 && fsync(trail->folder) != 0)
+		error = -errno;
 	if (error == 0) {
 		if (former >= 0)
 			close(former);
@@ -473,17 +483,22 @@ static json_t *read_head(struct db_trail *trail, uint64_t segment)
 void db_trail_find(struct db_trail *trail, uint64_t number, uint64_t since_us,
                    struct db_trail_place *place)
 {
+	json_int_t before = 0;
+
 	*place = (struct db_trail_place){ .segment = trail->count > 0 ? trail->segments[0] : 0 };
 	db_lines_init(&place->lines, &trail->chain);
-	for (size_t i = 1; i < trail->count; i++) {
+	for (size_t i = 0; i < trail->count; i++) {
 		json_t *head = read_head(trail, trail->segments[i]);
 		json_int_t first = json_integer_value(json_object_get(head, "first"));
 		json_int_t time = json_integer_value(json_object_get(head, "time_us"));
-		bool later = !head || ((uint64_t)first > number && (uint64_t)time > since_us);
+		/* Before a clock that was set back there may be later times than behind it. */
+		bool later = !head || (since_us > 0 && time < before) ||
+		             ((uint64_t)first > number && (uint64_t)time > since_us);
 
 		json_decref(head);
-		if (later)
+		if (i > 0 && later)
 			return;
+		before = time;
 		place->segment = trail->segments[i];
 	}
 }

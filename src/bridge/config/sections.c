@@ -267,6 +267,25 @@ static void check_slcan_bitrate(const struct db_section *section, unsigned bitra
 	                      bitrate, rates);
 }
 
+/* A misprint of a usual one looks like this; but a drive may have any. */
+static void warn_of_unusual_baud(const struct db_section *section, unsigned baud)
+{
+	static const unsigned usual[] = {
+		300,     600,     1200,    1800,    2400,    4800,    9600,    14400,
+		19200,   28800,   38400,   56000,   57600,   76800,   115200,  128000,
+		230400,  250000,  256000,  460800,  500000,  576000,  921600,  1000000,
+		1152000, 1500000, 2000000, 2500000, 3000000, 3500000, 4000000,
+	};
+
+	for (size_t i = 0; i < sizeof(usual) / sizeof(usual[0]); i++) {
+		if (baud == usual[i])
+			return;
+	}
+	db_messages_add_warning(&section->load->messages, db_section_line(section, "baud"),
+	                        "baud = %u is not one of the usual speeds; few adapters have it",
+	                        baud);
+}
+
 /* A missing speed becomes the family's usual one; one that does not apply is 0. */
 static void fill_speed(const struct db_section *section, struct db_bus_config *bus)
 {
@@ -275,6 +294,8 @@ static void fill_speed(const struct db_section *section, struct db_bus_config *b
 	if (!transport || db_section_misread(section, "baud") ||
 	    db_section_misread(section, "bitrate"))
 		return;
+	if (!transport->uses_interface && bus->baud > 0)
+		warn_of_unusual_baud(section, bus->baud);
 	if (transport->uses_interface && db_section_has(section, "baud"))
 		db_messages_add_error(&section->load->messages, db_section_line(section, "baud"),
 		                      "baud is for serial ports, but bus '%s' has transport = %s; "

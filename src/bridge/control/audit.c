@@ -154,10 +154,13 @@ void db_audit_note(const struct db_call *call)
 	static const struct {
 		const char *name;
 		enum db_audit_kind kind;
-	} kinds[] = { { "login", DB_AUDIT_LOGIN }, { "users", DB_AUDIT_USERS } };
+	} kinds[] = { { "login", DB_AUDIT_LOGIN },
+		      { "users", DB_AUDIT_USERS },
+		      { "denied", DB_AUDIT_DENIED } };
 	struct db_session *session = call->session;
 	char user[DB_CLIENT_USER_MAX];
 	char from[DB_AUDIT_FROM_MAX];
+	char drive[64];
 	char text[256];
 	char what[32];
 	const char *kind;
@@ -168,6 +171,7 @@ void db_audit_note(const struct db_call *call)
 	    !take_text(call, "user", user, sizeof(user)) ||
 	    !take_text(call, "from", from, sizeof(from)) ||
 	    !take_text(call, "text", text, sizeof(text)) ||
+	    !take_text(call, "drive", drive, sizeof(drive)) ||
 	    !db_call_optional_flag(call, "refused", &refused))
 		return;
 	for (size_t i = 0; i < sizeof(kinds) / sizeof(kinds[0]); i++) {
@@ -179,6 +183,7 @@ void db_audit_note(const struct db_call *call)
 					  .what = what,
 					  .user = user,
 					  .from = from,
+					  .drive = drive,
 					  .text = text,
 					  .result = refused ? DB_RESULT_REFUSED : DB_RESULT_OK,
 				  });

@@ -89,7 +89,7 @@ static const struct method {
 	{ CONTROL ".SetUp", db_scan_set_up, " bus address what value speeds ", false },
 	{ CONTROL ".Metrics", db_metrics_call, " ", false },
 	{ CONTROL ".Audit", db_audit_call, " from since_us drive who refused verify ", false },
-	{ CONTROL ".Note", db_audit_note, " kind what user from text refused ", false },
+	{ CONTROL ".Note", db_audit_note, " kind what user from text refused drive ", false },
 };
 
 static const struct method *find_method(const char *name)

@@ -180,12 +180,11 @@ int db_log_new(struct db_log **log)
 	return db_log_new_to(journal ? db_log_write_journal : db_log_write_text, NULL, log);
 }
 
-void db_log_free(struct db_log *log)
+/* False: the thread still uses the log. */
+static bool end_thread(struct db_log *log)
 {
 	struct timespec end;
 
-	if (!log)
-		return;
 	pthread_mutex_lock(&log->lock);
 	log->ending = true;
 	pthread_mutex_unlock(&log->lock);
@@ -197,11 +196,23 @@ void db_log_free(struct db_log *log)
 		/* The lines are not being read. The blocked call cannot be ended, so the thread
 		 * keeps its resources until the process ends. */
 		pthread_detach(log->thread);
-		return;
+		return false;
 	}
+	return true;
+}
+
+void db_log_free(struct db_log *log)
+{
+	if (!log || !end_thread(log))
+		return;
 	sem_destroy(&log->wake);
 	pthread_mutex_destroy(&log->lock);
 	free(log);
+}
+
+void db_log_leave(struct db_log *log)
+{
+	(void)end_thread(log);
 }
 
 /* --- the other threads ------------------------------------------------------------------------ */

@@ -45,6 +45,9 @@ uint32_t db_record_request(const struct db_view_drive *drive, const struct db_re
 		.result = recorded->result,
 		.of = recorded->joined,
 		.drive = drive->config->name,
+		.bus = drive->bus_config->name,
+		.node = (uint16_t)drive->config->address,
+		.axis = (uint16_t)drive->config->axis,
 		.command = (uint16_t)request->command,
 		.id = request->id,
 		.first = recorded->address,
@@ -69,7 +72,8 @@ void db_record_end(const struct db_view_drive *drive, uint32_t record, enum db_r
 	const struct db_registers *registers = drive->registers;
 
 	if (registers->ops->audit_end)
-		registers->ops->audit_end(registers->context, record, result, took);
+		registers->ops->audit_end(registers->context, record, drive->config->name, result,
+		                          took);
 }
 
 void db_record_control(const struct db_view_drive *drive, const struct db_client *client,

@@ -84,7 +84,11 @@ void db_registers_recall(struct db_registers *registers, const struct db_recalle
 		const struct db_view_drive *drive = registers->roster->drives[i];
 		struct db_history_entry entry = recalled->entry;
 
-		if (strcmp(drive->config->name, recalled->drive) != 0)
+		/* A name says nothing about which motor it was: addresses may have been swapped. */
+		if (strcmp(drive->config->name, recalled->drive) != 0 ||
+		    strcmp(drive->bus_config->name, recalled->bus) != 0 ||
+		    drive->config->address != recalled->node ||
+		    (uint16_t)drive->config->axis != recalled->axis)
 			continue;
 		if (recalled->param)
 			find_param(drive->driver, recalled, &entry);

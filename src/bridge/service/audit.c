@@ -49,9 +49,10 @@ uint32_t audit_post(struct service *service, const struct db_client *client,
 	return db_audit_post(service->audit, &complete, service_now(service));
 }
 
-void audit_post_end(struct service *service, uint32_t record, enum db_result result, db_time took)
+void audit_post_end(struct service *service, uint32_t record, const char *drive,
+                    enum db_result result, db_time took)
 {
-	db_audit_end(service->audit, record, result, db_time_us32(took), wall_us());
+	db_audit_end(service->audit, record, drive, result, db_time_us32(took), wall_us());
 }
 
 void audit_post_reload(struct service *service, const char *errors)
@@ -71,6 +72,7 @@ void audit_post_reload(struct service *service, const char *errors)
 struct recalled {
 	uint64_t number;
 	char drive[64];
+	char bus[64];
 	char param[64]; /* "": a command */
 	struct db_recalled recalled;
 };
@@ -135,6 +137,8 @@ static void recall(void *context, const struct db_audit_entry *entry)
 	*place = (struct recalled){
 		.number = entry->number,
 		.recalled = {
+			.node = entry->node,
+			.axis = entry->axis,
 			.args = entry->args,
 			.entry = {
 				.timestamp_us = entry->time_us,
@@ -145,6 +149,7 @@ static void recall(void *context, const struct db_audit_entry *entry)
 		},
 	};
 	snprintf(place->drive, sizeof(place->drive), "%s", entry->drive);
+	snprintf(place->bus, sizeof(place->bus), "%s", entry->bus);
 	find_client(past->service, entry, &place->recalled.entry);
 	if (entry->value_count > 0) {
 		snprintf(place->param, sizeof(place->param), "%s", entry->values[0].name);
@@ -162,6 +167,7 @@ static void fill_histories(const struct recollection *past)
 			place->recalled.entry.result = DB_RESULT_INDETERMINATE;
 		/* The places have moved as they grew. */
 		place->recalled.drive = place->drive;
+		place->recalled.bus = place->bus;
 		place->recalled.param = place->param[0] ? place->param : NULL;
 		db_registers_recall(past->service->registers, &place->recalled);
 	}
@@ -218,6 +224,6 @@ void audit_end(struct service *service)
 {
 	if (service->audit)
 		post_service(service, "ends");
-	db_audit_free(service->audit);
+	service->log_in_use = !db_audit_free(service->audit);
 	service->audit = NULL;
 }

@@ -197,9 +197,10 @@ static uint32_t post_record(void *context, const struct db_client *client,
 	return audit_post(context, client, entry);
 }
 
-static void post_end(void *context, uint32_t record, enum db_result result, db_time took)
+static void post_end(void *context, uint32_t record, const char *drive, enum db_result result,
+                     db_time took)
 {
-	audit_post_end(context, record, result, took);
+	audit_post_end(context, record, drive, result, took);
 }
 
 const struct db_registers_ops service_registers_ops = {

@@ -342,6 +342,9 @@ int db_service_run(const char *path, bool last_good)
 	}
 	status = run_service(&service, &start);
 	configuration_start_clear(&start);
-	db_log_free(service.log.log);
+	if (service.log_in_use)
+		db_log_leave(service.log.log);
+	else
+		db_log_free(service.log.log);
 	return status;
 }

@@ -54,6 +54,7 @@ struct service {
 	struct configuration *configuration; /* compared with its files */
 	struct must_stand *must_stand;       /* drives that must stand, across a restart */
 	struct db_audit *audit;
+	bool log_in_use;       /* by a thread of the audit trail that a disk holds up */
 	struct status *status; /* the line shown by systemd; null: not used */
 	int lock;              /* of the configuration, see alone_take(); -1: none */
 };
@@ -195,7 +196,8 @@ void audit_end(struct service *service);
 /* See struct db_registers_ops. */
 uint32_t audit_post(struct service *service, const struct db_client *client,
                     const struct db_audit_entry *entry);
-void audit_post_end(struct service *service, uint32_t record, enum db_result result, db_time took);
+void audit_post_end(struct service *service, uint32_t record, const char *drive,
+                    enum db_result result, db_time took);
 /* A reload has ended, with these lines of errors; null: it is in force. */
 void audit_post_reload(struct service *service, const char *errors);
 

@@ -59,14 +59,38 @@ static const struct {
 	{ "\xE2\x88\x92", "a minus sign (U+2212); a minus is the plain -" },
 };
 
-/* The name of a character here that only looks like an allowed one; null. */
-static const char *find_misprint(const char *text)
+/* U+FF01 to U+FF5E, which Chinese input methods write for ! to ~: the latter. 0: there is none. */
+static char find_full_width(const char *text)
 {
-	for (size_t i = 0; i < sizeof(MISPRINTS) / sizeof(MISPRINTS[0]); i++) {
-		if (strncmp(text, MISPRINTS[i].bytes, strlen(MISPRINTS[i].bytes)) == 0)
-			return MISPRINTS[i].what;
+	const unsigned char *bytes = (const unsigned char *)text;
+
+	if (bytes[0] == 0xEF && bytes[1] == 0xBC && bytes[2] >= 0x81 && bytes[2] <= 0xBF)
+		return (char)(bytes[2] - 0x81 + '!');
+	if (bytes[0] == 0xEF && bytes[1] == 0xBD && bytes[2] >= 0x80 && bytes[2] <= 0x9E)
+		return (char)(bytes[2] - 0x80 + '`');
+	return 0;
+}
+
+/* Reports a character here that only looks like an allowed one. False: it is none. */
+static bool refuse_misprint(struct scan *scan)
+{
+	char narrow = find_full_width(scan->at);
+
+	if (narrow != 0) {
+		db_messages_add_error(scan->messages, scan->line,
+		                      "here stands a full-width character (U+%04X); "
+		                      "write the ordinary %c",
+		                      0xFF01u + (unsigned)(narrow - '!'), narrow);
+		return true;
 	}
-	return NULL;
+	for (size_t i = 0; i < sizeof(MISPRINTS) / sizeof(MISPRINTS[0]); i++) {
+		if (strncmp(scan->at, MISPRINTS[i].bytes, strlen(MISPRINTS[i].bytes)) == 0) {
+			db_messages_add_error(scan->messages, scan->line, "here stands %s",
+			                      MISPRINTS[i].what);
+			return true;
+		}
+	}
+	return false;
 }
 
 static void put_byte(struct scan *scan, char byte)
@@ -260,13 +284,8 @@ static bool scan_word(struct scan *scan)
 	size_t bytes;
 
 	while ((bytes = word_bytes(scan)) > 0) {
-		const char *misprint = scan->rules->lenient ? NULL : find_misprint(scan->at);
-
-		if (misprint) {
-			db_messages_add_error(scan->messages, scan->line, "here stands %s",
-			                      misprint);
+		if (!scan->rules->lenient && refuse_misprint(scan))
 			return false;
-		}
 		while (bytes-- > 0)
 			put_byte(scan, *scan->at++);
 	}
@@ -466,6 +485,30 @@ static bool read_key(struct scan *scan, char *name, unsigned line, size_t sectio
 	return read_value(scan, key);
 }
 
+/* At what follows a name in a section, and is not =: reports it, or the section that is still open
+ * when another one begins; returns false. */
+static bool refuse_after_key(struct scan *scan, size_t section, const char *name, unsigned line)
+{
+	const struct db_reader_section *open = &scan->reader->sections[section];
+	struct token token = scan->token;
+
+	if (name[0] == ';') {
+		db_messages_add_error(scan->messages, line, "no ; ends a value; remove it");
+		return false;
+	}
+	if (is_text(scan))
+		read_token(scan);
+	if (scan->token.type != TOKEN_OPEN) {
+		scan->token = token;
+		return refuse_token(scan, "= after the key");
+	}
+	db_messages_add_error(scan->messages, line,
+	                      "a section begins here, but section '%s' of %s has no } at its end; "
+	                      "put it before this line",
+	                      open->name, db_messages_name_line(scan->messages, open->line).text);
+	return false;
+}
+
 /* After '{'. */
 static bool read_keys(struct scan *scan, size_t section)
 {
@@ -480,8 +523,9 @@ static bool read_keys(struct scan *scan, size_t section)
 			return false;
 		read_token(scan);
 		if (scan->token.type != TOKEN_EQUALS && scan->token.type != TOKEN_APPEND) {
+			refuse_after_key(scan, section, name, line);
 			free(name);
-			return refuse_token(scan, "= after the key");
+			return false;
 		}
 		if (!read_key(scan, name, line, section))
 			return false;

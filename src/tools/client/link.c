@@ -235,6 +235,15 @@ void db_link_introduce_now(struct db_link *link, const char *user, const char *f
 		(void)db_link_tell(link, "Introduce", parameters);
 }
 
+void db_link_note(struct db_link *link, const struct db_link_note *note)
+{
+	(void)db_link_tell(link, "Note",
+	                   json_pack("{s:s, s:s, s:s*, s:s*, s:s*, s:s*, s:b}", "kind", note->kind,
+	                             "what", note->what, "user", note->user, "from", note->from,
+	                             "text", note->text, "drive", note->drive, "refused",
+	                             note->refused));
+}
+
 int db_link_fd(const struct db_link *link, short *events)
 {
 	*events = db_client_poll_events(link->client);

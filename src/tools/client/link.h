@@ -45,6 +45,20 @@ void db_link_introduce(struct db_link *link, const char *user, const char *from,
 /* The same, without an answer that a later call would wait for. */
 void db_link_introduce_now(struct db_link *link, const char *user, const char *from);
 
+/* What a user did at this tool, for the audit trail. Texts in UTF-8; NULL: none. */
+struct db_link_note {
+	const char *kind; /* "login", "users" or "denied" */
+	const char *what; /* "in", "changed", a command; up to 31 bytes */
+	const char *user;
+	const char *from; /* as above */
+	const char *text; /* details; up to 255 bytes */
+	const char *drive;
+	bool refused;
+};
+
+/* Adds it to the trail of a service that has one. */
+void db_link_note(struct db_link *link, const struct db_link_note *note);
+
 /* Calls whose last answer has not arrived. */
 unsigned db_link_waiting(const struct db_link *link);
 

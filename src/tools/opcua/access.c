@@ -315,8 +315,11 @@ void db_opcua_access_review(struct db_opcua_access *access)
 	if (stamp == access->users_stamp)
 		return;
 	if (access->users_stamp != 0)
-		access->note(access->context, "users", "changed", "", "", access->config->users,
-		             false);
+		access->note(access->context,
+		             &(struct db_link_note){ .kind = "users",
+		                                     .what = "changed",
+		                                     .from = "OPC UA",
+		                                     .text = access->config->users });
 	access->users_stamp = stamp;
 	/* If the file cannot be read, there are no users. */
 	(void)db_users_load(&users, access->config->users, &db_opcua_keeper, stderr);
@@ -345,6 +348,7 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	const char *address = db_opcua_network_address(access->network, connection);
 	struct db_opcua_session *session = find_session(access, id);
 	struct db_opcua_login login;
+	char from[sizeof(session->from)];
 	UA_StatusCode status = db_opcua_logins_check(
 		access->logins, address, endpoint->securityMode != UA_MESSAGESECURITYMODE_NONE,
 		token, &login);
@@ -352,6 +356,7 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	(void)server;
 	(void)certificate;
 	(void)session_context;
+	(void)snprintf(from, sizeof(from), "OPC UA, %s", address);
 	/* Another user's session is not taken over. */
 	if (status == UA_STATUSCODE_GOOD && session && session->connection != connection &&
 	    strcmp(session->user, login.user) != 0)
@@ -367,12 +372,18 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 			access->left(access->context, session->number);
 	}
 	if (status != UA_STATUSCODE_GOOD) {
+		const char *who = login.user[0] ? login.user :
+		                  login.named   ? "an unknown user" :
+		                                  "without a user";
+
 		db_client_log_rationed_for(&access->lines, address, db_client_now(),
 		                           DB_CLIENT_WARNING, "%s: not logged in: %s: %s", address,
-		                           login.user[0] ? login.user : "without a user",
-		                           UA_StatusCode_name(status));
-		access->note(access->context, "login", "in", "", address,
-		             login.user[0] ? login.user : "without a user", true);
+		                           who, UA_StatusCode_name(status));
+		access->note(access->context, &(struct db_link_note){ .kind = "login",
+		                                                      .what = "in",
+		                                                      .from = from,
+		                                                      .text = who,
+		                                                      .refused = true });
 		return status;
 	}
 	session->connection = connection;
@@ -381,13 +392,17 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	(void)snprintf(session->user, sizeof(session->user), "%s", login.user);
 	(void)snprintf(session->label, sizeof(session->label), "%s at %s",
 	               login.user[0] ? login.user : "anonymous", address);
-	(void)snprintf(session->from, sizeof(session->from), "OPC UA, %s", address);
+	memcpy(session->from, from, sizeof(from));
 	update_network(access, connection);
 	update_network(access, before);
 	/* Without a user nothing can be done but reading. */
 	if (login.user[0])
-		access->note(access->context, "login", "in", login.user, address,
-		             db_role_name(login.grant.role), false);
+		access->note(access->context,
+		             &(struct db_link_note){ .kind = "login",
+		                                     .what = "in",
+		                                     .user = login.user,
+		                                     .from = from,
+		                                     .text = db_role_name(login.grant.role) });
 	if (db_role_moves(login.grant.role))
 		db_client_log(DB_CLIENT_INFO, "%s: logged in as %s", session->label,
 		              db_role_name(login.grant.role));
@@ -418,15 +433,34 @@ static void close_session(UA_Server *server, UA_AccessControl *control, const UA
 		update_network(access, connection);
 }
 
-static bool may(UA_Server *server, const UA_AccessControl *control, const UA_NodeId *id,
-                const UA_NodeId *node, void *node_context)
+UA_StatusCode db_opcua_access_deny(const struct db_opcua_access *access,
+                                   const struct db_opcua_session *session, const char *what,
+                                   const char *of, enum db_may may, const char *drive)
 {
-	const struct db_opcua_session *session = db_opcua_access_find(control->context, id);
-	const char *drive;
-	enum db_may needs = db_opcua_nodes_need(UA_Server_getConfig(server)->context, node,
-	                                        node_context, &drive);
+	char why[256];
 
-	return session && needs < DB_MAYS && db_grant_has(&session->grant, needs, drive);
+	if (!session)
+		return UA_STATUSCODE_BADUSERACCESSDENIED;
+	db_grant_explain(&session->grant, may, drive, why, sizeof(why));
+	access->note(access->context, &(struct db_link_note){ .kind = "denied",
+	                                                      .what = what,
+	                                                      .user = session->user,
+	                                                      .from = session->from,
+	                                                      .drive = of,
+	                                                      .text = why,
+	                                                      .refused = true });
+	return UA_STATUSCODE_BADUSERACCESSDENIED;
+}
+
+static struct db_opcua_need need_of(UA_Server *server, const UA_NodeId *node, void *node_context)
+{
+	return db_opcua_nodes_need(UA_Server_getConfig(server)->context, node, node_context);
+}
+
+static bool has(const struct db_opcua_session *session, const struct db_opcua_need *need)
+{
+	return session && need->may < DB_MAYS &&
+	       db_grant_has(&session->grant, need->may, need->drive);
 }
 
 static UA_UInt32 get_rights(UA_Server *server, UA_AccessControl *control, const UA_NodeId *session,
@@ -441,33 +475,56 @@ static UA_UInt32 get_rights(UA_Server *server, UA_AccessControl *control, const 
 	return 0;
 }
 
-static UA_Byte get_access_level(UA_Server *server, UA_AccessControl *control,
-                                const UA_NodeId *session, void *session_context,
-                                const UA_NodeId *node, void *node_context)
+static UA_Byte get_access_level(UA_Server *server, UA_AccessControl *control, const UA_NodeId *id,
+                                void *session_context, const UA_NodeId *node, void *node_context)
 {
+	const struct db_opcua_session *session = db_opcua_access_find(control->context, id);
+	struct db_opcua_need need = need_of(server, node, node_context);
+
 	(void)session_context;
-	return may(server, control, session, node, node_context) ?
-	               UA_ACCESSLEVELMASK_READ | UA_ACCESSLEVELMASK_WRITE :
-	               UA_ACCESSLEVELMASK_READ;
+	if (has(session, &need))
+		return UA_ACCESSLEVELMASK_READ | UA_ACCESSLEVELMASK_WRITE;
+	/* Also who reads is asked about here. */
+	if (need.written && need.name) {
+		char deed[32];
+
+		(void)snprintf(deed, sizeof(deed), "write %s", need.name);
+		(void)db_opcua_access_deny(control->context, session, deed, need.of, need.may,
+		                           need.drive);
+	}
+	return UA_ACCESSLEVELMASK_READ;
 }
 
-static UA_Boolean get_executable(UA_Server *server, UA_AccessControl *control,
-                                 const UA_NodeId *session, void *session_context,
-                                 const UA_NodeId *method, void *method_context)
+/* Also to be read by clients, as an attribute. */
+static UA_Boolean get_executable(UA_Server *server, UA_AccessControl *control, const UA_NodeId *id,
+                                 void *session_context, const UA_NodeId *method,
+                                 void *method_context)
 {
+	struct db_opcua_need need = need_of(server, method, method_context);
+
 	(void)session_context;
 	/* The library's own methods concern the caller's subscriptions. */
-	return method->namespaceIndex == 0 || may(server, control, session, method, method_context);
+	return method->namespaceIndex == 0 ||
+	       has(db_opcua_access_find(control->context, id), &need);
 }
 
+/* Only for calls. */
 static UA_Boolean get_executable_on_object(UA_Server *server, UA_AccessControl *control,
-                                           const UA_NodeId *session, void *session_context,
+                                           const UA_NodeId *id, void *session_context,
                                            const UA_NodeId *method, void *method_context,
                                            const UA_NodeId *object, void *object_context)
 {
+	struct db_opcua_need need = need_of(server, method, method_context);
+
 	(void)object;
 	(void)object_context;
-	return get_executable(server, control, session, session_context, method, method_context);
+	if (get_executable(server, control, id, session_context, method, method_context))
+		return true;
+	if (need.name)
+		(void)db_opcua_access_deny(control->context,
+		                           db_opcua_access_find(control->context, id), need.name,
+		                           need.of, need.may, need.drive);
+	return false;
 }
 
 /* No client changes the address space. Without such a function the library allows it to

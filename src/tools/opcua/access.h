@@ -15,6 +15,7 @@
 #ifndef DRIVEBRIDGE_OPCUA_ACCESS_H
 #define DRIVEBRIDGE_OPCUA_ACCESS_H
 
+#include "client/link.h"
 #include "opcua/config.h"
 #include "opcua/network.h"
 #include "users/users.h"
@@ -43,8 +44,7 @@ struct db_opcua_session {
 typedef void db_opcua_left_fn(void *context, unsigned session);
 
 /* What a user did is to be noted, see db_opcua_plant_note(). */
-typedef void db_opcua_note_fn(void *context, const char *kind, const char *what, const char *user,
-                              const char *from, const char *text, bool refused);
+typedef void db_opcua_note_fn(void *context, const struct db_link_note *note);
 
 struct db_opcua_access;
 
@@ -87,6 +87,13 @@ const struct db_opcua_session *db_opcua_access_find(const struct db_opcua_access
  * activated. */
 bool db_opcua_access_set_token(struct db_opcua_access *access, const UA_NodeId *session,
                                const char *token);
+
+/* The session's user may not do that: adds it to the audit trail. `what`: the command, "write spd";
+ * `of`: the drive; NULL: none. `may` and `drive` as in db_grant_has(). NULL as a session is
+ * allowed. Returns BadUserAccessDenied. */
+UA_StatusCode db_opcua_access_deny(const struct db_opcua_access *access,
+                                   const struct db_opcua_session *session, const char *what,
+                                   const char *of, enum db_may may, const char *drive);
 
 /* Iterates over the sessions that have a connection. NULL: the end. `place` begins with 0. */
 const struct db_opcua_session *db_opcua_access_next(const struct db_opcua_access *access,

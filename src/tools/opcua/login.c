@@ -74,7 +74,7 @@ static void tell_weak(struct db_opcua_logins *logins, const struct db_user *user
 
 /* BadUserAccessDenied: wrong password, or no such user. Right ones are not counted. */
 static UA_StatusCode check_password(struct db_opcua_logins *logins, const char *address,
-                                    bool is_signed, const char *password,
+                                    bool is_signed, const char *name, const char *password,
                                     struct db_opcua_login *login)
 {
 	db_time now = db_client_now();
@@ -86,11 +86,15 @@ static UA_StatusCode check_password(struct db_opcua_logins *logins, const char *
 	struct db_users users = { .list = NULL };
 	bool right;
 
-	if (logins->wrong[is_signed] || db_attempts_wait(attempts, own, each, now) > 0 ||
-	    db_attempts_wait(attempts, all, together, now) > 0)
-		return UA_STATUSCODE_BADTCPSERVERTOOBUSY;
 	if (db_users_load(&users, logins->config->users, &db_opcua_keeper, stderr))
-		user = db_users_find(&users, login->user);
+		user = db_users_find(&users, name);
+	if (user)
+		(void)snprintf(login->user, sizeof(login->user), "%s", user->name);
+	if (logins->wrong[is_signed] || db_attempts_wait(attempts, own, each, now) > 0 ||
+	    db_attempts_wait(attempts, all, together, now) > 0) {
+		db_users_clear(&users);
+		return UA_STATUSCODE_BADTCPSERVERTOOBUSY;
+	}
 	/* The library waits for the answer, and with it every client. */
 	if (user && user->pam)
 		db_client_log_rationed_for(logins->lines, address, now, DB_CLIENT_WARNING,
@@ -126,6 +130,7 @@ UA_StatusCode db_opcua_logins_check(struct db_opcua_logins *logins, const char *
                                     struct db_opcua_login *login)
 {
 	char password[DB_PASSWORD_MAX + 1] = "";
+	char name[DB_USERS_NAME_MAX + 1] = "";
 	const UA_UserNameIdentityToken *named;
 	UA_StatusCode status = UA_STATUSCODE_BADUSERACCESSDENIED;
 
@@ -141,11 +146,11 @@ UA_StatusCode db_opcua_logins_check(struct db_opcua_logins *logins, const char *
 	    token->content.decoded.type != &UA_TYPES[UA_TYPES_USERNAMEIDENTITYTOKEN])
 		return status;
 	named = token->content.decoded.data;
-	if (copy_text(&named->userName, login->user, sizeof(login->user)) &&
+	login->named = true;
+	if (copy_text(&named->userName, name, sizeof(name)) &&
 	    copy_text(&named->password, password, sizeof(password)))
-		status = check_password(logins, address, is_signed, password, login);
-	else
-		login->user[0] = '\0';
+		status = check_password(logins, address, is_signed, name, password, login);
+	explicit_bzero(name, sizeof(name));
 	explicit_bzero(password, sizeof(password));
 	login->grant.stops = is_signed && logins->config->readers_may_stop == DB_OPCUA_YES;
 	/* An unsigned connection may be anybody's. */

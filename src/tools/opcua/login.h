@@ -16,7 +16,8 @@
 extern const struct db_users_keeper db_opcua_keeper;
 
 struct db_opcua_login {
-	char user[DB_USERS_NAME_MAX + 1]; /* "": anonymous, or no name that can be one */
+	char user[DB_USERS_NAME_MAX + 1]; /* "": anonymous, or nobody that there is */
+	bool named;                       /* with a name, which may be a password by mistake */
 	struct db_grant grant;
 	unsigned long digest; /* db_users_digest() of the user; 0: anonymous */
 };
@@ -32,7 +33,7 @@ void db_opcua_logins_free(struct db_opcua_logins *logins);
 void db_opcua_logins_begin(struct db_opcua_logins *logins);
 
 /* BadUserAccessDenied: wrong password, no such user, or anonymous where that is not allowed;
- * BadTcpServerTooBusy: too many attempts. The user's name is set either way. */
+ * BadTcpServerTooBusy: too many attempts. Who it is is set either way. */
 UA_StatusCode db_opcua_logins_check(struct db_opcua_logins *logins, const char *address,
                                     bool is_signed, const UA_ExtensionObject *token,
                                     struct db_opcua_login *login);

@@ -214,34 +214,39 @@ static UA_StatusCode call_method(UA_Server *server, const UA_NodeId *session, vo
 	return status;
 }
 
-enum db_may db_opcua_nodes_need(const struct db_opcua_nodes *nodes, const UA_NodeId *node,
-                                void *node_context, const char **drive)
+struct db_opcua_need db_opcua_nodes_need(const struct db_opcua_nodes *nodes, const UA_NodeId *node,
+                                         void *node_context)
 {
 	const struct db_opcua_subject *subject = node_context;
 	const struct db_opcua_branch *branch;
-	const char *name;
+	struct db_opcua_need need = { .may = DB_MAYS };
 
-	*drive = NULL;
 	if (node->namespaceIndex != nodes->roster.space || !subject ||
 	    subject->type != DB_OPCUA_OF_DRIVE)
-		return DB_MAYS;
+		return need;
+	need.written = db_opcua_store_is_written(subject);
 	branch = subject->branch;
-	if (branch->type == DB_OPCUA_CLOCK)
-		return DB_MAY_MOVE;
-	*drive = subject->shown->drive->name;
-	if (branch->type == DB_OPCUA_METHOD) {
-		name = json_string_value(
-			json_object_get(command_of(subject->shown->tree, branch), "name"));
-		return db_may_of_command(name, drive);
+	if (branch->type == DB_OPCUA_CLOCK) {
+		need.may = DB_MAY_MOVE;
+		need.name = "clock";
+		return need;
 	}
-	if (branch->type != DB_OPCUA_VARIABLE)
-		return DB_MAYS;
-	name = subject->shown->drive->items[branch->place].reg->name;
-	/* By what is written there, which may be a stop. */
-	if (strcmp(name, "command") == 0)
-		return DB_MAY_STOP;
-	return strcmp(name, "staged_command") == 0 ? DB_MAY_MOVE :
-	                                             db_may_of_write(*drive, name, 1.0);
+	need.of = need.drive = subject->shown->drive->name;
+	if (branch->type == DB_OPCUA_METHOD) {
+		need.name = json_string_value(
+			json_object_get(command_of(subject->shown->tree, branch), "name"));
+		need.may = db_may_of_command(need.name, &need.drive);
+	} else if (branch->type == DB_OPCUA_VARIABLE) {
+		need.name = subject->shown->drive->items[branch->place].reg->name;
+		/* By what is written there, which may be a stop. */
+		if (strcmp(need.name, "command") == 0)
+			need.may = DB_MAY_STOP;
+		else if (strcmp(need.name, "staged_command") == 0)
+			need.may = DB_MAY_MOVE;
+		else
+			need.may = db_may_of_write(need.drive, need.name, 1.0);
+	}
+	return need;
 }
 
 /* --- filling ---------------------------------------------------------------------------------- */

@@ -47,10 +47,17 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
                                    struct db_opcua_plant *plant);
 extern const struct db_opcua_plant_ops db_opcua_nodes_plant_ops;
 
-/* What a client needs at least to call this method or to write this variable, and of which drive;
- * NULL: of any. Nodes that are not of drives have no drive, and are written by nobody. */
-enum db_may db_opcua_nodes_need(const struct db_opcua_nodes *nodes, const UA_NodeId *node,
-                                void *node_context, const char **drive);
+/* What a client needs at least to call this method or to write this variable. */
+struct db_opcua_need {
+	enum db_may may;   /* DB_MAYS: nobody may */
+	const char *drive; /* of which drive; NULL: of any */
+	const char *of;    /* the drive whose node it is; NULL: of no drive */
+	const char *name;  /* the method's command, or the variable's register; NULL: neither */
+	bool written;      /* it is being written */
+};
+
+struct db_opcua_need db_opcua_nodes_need(const struct db_opcua_nodes *nodes, const UA_NodeId *node,
+                                         void *node_context);
 
 /* A monitored item of a node's value was added or removed. */
 void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, bool removed);

@@ -262,17 +262,12 @@ bool db_opcua_plant_has_audit(const struct db_opcua_plant *plant)
 	return json_object_get(plant->known, "audit_trouble");
 }
 
-void db_opcua_plant_note(const struct db_opcua_plant *plant, const char *kind, const char *what,
-                         const char *user, const char *from, const char *text, bool refused)
+void db_opcua_plant_note(const struct db_opcua_plant *plant, const struct db_link_note *note)
 {
 	/* A server that may only read has nothing that its users could have done. */
 	if (db_plant_is_there(plant->plant) && db_opcua_plant_has_audit(plant) &&
 	    json_is_true(json_object_get(plant->known, "may_act")))
-		(void)db_link_tell(db_plant_reader(plant->plant), "Note",
-		                   json_pack("{s:s, s:s, s:s, s:o, s:s, s:b}", "kind", kind, "what",
-		                             what, "user", user, "from",
-		                             json_sprintf("OPC UA%s%s", from[0] ? ", " : "", from),
-		                             "text", text, "refused", refused));
+		db_link_note(db_plant_reader(plant->plant), note);
 }
 
 static void open_fetcher(struct db_opcua_plant *plant)

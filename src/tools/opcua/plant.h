@@ -46,9 +46,8 @@ db_time db_opcua_plant_tend(struct db_opcua_plant *plant, db_time now);
 
 /* True if the service takes what is for its audit trail. */
 bool db_opcua_plant_has_audit(const struct db_opcua_plant *plant);
-/* Adds to the audit trail what a user did here: "login", "in"; "users", "changed". */
-void db_opcua_plant_note(const struct db_opcua_plant *plant, const char *kind, const char *what,
-                         const char *user, const char *from, const char *text, bool refused);
+/* Adds to the audit trail what a user did here. */
+void db_opcua_plant_note(const struct db_opcua_plant *plant, const struct db_link_note *note);
 
 /* As db_plant_is_stop(). */
 bool db_opcua_plant_is_stop(const struct db_opcua_plant *plant, const char *command);

@@ -136,7 +136,8 @@ static UA_StatusCode run_command(void *context, const UA_NodeId *id, struct db_o
 
 	if (!session || !db_grant_has(&session->grant, needs, needed)) {
 		json_decref(arguments);
-		return UA_STATUSCODE_BADUSERACCESSDENIED;
+		return db_opcua_access_deny(server->access, session, command, drive->name, needs,
+		                            needed);
 	}
 	db_opcua_acting_run(
 		server->acting,
@@ -172,28 +173,26 @@ static const char *command_of(const struct db_opcua_item *item, const json_t *va
 	return "";
 }
 
-static bool may_write(const struct db_opcua_session *session, const struct db_opcua_item *item,
-                      const char *command, const json_t *value)
-{
-	const char *drive = item->drive->name;
-	enum db_may needs = command ? db_may_of_command(command, &drive) :
-	                              db_may_of_write(drive, item->reg->name,
-	                                              json_number_value(value));
-
-	return db_grant_has(&session->grant, needs, drive);
-}
-
 static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct db_opcua_item *item,
                                     json_t *value)
 {
 	struct db_opcua_server *server = context;
 	const struct db_opcua_session *session = db_opcua_access_find(server->access, id);
-	const char *command = strcmp(item->reg->name, "command") == 0 ? command_of(item, value) :
-	                                                                NULL;
+	const char *written = command_of(item, value);
+	const char *command = strcmp(item->reg->name, "command") == 0 ? written : NULL;
+	const char *drive = item->drive->name;
+	enum db_may needs = written ? db_may_of_command(written, &drive) :
+	                              db_may_of_write(drive, item->reg->name,
+	                                              json_number_value(value));
 	struct db_opcua_outcome outcome;
+	char deed[32];
 
-	if (!session || !may_write(session, item, command_of(item, value), value))
-		return UA_STATUSCODE_BADUSERACCESSDENIED;
+	if (!session || !db_grant_has(&session->grant, needs, drive)) {
+		(void)snprintf(deed, sizeof(deed), "write %s", item->reg->name);
+		return db_opcua_access_deny(server->access, session,
+		                            written && written[0] ? written : deed,
+		                            item->drive->name, needs, drive);
+	}
 	db_opcua_acting_write(
 		server->acting,
 		&(struct db_opcua_actor){
@@ -242,12 +241,11 @@ static void lose_session(void *context, unsigned session)
 	db_opcua_acting_drop(server->acting, session);
 }
 
-static void note(void *context, const char *kind, const char *what, const char *user,
-                 const char *from, const char *text, bool refused)
+static void note(void *context, const struct db_link_note *said)
 {
 	const struct db_opcua_server *server = context;
 
-	db_opcua_plant_note(server->plant, kind, what, user, from, text, refused);
+	db_opcua_plant_note(server->plant, said);
 }
 
 static void count_watchers(UA_Server *library, const UA_NodeId *session, void *session_context,

@@ -4,6 +4,7 @@
 #include "client/log.h"
 
 #include <open62541/plugin/nodestore_default.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -146,6 +147,14 @@ static bool is_ours(const struct db_opcua_store *store, const UA_Node *node)
 	return place >= (uintptr_t)store->pool && place < (uintptr_t)(store->pool + HELD_MAX);
 }
 
+bool db_opcua_store_is_written(const struct db_opcua_subject *subject)
+{
+	/* Each subject that the library knows is part of such a node. */
+	uintptr_t node = (uintptr_t)subject - offsetof(struct db_opcua_node, subject);
+
+	return ((const struct db_opcua_node *)node)->written;
+}
+
 static void forget_node(struct db_opcua_store *store, struct db_opcua_node *node)
 {
 	/* A subscription was added or removed while the node was held. */
@@ -169,6 +178,8 @@ static const UA_Node *make_node(struct db_opcua_store *store, UA_String id,
 	}
 	store->unheld = node->next;
 	*node = (struct db_opcua_node){ .subject = *subject };
+	/* It reads single attributes, and writes to nodes with all of them (seen in 1.4.11). */
+	node->written = attributes == UA_NODEATTRIBUTESMASK_ALL;
 	memcpy(node->id, id.data, id.length);
 	node->node.head.nodeId = (UA_NodeId){
 		.namespaceIndex = store->space,

@@ -26,6 +26,7 @@ struct db_opcua_node {
 	UA_LocalizedTextListEntry display_name;
 	UA_LocalizedTextListEntry description;
 	UA_UInt32 any_length; /* 0, the dimension of an array */
+	bool written;         /* the library holds it to write it */
 	void *value;          /* freed with free() together with the node; NULL: none */
 	/* Where the subscriptions to the node's events are kept; NULL: it has no events. */
 	UA_MonitoredItem **listeners;
@@ -56,6 +57,9 @@ void db_opcua_store_free(struct db_opcua_store *store);
 
 /* For the configuration of a server, which has to clear it. */
 UA_Nodestore db_opcua_store_give(struct db_opcua_store *store);
+
+/* True if the library holds the node of this subject to write it. */
+bool db_opcua_store_is_written(const struct db_opcua_subject *subject);
 
 /* From now on ids of this namespace are searched here first. */
 void db_opcua_store_begin(struct db_opcua_store *store, UA_UInt16 space);

@@ -169,5 +169,5 @@ int db_users_administer(const struct db_users_keeper *keeper, const char *path, 
 		return list(keeper, path);
 	if (task->move)
 		return move(keeper, path);
-	return db_users_remove(path, task->remove, stderr) ? EXIT_SUCCESS : EXIT_FAILURE;
+	return db_users_remove(path, task->remove, NULL, stderr) ? EXIT_SUCCESS : EXIT_FAILURE;
 }

@@ -44,7 +44,7 @@ static void do_not_wait(int status, unsigned delay, void *data)
 	(void)data;
 }
 
-static bool is_there(const char *folder)
+bool db_pam_is_there(const char *folder)
 {
 	static const char *const folders[] = { "/etc/pam.d", "/usr/lib/pam.d" };
 	char path[512];
@@ -73,7 +73,7 @@ bool db_pam_check(const char *folder, const char *user, const char *password, ch
 	int status;
 
 	why[0] = '\0';
-	if (!is_there(folder)) {
+	if (!db_pam_is_there(folder)) {
 		(void)snprintf(why, size, "PAM has no service " DB_PAM_SERVICE);
 		return false;
 	}

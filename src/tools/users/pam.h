@@ -11,10 +11,13 @@
 
 #define DB_PAM_SERVICE "drivebridge"
 
+/* True if PAM has that service. `folder`: where its file stands, "" for PAM's own folders. */
+bool db_pam_is_there(const char *folder);
+
 /*
- * True if PAM takes the password and the account is valid. `folder`: where the service's file
- * stands, "" for PAM's own folders. `why`: what failed, "" where it was the password or the name.
- * A service without a file of its own is refused: PAM would take the rules of "other".
+ * True if PAM takes the password and the account is valid. `folder`: as above. `why`: what failed,
+ * "" where it was the password or the name. A service without a file of its own is refused: PAM
+ * would take the rules of "other".
  */
 bool db_pam_check(const char *folder, const char *user, const char *password, char *why,
                   size_t size);

@@ -9,12 +9,18 @@
 #include <string.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #define PATH_MAX_BYTES 512
 
 /* In place of a hash. */
 #define PAM "pam"
+
+/* Others change a file in some thousandths of a second: whoever does not come to an end is not
+ * waited for longer than 2 s in all. */
+#define LOCK_EVERY_MS 20
+#define LOCK_TRIES 100
 
 bool db_users_name_is_good(const char *name)
 {
@@ -354,35 +360,92 @@ static void make_folder(const char *folder)
 		(void)chmod(folder, 02770);
 }
 
-static bool is_as_before(const struct db_user *now, const struct db_user *before)
+/* Two who change it at the same time do so one after the other. The lock; -1 with the reason in
+ * `out`. Takes from the tries. */
+static int lock_folder(const char *path, bool make, unsigned *tries, FILE *out)
 {
-	return !before || (now ? db_users_digest(now) == db_users_digest(before) : before->former);
-}
-
-/* Puts a user's line into one file, or removes it if `user` is NULL. */
-static bool change_file(const char *path, const char *name, const struct db_user *user,
-                        const struct db_user *before, FILE *out)
-{
+	static const struct timespec wait = { .tv_nsec = LOCK_EVERY_MS * 1000000 };
 	char *copy = strdup(path);
 	const char *folder = copy ? dirname(copy) : NULL;
-	struct db_users users = { .list = NULL };
-	struct stat status;
-	char *text = NULL;
-	bool good = false;
 	int lock = -1;
 
-	if (folder && user)
+	if (folder && make)
 		make_folder(folder);
 	lock = folder ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
-	/* Two administrators at the same time: one after the other. */
-	if (lock >= 0 && flock(lock, LOCK_EX) == 0)
-		text = read_text(path, &status);
+	free(copy);
+	if (lock < 0) {
+		(void)fprintf(out, "%s: %s\n", path, strerror(errno));
+		return -1;
+	}
+	while (flock(lock, LOCK_EX | LOCK_NB) != 0) {
+		if (errno == EWOULDBLOCK && *tries > 0) {
+			--*tries;
+			(void)nanosleep(&wait, NULL);
+			continue;
+		}
+		(void)fprintf(out, "%s: %s\n", path,
+		              errno == EWOULDBLOCK ? "another program is changing it; try again" :
+		                                     strerror(errno));
+		(void)close(lock);
+		return -1;
+	}
+	return lock;
+}
+
+static bool can_appoint(const struct db_user *user, bool pam)
+{
+	return user->grant.role == DB_ROLE_ADMINISTRATOR && (pam || !user->pam);
+}
+
+/* Whether somebody can still log in and make users when this user's line is another one. */
+static bool leaves_administrator(const struct db_users *users, const char *name,
+                                 const struct db_user *user, bool pam)
+{
+	bool left = user && can_appoint(user, pam);
+
+	for (size_t i = 0; i < users->count && !left; i++)
+		left = strcmp(users->list[i].name, name) != 0 && can_appoint(&users->list[i], pam);
+	return left;
+}
+
+static bool terms_hold(const char *path, const char *name, const struct db_user *user,
+                       const struct db_users_terms *terms, FILE *out)
+{
+	struct db_users users;
+	bool good = db_users_load(&users, path, terms->keeper, out);
+	const struct db_user *now = db_users_find(&users, name);
+	const struct db_user *by = terms->by ? db_users_find(&users, terms->by) : NULL;
+	bool as_before = now ? terms->before &&
+	                                 db_users_digest(now) == db_users_digest(terms->before) :
+	                       !terms->before;
+
+	if (good && terms->by && (!by || by->grant.role != DB_ROLE_ADMINISTRATOR)) {
+		(void)fprintf(out, "%s: %s is no administrator any more\n", path, terms->by);
+		good = false;
+	} else if (good && !as_before) {
+		(void)fprintf(out, "%s: the user %s was changed meanwhile\n", path, name);
+		good = false;
+	} else if (good && now && now->grant.role == DB_ROLE_ADMINISTRATOR &&
+	           !leaves_administrator(&users, name, user, terms->pam)) {
+		(void)fprintf(out, "%s: no administrator who can log in would be left\n", path);
+		good = false;
+	}
+	db_users_clear(&users);
+	return good;
+}
+
+/* Puts a user's line into one file, whose folder is locked, or removes it if `user` is NULL. */
+static bool change_file(const char *path, const char *name, const struct db_user *user, FILE *out)
+{
+	struct db_users users = { .list = NULL };
+	struct stat status;
+	char *text = read_text(path, &status);
+	bool good = false;
+
 	if (!text)
 		(void)fprintf(out, "%s: %s\n", path, strerror(errno));
 	else if (db_users_parse(&users, text, path, out)) {
-		if (!is_as_before(db_users_find(&users, name), before))
-			(void)fprintf(out, "%s: the user %s was changed meanwhile\n", path, name);
-		else if (!user && !db_users_find(&users, name))
+		if (!user && !db_users_find(&users, name))
 			(void)fprintf(out, "%s: there is no user %s\n", path, name);
 		else if (user && !db_users_find(&users, name) && users.count + 1 == DB_USERS_MAX)
 			(void)fprintf(out, "%s: there are too many users\n", path);
@@ -395,9 +458,6 @@ static bool change_file(const char *path, const char *name, const struct db_user
 	if (text)
 		explicit_bzero(text, strlen(text));
 	free(text);
-	free(copy);
-	if (lock >= 0)
-		(void)close(lock);
 	return good;
 }
 
@@ -413,7 +473,8 @@ static bool stands_in(const char *path, const char *name)
 }
 
 /* Removes a name from all programs' files of before where it stands in them. */
-static bool change_former(const char *path, const char *name, FILE *out, bool *found)
+static bool change_former(const char *path, const char *name, unsigned *tries, FILE *out,
+                          bool *found)
 {
 	static const struct db_users_keeper keepers[] = { { .former = DB_USERS_FORMER_WEB },
 		                                          { .former = DB_USERS_FORMER_OPCUA } };
@@ -422,38 +483,57 @@ static bool change_former(const char *path, const char *name, FILE *out, bool *f
 
 	*found = false;
 	for (size_t i = 0; i < sizeof(keepers) / sizeof(keepers[0]); i++) {
+		int lock;
+
 		db_users_former(path, &keepers[i], former, sizeof(former));
 		if (former[0] == '\0' || !stands_in(former, name))
 			continue;
 		*found = true;
-		good = change_file(former, name, NULL, NULL, out) && good;
+		lock = lock_folder(former, false, tries, out);
+		good = lock >= 0 && change_file(former, name, NULL, out) && good;
+		if (lock >= 0)
+			(void)close(lock);
 	}
 	return good;
 }
 
-bool db_users_put(const char *path, const struct db_user *user, const struct db_user *before,
+bool db_users_put(const char *path, const struct db_user *user, const struct db_users_terms *terms,
                   FILE *out)
 {
+	unsigned tries = LOCK_TRIES;
+	int lock = lock_folder(path, true, &tries, out);
 	FILE *nowhere;
 	bool found;
+	bool good;
 
-	if (!change_file(path, user->name, user, before, out))
+	if (lock < 0)
 		return false;
+	good = (!terms || terms_hold(path, user->name, user, terms, out)) &&
+	       change_file(path, user->name, user, out);
 	/* Where that cannot be changed, the new line counts all the same. */
-	nowhere = fopen("/dev/null", "we");
+	nowhere = good ? fopen("/dev/null", "we") : NULL;
 	if (nowhere) {
-		(void)change_former(path, user->name, nowhere, &found);
+		(void)change_former(path, user->name, &tries, nowhere, &found);
 		(void)fclose(nowhere);
 	}
-	return true;
+	(void)close(lock);
+	return good;
 }
 
-bool db_users_remove(const char *path, const char *name, FILE *out)
+bool db_users_remove(const char *path, const char *name, const struct db_users_terms *terms,
+                     FILE *out)
 {
+	unsigned tries = LOCK_TRIES;
+	int lock = lock_folder(path, false, &tries, out);
 	bool found;
+	bool good;
 
-	/* First those of before: an old line must not come to count again. */
-	if (!change_former(path, name, out, &found))
+	if (lock < 0)
 		return false;
-	return (found && !stands_in(path, name)) || change_file(path, name, NULL, NULL, out);
+	/* First those of before: an old line must not come to count again. */
+	good = (!terms || terms_hold(path, name, NULL, terms, out)) &&
+	       change_former(path, name, &tries, out, &found) &&
+	       ((found && !stands_in(path, name)) || change_file(path, name, NULL, out));
+	(void)close(lock);
+	return good;
 }

@@ -80,17 +80,28 @@ uint64_t db_users_stamp(const char *path, const struct db_users_keeper *keeper);
 /* A number that changes when anything of the user does. */
 unsigned long db_users_digest(const struct db_user *user);
 
+/* What has to be true of the users when nobody else can change them any more. */
+struct db_users_terms {
+	const struct db_users_keeper *keeper; /* whose file of before counts, too */
+	const struct db_user *before;         /* the user is still this one; NULL: there is none */
+	const char *by; /* is an administrator; NULL: the user himself changes his password */
+	/* PAM can check passwords: an administrator who can log in has to be left. */
+	bool pam;
+};
+
 /*
  * Writes the user's line in the file, and keeps the other lines: a new file replaces the old one,
- * with its owner and mode. Lines in files of before are removed where they can be. `before`: only
- * if the user is still this one; NULL: in any case. False: it failed; the reason goes to `out`.
+ * with its owner and mode. Lines in files of before are removed where they can be. `terms`: only
+ * under these; NULL: in any case. Waits up to 2 s for others who change the file. False: it failed;
+ * the reason goes to `out`.
  */
-bool db_users_put(const char *path, const struct db_user *user, const struct db_user *before,
+bool db_users_put(const char *path, const struct db_user *user, const struct db_users_terms *terms,
                   FILE *out);
 
-/* Removes the user from all files, the other lines stay. False: he may still stand in one; the
- * reason goes to `out`. */
-bool db_users_remove(const char *path, const char *name, FILE *out);
+/* Removes the user from all files, the other lines stay; the rest as above. False: he may still
+ * stand in one. */
+bool db_users_remove(const char *path, const char *name, const struct db_users_terms *terms,
+                     FILE *out);
 
 /* The path of the keeper's file of before; "": there can be none. */
 void db_users_former(const char *path, const struct db_users_keeper *keeper, char *former,

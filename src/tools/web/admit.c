@@ -1,12 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/admit.h"
 #include "web/origin.h"
+#include "web/service.h"
 #include "web/tabs.h"
+#include "words/value.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+
+/* Of what was refused, as the audit trail takes it. */
+#define NOTED_MAX 32
 
 static const char *head(const struct db_web_request *request, const char *name)
 {
@@ -59,27 +64,32 @@ static void find_peer(struct db_web_request *request, const char *forwarded)
 		request->secure = true;
 }
 
-static void find_session(struct db_web_request *request)
+/* Makes the request one of this session's user, or of nobody without a session of this id. */
+static void take_session(struct db_web_request *request, const char *id)
 {
 	struct db_web_server *server = request->server;
+	const struct db_web_session *session = db_web_sessions_find(server->sessions, id,
+	                                                            db_client_now());
+
+	(void)snprintf(request->user, sizeof(request->user), "%s", session ? session->user : "");
+	(void)snprintf(request->session, sizeof(request->session), "%s",
+	               session ? session->id : "");
+	(void)snprintf(request->token, sizeof(request->token), "%s", session ? session->token : "");
+	request->grant = session ? session->grant : db_web_grant_of_nobody(server->config);
+	request->grant.stops = session && server->config->readers_may_stop == DB_WEB_YES;
+	request->weak = session ? session->weak : NULL;
+	request->pam = session && session->pam;
+}
+
+static void find_session(struct db_web_request *request)
+{
 	const char *cookie = MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND,
 	                                                 request->secure ? DB_WEB_COOKIE_SECURE :
 	                                                                   DB_WEB_COOKIE);
-	const struct db_web_session *session =
-		cookie ? db_web_sessions_find(server->sessions, cookie, db_client_now()) : NULL;
 
-	request->grant = db_web_grant_of_nobody(server->config);
-	if (session) {
-		(void)snprintf(request->user, sizeof(request->user), "%s", session->user);
-		(void)snprintf(request->session, sizeof(request->session), "%s", session->id);
-		(void)snprintf(request->token, sizeof(request->token), "%s", session->token);
-		request->grant = session->grant;
-		request->grant.stops = server->config->readers_may_stop == DB_WEB_YES;
-		request->weak = session->weak;
-		request->pam = session->pam;
-	} else if (cookie && cookie[0] == DB_WEB_NOBODY && db_web_secret_is_good(cookie + 1)) {
+	take_session(request, cookie ? cookie : "");
+	if (cookie && cookie[0] == DB_WEB_NOBODY && db_web_secret_is_good(cookie + 1))
 		(void)snprintf(request->token, sizeof(request->token), "%s", cookie + 1);
-	}
 }
 
 static bool is_json(const char *type)
@@ -104,11 +114,44 @@ static bool may_at_all(const struct db_web_request *request)
 	return db_grant_has(&request->grant, request->route.needs, NULL);
 }
 
-static void refuse_deed(struct db_web_request *request, enum db_may may, const char *drive)
+/* The words for what is refused. `what`: the command or register, as the request calls it; words
+ * that are no name are not the trail's: they may be long, or mislead its reader. */
+static void name_deed(const struct db_web_request *request, const char *what, char deed[NOTED_MAX])
 {
+	static const char letters[] = "abcdefghijklmnopqrstuvwxyz0123456789_";
+	bool good = what && what[strspn(what, letters)] == '\0' &&
+	            strlen(what) + sizeof("write ") <= NOTED_MAX;
+
+	if (strcmp(request->route.name, "Write") == 0)
+		(void)snprintf(deed, NOTED_MAX, "write%s%s", good ? " " : "", good ? what : "");
+	else
+		(void)snprintf(deed, NOTED_MAX, "%s", good ? what : request->route.name);
+}
+
+/* Refuses it, and adds that to the audit trail. `what` as above; NULL: neither. */
+static void refuse_deed(struct db_web_request *request, enum db_may may, const char *drive,
+                        const char *what)
+{
+	const struct db_web_service *service = request->server->service;
+	const struct db_web_caller caller = db_web_request_caller(request);
+	bool known = drive && drive[0] &&
+	             db_words_look_up(
+			     json_object_get(db_web_service_description(service), "drives"), drive);
+	char deed[NOTED_MAX];
 	char why[256];
 
+	name_deed(request, what, deed);
 	db_grant_explain(&request->grant, may, drive, why, sizeof(why));
+	db_web_service_note(service,
+	                    &(struct db_link_note){ .kind = "denied",
+	                                            .what = deed,
+	                                            .user = caller.user,
+	                                            .from = caller.from,
+	                                            .drive = known ? drive : NULL,
+	                                            .text = known || !drive || !drive[0] ?
+	                                                            why :
+	                                                            "of a drive that is not there",
+	                                            .refused = true });
 	db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "NotAllowed", "%s", why);
 }
 
@@ -137,7 +180,7 @@ static void check_post(struct db_web_request *request)
 		                      "the token in X-Drivebridge is not this session's; fetch "
 		                      "/api/session");
 	else if (!may_at_all(request))
-		refuse_deed(request, request->route.needs, NULL);
+		refuse_deed(request, request->route.needs, NULL, NULL);
 	else if (length && strtoul(length, NULL, 10) > db_web_body_max(&request->route))
 		db_web_request_refuse(request, MHD_HTTP_CONTENT_TOO_LARGE, "TooLong",
 		                      "the body may have %zu bytes",
@@ -164,7 +207,7 @@ static void check_download(struct db_web_request *request)
 		db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginRequired",
 		                      "this needs a login");
 	else if (!may_at_all(request))
-		refuse_deed(request, request->route.needs, NULL);
+		refuse_deed(request, request->route.needs, NULL, NULL);
 }
 
 static void check_head(struct db_web_request *request, unsigned hosts)
@@ -198,6 +241,21 @@ void db_web_admit(struct db_web_request *request)
 	check_head(request, lines.hosts);
 }
 
+void db_web_admit_again(struct db_web_request *request)
+{
+	char id[DB_WEB_SECRET_TEXT];
+
+	(void)snprintf(id, sizeof(id), "%s", request->session);
+	take_session(request, id);
+	if (request->route.needs == DB_MAY_NOTHING)
+		return;
+	if (request->session[0] == '\0')
+		db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginRequired",
+		                      "the login has ended");
+	else if (!may_at_all(request))
+		refuse_deed(request, request->route.needs, NULL, NULL);
+}
+
 /* What a write of several registers needs: of each. False: it is refused. */
 static bool admit_writes(struct db_web_request *request, const char *drive)
 {
@@ -210,7 +268,7 @@ static bool admit_writes(struct db_web_request *request, const char *drive)
 		enum db_may needs = db_may_of_write(drive, name, json_number_value(value));
 
 		if (!db_grant_has(&request->grant, needs, drive)) {
-			refuse_deed(request, needs, drive);
+			refuse_deed(request, needs, drive, name);
 			return false;
 		}
 	}
@@ -224,14 +282,18 @@ void db_web_admit_content(struct db_web_request *request)
 	const char *command = json_string_value(json_object_get(request->parameters, "command"));
 	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
 	enum db_may needs = route->needs;
+	bool runs = route->kind == DB_WEB_CALL && strcmp(route->name, "Run") == 0;
 
 	if (route->kind == DB_WEB_CALL && strcmp(route->name, "Write") == 0) {
 		if (!admit_writes(request, drive ? drive : "") && request->status == 0)
-			refuse_deed(request, DB_MAY_MOVE, drive);
+			refuse_deed(request, DB_MAY_MOVE, drive, NULL);
 		return;
 	}
-	if (route->kind == DB_WEB_CALL && strcmp(route->name, "Run") == 0)
+	/* The chain is of all lines. */
+	if (route->kind == DB_WEB_TRAIL_VERIFY)
+		drive = "";
+	if (runs)
 		needs = command ? db_may_of_command(command, &drive) : DB_MAY_MOVE;
 	if (!db_grant_has(&request->grant, needs, drive))
-		refuse_deed(request, needs, drive);
+		refuse_deed(request, needs, drive, runs ? command : NULL);
 }

@@ -13,7 +13,7 @@ struct db_web_connections {
 	struct db_web_connection places[]; /* `most`, and those that are leaving */
 };
 
-/* Ticks until a first request has to be there, and when places run short. */
+/* Ticks until a first head has to be there, or a whole request, and when places run short. */
 #define PATIENCE 100
 #define PATIENCE_SHORT 20
 
@@ -215,8 +215,10 @@ void db_web_connections_tick(struct db_web_connections *connections, void (*clos
 
 	for (size_t i = 0; i < places(connections); i++) {
 		struct db_web_connection *one = &connections->places[i];
+		bool headless = rank_of(one) == HEADLESS;
 
-		if (!is_there(one) || rank_of(one) != HEADLESS || ++one->waited <= patience)
+		if (!is_there(one) || (!headless && !one->receives) ||
+		    ++one->waited <= (headless ? patience : PATIENCE))
 			continue;
 		one->leaving = true;
 		close(one->handle);

@@ -30,7 +30,8 @@ struct db_web_connection {
 	bool busy;                     /* that request is not finished */
 	bool waits;                    /* for this program, not for the browser */
 	bool leaving;
-	unsigned waited;   /* ticks without a whole head of a first request */
+	bool receives;     /* the body of that request is not whole */
+	unsigned waited;   /* ticks without a whole first head, or a whole request */
 	void *handle;      /* for the caller, which needs it to close the connection */
 	void *credentials; /* for the caller, that it began with */
 };
@@ -70,8 +71,9 @@ void db_web_connections_remove(struct db_web_connections *connections,
 
 /*
  * To be called each DB_WEB_CONNECTIONS_TICK: calls `close` for each connection that has sent no
- * whole head within 10 s, or within 2 s while more than half of the places are taken. These are
- * marked as leaving. Ticks are counted, not time: a busy machine is not the client's fault.
+ * whole head within 10 s, or within 2 s while more than half of the places are taken, or no whole
+ * request within 10 s. These are marked as leaving. Ticks are counted, not time: a busy machine is
+ * not the client's fault.
  */
 #define DB_WEB_CONNECTIONS_TICK (100 * DB_NS_PER_MS)
 void db_web_connections_tick(struct db_web_connections *connections, void (*close)(void *handle));

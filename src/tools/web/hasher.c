@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/hasher.h"
 #include "users/pam.h"
+#include "web/config.h"
 
 #include <pthread.h>
 #include <stdio.h>
@@ -56,6 +57,12 @@ static void take_last_line(char *said, char *why, size_t size)
 
 static bool change_users(struct db_web_work *work)
 {
+	const struct db_users_terms terms = {
+		.keeper = &db_web_keeper,
+		.before = work->known ? &work->user : NULL,
+		.by = work->by[0] ? work->by : NULL,
+		.pam = db_pam_is_there(work->pam_folder),
+	};
 	char *said = NULL;
 	size_t size = 0;
 	FILE *out = open_memstream(&said, &size);
@@ -68,9 +75,8 @@ static bool change_users(struct db_web_work *work)
 	}
 	if (good)
 		good = work->change == DB_WEB_CHANGE_PUT ?
-		               db_users_put(work->path, &work->fresh,
-		                            work->compares ? &work->user : NULL, out) :
-		               db_users_remove(work->path, work->fresh.name, out);
+		               db_users_put(work->path, &work->fresh, &terms, out) :
+		               db_users_remove(work->path, work->fresh.name, &terms, out);
 	if (out)
 		(void)fclose(out);
 	if (said && !good)

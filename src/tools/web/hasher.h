@@ -24,12 +24,14 @@ struct db_web_work {
 
 	/* First a password is compared. */
 	bool compares;
-	struct db_user user;    /* whose: with its hash, or by PAM */
+	struct db_user user;    /* whose: with its hash, or by PAM; who is changed below */
 	const char *pam_folder; /* "": PAM's own; outlives it */
 	char password[DB_PASSWORD_MAX + 1];
 
 	/* If that was right, or none was compared, the file of users is changed. */
 	enum db_web_change change;
+	bool known;                               /* there was such a user, `user` */
+	char by[DB_USERS_NAME_MAX + 1];           /* the administrator; "": the user himself */
 	const char *path;                         /* of that file; outlives it */
 	struct db_user fresh;                     /* is put, or its name removed */
 	char fresh_password[DB_PASSWORD_MAX + 1]; /* whose hash it gets; "": it has one */

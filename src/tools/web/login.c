@@ -205,28 +205,54 @@ static void begin_session(struct db_web_request *request)
 	db_web_login_tell(request);
 }
 
+/* Whether the user stands in the file as before: PAM may have taken its time. */
+static bool is_as_before(const struct db_web_server *server, const struct db_user *before)
+{
+	struct db_users users;
+	const struct db_user *now = NULL;
+	bool same;
+
+	if (db_users_load(&users, server->config->users_file, &db_web_keeper, stderr))
+		now = db_users_find(&users, before->name);
+	same = now && db_users_digest(now) == db_users_digest(before);
+	db_users_clear(&users);
+	return same;
+}
+
 void db_web_login_end(struct db_web_request *request, const struct db_web_work *work)
 {
 	struct db_web_server *server = request->server;
 	const char *user = json_string_value(json_object_get(request->parameters, "user"));
 	struct db_web_caller caller = db_web_request_caller(request);
+	bool right = work->right && request->known;
+	bool changed = right && !is_as_before(server, request->known);
 
-	if (work->right && request->known) {
+	if (right && !changed) {
 		const char *role = db_role_name(request->known->grant.role);
 
 		db_web_try_was_right(request, user);
 		db_client_log(DB_CLIENT_NOTICE, "%s: logged in as %s, %s%s%s", caller.text, user,
 		              role, request->weak ? "; the password is weak: " : "",
 		              request->weak ? request->weak : "");
-		db_web_service_note(server->service, "login", "in", user, caller.from, role, false);
+		db_web_service_note(server->service, &(struct db_link_note){ .kind = "login",
+		                                                             .what = "in",
+		                                                             .user = user,
+		                                                             .from = caller.from,
+		                                                             .text = role });
 		server->counts.logins++;
 		begin_session(request);
 		return;
 	}
 	/* An unknown name may be a password typed in the wrong field. */
-	log_login(request, " failed", request->known ? user : "an unknown user", work->why);
-	db_web_service_note(server->service, "login", "in", "", caller.from,
-	                    request->known ? user : "an unknown user", true);
+	log_login(request, " failed", request->known ? user : "an unknown user",
+	          changed ? "the user was changed meanwhile" : work->why);
+	db_web_service_note(
+		server->service,
+		&(struct db_link_note){ .kind = "login",
+	                                .what = "in",
+	                                .from = caller.from,
+	                                .text = request->known ? user : "an unknown user",
+	                                .refused = true });
 	server->counts.failed_logins++;
 	db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginFailed",
 	                      "the user or the password is wrong");
@@ -240,8 +266,10 @@ void db_web_logout(struct db_web_request *request)
 		struct db_web_caller caller = db_web_request_caller(request);
 
 		db_web_log_action(request, "logged out", NULL);
-		db_web_service_note(server->service, "login", "out", caller.user, caller.from, "",
-		                    false);
+		db_web_service_note(server->service, &(struct db_link_note){ .kind = "login",
+		                                                             .what = "out",
+		                                                             .user = caller.user,
+		                                                             .from = caller.from });
 		end_session(server, request->session);
 	}
 	request->user[0] = '\0';
@@ -252,13 +280,14 @@ void db_web_logout(struct db_web_request *request)
 	db_web_login_tell(request);
 }
 
-/* True while the user of this session changes his own password. */
+/* True while the user of this session changes his own password: a request of which something is
+ * missing yet changes nothing. */
 static bool changes_own_password(const struct db_web_server *server, const char *session)
 {
 	const struct db_web_request *request = server->requests;
 
-	while (request && (request->route.kind != DB_WEB_PASSWORD || request->status != 0 ||
-	                   strcmp(request->session, session) != 0))
+	while (request && (request->route.kind != DB_WEB_PASSWORD || !request->taken ||
+	                   request->status != 0 || strcmp(request->session, session) != 0))
 		request = request->next;
 	return request;
 }
@@ -296,8 +325,11 @@ void db_web_login_review(struct db_web_server *server)
 		return;
 	/* Who has changed the file may be no user of the page: root did. */
 	if (server->users_stamp != 0)
-		db_web_service_note(server->service, "users", "changed", "", "page",
-		                    server->config->users_file, false);
+		db_web_service_note(server->service,
+		                    &(struct db_link_note){ .kind = "users",
+		                                            .what = "changed",
+		                                            .from = "page",
+		                                            .text = server->config->users_file });
 	server->users_stamp = stamp;
 	/* If the file cannot be read, there are no users. */
 	(void)db_users_load(&review.users, server->config->users_file, &db_web_keeper, stderr);

@@ -43,7 +43,7 @@ enum db_web_kind {
 
 struct db_web_route {
 	enum db_web_kind kind;
-	const char *name; /* the call's method, or the file; else "" */
+	const char *name; /* the call's method, the file, or what needs a role; else "" */
 	/* What the request needs at least; its content may need more: db_web_admit_content(). */
 	enum db_may needs;
 	bool acts; /* uses the tab's own connection */

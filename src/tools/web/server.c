@@ -154,7 +154,12 @@ static void dispatch(struct db_web_request *request)
 		                      "this server is being stopped");
 		return;
 	}
-	if (kind != DB_WEB_FILE && !parse_body(request))
+	/* The user may have been removed since its headers came, or have another role. */
+	if (request->session[0] != '\0') {
+		db_web_login_review(request->server);
+		db_web_admit_again(request);
+	}
+	if (request->status != 0 || (kind != DB_WEB_FILE && !parse_body(request)))
 		return;
 	if (request->route.needs > DB_MAY_LOOK)
 		db_web_admit_content(request);
@@ -195,6 +200,7 @@ static enum MHD_Result begin_request(struct db_web_server *server,
 		request->place->heard = true;
 		request->place->known = request->session[0] != '\0';
 		request->place->busy = true;
+		request->place->receives = true;
 	}
 	/* A refused body is read to its end first: an answer in the middle of it may be lost with
 	 * the connection. */
@@ -236,10 +242,12 @@ static enum MHD_Result handle_request(void *data, struct MHD_Connection *connect
 		*upload_size = 0;
 		return request->received <= HEARD_MAX ? MHD_YES : MHD_NO;
 	}
+	if (request->place)
+		request->place->receives = false;
 	if (!request->taken && request->status == 0) {
-		request->taken = true;
 		/* The daemon keeps the path valid while the connection is with it. */
 		dispatch(request);
+		request->taken = true;
 		if (request->place)
 			request->place->waits = request->status == 0 || request->stream;
 	}
@@ -258,8 +266,10 @@ static void end_request(void *data, struct MHD_Connection *connection, void **co
 	(void)data;
 	(void)connection;
 	(void)how;
-	if (request && request->place)
-		request->place->busy = request->place->waits = false;
+	if (request && request->place) {
+		request->place->busy = request->place->waits = request->place->receives = false;
+		request->place->waited = 0;
+	}
 	if (request)
 		db_web_request_free(request);
 	*context = NULL;

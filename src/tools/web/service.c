@@ -172,18 +172,14 @@ bool db_web_service_has_audit(const struct db_web_service *service)
 	return service->has_audit;
 }
 
-void db_web_service_note(const struct db_web_service *service, const char *kind, const char *what,
-                         const char *user, const char *from, const char *text, bool refused)
+void db_web_service_note(const struct db_web_service *service, const struct db_link_note *note)
 {
 	struct db_link *reader = db_web_service_reader(service);
 
 	/* A server that may only read has nothing that its users could have done. */
 	if (reader && service->has_audit &&
 	    json_is_true(json_object_get(service->description, "may_act")))
-		(void)db_link_tell(reader, "Note",
-		                   json_pack("{s:s, s:s, s:s, s:s, s:s, s:b}", "kind", kind, "what",
-		                             what, "user", user, "from", from, "text", text,
-		                             "refused", refused));
+		db_link_note(reader, note);
 }
 
 json_t *db_web_service_stops(const struct db_web_service *service)

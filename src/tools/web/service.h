@@ -43,9 +43,8 @@ void db_web_service_refresh(struct db_web_service *service);
 
 /* True if it takes what is for its audit trail. */
 bool db_web_service_has_audit(const struct db_web_service *service);
-/* Adds to the audit trail what a user did here: "login", "in"; "users", "changed". */
-void db_web_service_note(const struct db_web_service *service, const char *kind, const char *what,
-                         const char *user, const char *from, const char *text, bool refused);
+/* Adds to the audit trail what a user did here. */
+void db_web_service_note(const struct db_web_service *service, const struct db_link_note *note);
 
 /* The commands that stop a drive, which pages send past everything that waits: a new array of their
  * names. Without a connection those that were known last. */

@@ -177,7 +177,7 @@ static bool attach(struct db_web_request *request, struct file *file)
 	(void)localtime_r(&now, &local);
 	(void)strftime(name, sizeof(name), "audit-%Y%m%d-%H%M%S", &local);
 	(void)snprintf(text, sizeof(text), "attachment; filename=\"%s.%s\"", name,
-	               request->route.name);
+	               file->cef ? "cef" : "jsonl");
 	(void)MHD_add_response_header(request->response, MHD_HTTP_HEADER_CONTENT_DISPOSITION, text);
 	request->type = file->cef ? "text/plain; charset=utf-8" : "application/x-ndjson";
 	request->status = MHD_HTTP_OK;
@@ -206,7 +206,7 @@ void db_web_trail_file(struct db_web_request *request)
 	file->reader = (struct db_web_trail_reader){ .turn = take_turn, .take = take_page };
 	file->request = request;
 	file->filter.grant = request->grant;
-	file->cef = strcmp(request->route.name, "cef") == 0;
+	file->cef = strcmp(request->route.name, "audit.cef") == 0;
 	request->job = file;
 	request->end_job = end_file;
 	if (!db_web_trail_filter_read(&file->filter, request->parameters))

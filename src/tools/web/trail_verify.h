@@ -5,7 +5,7 @@
 
 #include "web/request.h"
 
-/* Answers a request of a user of all drives with { checked, broken, more_broken, trail }, as the
+/* Answers an admitted request with { checked, broken, more_broken, trail }, as the
  * service's method Audit has them, of the whole trail. */
 void db_web_trail_verify(struct db_web_request *request);
 

@@ -27,8 +27,16 @@ static void refuse_password(struct db_web_request *request, const char *wrong)
 	                      request->server->config->password_min_length);
 }
 
-static void ask(struct db_web_request *request, struct db_web_work *work)
+/* `before`: as the user is now; NULL: there is none. Whoever changes him meanwhile is the first. */
+static void ask(struct db_web_request *request, struct db_web_work *work,
+                const struct db_user *before)
 {
+	work->known = before;
+	if (before)
+		work->user = *before;
+	if (!work->compares)
+		(void)snprintf(work->by, sizeof(work->by), "%s", request->user);
+	work->pam_folder = request->server->config->pam_folder;
 	work->number = request->number;
 	work->path = request->server->config->users_file;
 	request->answer_by = db_client_now() + CHANGE_WITHIN;
@@ -77,11 +85,10 @@ static void change_own(struct db_web_request *request, const struct db_user *use
 		                      "too many attempts; again in %u s", request->retry_s);
 		return;
 	}
-	work.user = *user;
 	work.fresh = *user;
 	(void)snprintf(work.password, sizeof(work.password), "%s", password);
 	(void)snprintf(work.fresh_password, sizeof(work.fresh_password), "%s", fresh);
-	ask(request, &work);
+	ask(request, &work, user);
 }
 
 /* --- users ------------------------------------------------------------------------------------ */
@@ -102,28 +109,6 @@ static void list(struct db_web_request *request, const struct db_users *users)
 	db_web_request_answer(request, MHD_HTTP_OK,
 	                      json_pack("{s:o, s:i}", "users", made, "min_length",
 	                                (int)request->server->config->password_min_length));
-}
-
-/* How many administrators there are beside one. */
-static bool has_other_administrator(const struct db_users *users, const char *name)
-{
-	for (size_t i = 0; i < users->count; i++) {
-		if (users->list[i].grant.role == DB_ROLE_ADMINISTRATOR &&
-		    strcmp(users->list[i].name, name) != 0)
-			return true;
-	}
-	return false;
-}
-
-/* An administrator who takes his own role away could not take it back. */
-static bool leaves_administrator(struct db_web_request *request, const struct db_users *users,
-                                 const char *name)
-{
-	if (has_other_administrator(users, name))
-		return true;
-	db_web_request_refuse(request, MHD_HTTP_CONFLICT, "LastAdministrator",
-	                      "%s is the only administrator of users", name);
-	return false;
 }
 
 /* The user as he is to be, from the request. False: it is answered with the mistake. */
@@ -173,13 +158,9 @@ static void put(struct db_web_request *request, const struct db_users *users)
 
 	if (!read_user(request, before, &work.fresh, &password))
 		return;
-	if (before && before->grant.role == DB_ROLE_ADMINISTRATOR &&
-	    work.fresh.grant.role != DB_ROLE_ADMINISTRATOR &&
-	    !leaves_administrator(request, users, name))
-		return;
 	if (password)
 		(void)snprintf(work.fresh_password, sizeof(work.fresh_password), "%s", password);
-	ask(request, &work);
+	ask(request, &work, before);
 }
 
 static void remove_user(struct db_web_request *request, const struct db_users *users)
@@ -193,11 +174,8 @@ static void remove_user(struct db_web_request *request, const struct db_users *u
 		                      "there is no user of this name");
 		return;
 	}
-	if (user->grant.role == DB_ROLE_ADMINISTRATOR &&
-	    !leaves_administrator(request, users, name))
-		return;
 	work.fresh = *user;
-	ask(request, &work);
+	ask(request, &work, user);
 }
 
 void db_web_users_take(struct db_web_request *request)
@@ -265,8 +243,12 @@ static void note_end(const struct db_web_server *server, const struct db_web_wor
 
 	(void)snprintf(detail, sizeof(detail), "%s: %s, %.48s", work->fresh.name,
 	               db_role_name(work->fresh.grant.role), work->fresh.grant.drives);
-	db_web_service_note(server->service, "users", what, caller->user, caller->from, detail,
-	                    !work->done);
+	db_web_service_note(server->service, &(struct db_link_note){ .kind = "users",
+	                                                             .what = what,
+	                                                             .user = caller->user,
+	                                                             .from = caller->from,
+	                                                             .text = detail,
+	                                                             .refused = !work->done });
 }
 
 void db_web_users_end(struct db_web_server *server, struct db_web_request *request,

@@ -44,6 +44,14 @@ static bool has_bits(const json_t *reg)
 	return strncmp(type_of(reg), "bits", 4) == 0;
 }
 
+/* U+200E, U+200F, U+202A to U+202E and U+2066 to U+2069, in UTF-8. */
+static bool turns_text(const unsigned char *at)
+{
+	return at[0] == 0xe2 && ((at[1] == 0x80 && ((at[2] >= 0x8e && at[2] <= 0x8f) ||
+	                                            (at[2] >= 0xaa && at[2] <= 0xae))) ||
+	                         (at[1] == 0x81 && at[2] >= 0xa6 && at[2] <= 0xa9));
+}
+
 void db_words_clean(char *text)
 {
 	for (; *text; text++) {
@@ -52,6 +60,8 @@ void db_words_clean(char *text)
 		/* Control characters 80 to 9f in two-byte UTF-8. */
 		if ((unsigned char)*text == 0xc2 && (unsigned char)text[1] < 0xa0)
 			*text = text[1] = '?';
+		if (turns_text((const unsigned char *)text))
+			*text = text[1] = text[2] = '?';
 	}
 }
 

@@ -46,7 +46,8 @@ void db_words_write_time(json_int_t us, char text[DB_WORDS_TIME_MAX]);
 /* A time in seconds, more than 0 and at most ten days. False: it is not valid. */
 bool db_words_parse_seconds(const char *text, double *seconds);
 
-/* Replaces control characters in a text of the service or of a drive, for output on a terminal. */
+/* Replaces control characters in a text of the service or of a drive, and those that turn the
+ * direction of what follows, for output on a terminal. */
 void db_words_clean(char *text);
 
 #endif

@@ -146,7 +146,7 @@ static void test_posted_is_read(void **state)
 	(void)state;
 	number = db_audit_post(audit, &entry, NOW);
 	assert_int_equal(number, 1);
-	db_audit_end(audit, number, DB_RESULT_OK, 5000, entry.time_us);
+	db_audit_end(audit, number, "feeder", DB_RESULT_OK, 5000, entry.time_us);
 	entry = command_of("lift", 1);
 	entry.result = DB_RESULT_LATCHED;
 	assert_int_equal(db_audit_post(audit, &entry, NOW), 3);
@@ -191,6 +191,42 @@ static void test_posted_is_read(void **state)
 	assert_int_equal(checked, 4);
 	json_decref(records);
 	db_audit_free(audit);
+}
+
+/* However much else happens until a long motion ends, its end says whose it was. */
+static void test_a_long_motion_has_an_owner(void **state)
+{
+	struct db_audit *audit = open_audit(NULL);
+	struct db_audit_entry entry = command_of("feeder", 6400);
+	uint64_t checked;
+	uint32_t motion;
+	json_t *records;
+
+	(void)state;
+	motion = db_audit_post(audit, &entry, NOW);
+	entry = command_of("lift", 1);
+	for (unsigned i = 0; i < 300; i++) {
+		uint32_t number = db_audit_post(audit, &entry, NOW);
+
+		db_audit_end(audit, number, "lift", DB_RESULT_OK, 1, entry.time_us);
+		/* Not faster than they are written: then some would be lost. */
+		if (i % 16 == 0)
+			json_decref(read_records(audit, (struct db_audit_query){ .from = 10000 },
+			                         &checked));
+	}
+	db_audit_end(audit, motion, "feeder", DB_RESULT_CANCELLED, 1, entry.time_us);
+	records = read_records(audit, (struct db_audit_query){ .drive = "feeder" }, &checked);
+	assert_int_equal(json_array_size(records), 2);
+	assert_string_equal(text_of(records, 1, "result"), "cancelled");
+	assert_string_equal(text_of(records, 1, "what"), "move_absolute");
+	assert_string_equal(text_of(records, 1, "who"), "192.168.10.5 port 51234");
+	json_decref(records);
+	/* Read from behind its begin, it is nobody's rather than the service's. */
+	records = read_records(audit, (struct db_audit_query){ .from = 602 }, &checked);
+	assert_int_equal(json_array_size(records), 1);
+	assert_string_equal(text_of(records, 0, "drive"), "feeder");
+	json_decref(records);
+	assert_true(db_audit_free(audit));
 }
 
 static void test_past_is_told(void **state)
@@ -335,8 +371,8 @@ static void *post_some(void *context)
 	struct db_audit_entry entry = command_of("feeder", 1);
 
 	for (unsigned i = 0; i < 50; i++)
-		db_audit_end(context, db_audit_post(context, &entry, NOW), DB_RESULT_OK, 1,
-		             entry.time_us);
+		db_audit_end(context, db_audit_post(context, &entry, NOW), "feeder", DB_RESULT_OK,
+		             1, entry.time_us);
 	return NULL;
 }
 
@@ -386,6 +422,7 @@ int main(void)
 #define TEST(name) cmocka_unit_test_setup_teardown(name, begin, end)
 	const struct CMUnitTest tests[] = {
 		TEST(test_posted_is_read),
+		TEST(test_a_long_motion_has_an_owner),
 		TEST(test_past_is_told),
 		TEST(test_clients_are_found_again),
 		TEST(test_every_command_is_read_as_written),

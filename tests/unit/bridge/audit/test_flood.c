@@ -134,6 +134,63 @@ static void test_more_clients_than_places(void **state)
 	free(floods);
 }
 
+/* Who has no right has any number of addresses: on this machine a whole network of them. */
+static void test_strangers_push_nothing_out(void **state)
+{
+	struct db_floods *floods = calloc(1, sizeof(*floods));
+	struct db_audit_entry entry = { .kind = DB_AUDIT_DENIED, .port = 7, .what = "write" };
+	struct db_audit_entry count;
+	uint64_t counted = 0;
+	unsigned passed = 0;
+
+	(void)state;
+	for (unsigned i = 0; i < 1000; i++) {
+		const uint8_t network[16] = { [10] = 0xFF,       0xFF,      127, 9,
+			                      (uint8_t)(i >> 8), (uint8_t)i };
+
+		db_client_address_of_user(network, 65534, entry.address);
+		passed += pass_many(floods, &entry, 1, SECOND);
+	}
+	assert_int_equal(passed, DB_FLOOD_FIRST);
+	passed = 0;
+	for (unsigned i = 0; i < 1000; i++) {
+		entry = refusal_of(i, DB_CMD_NONE);
+		entry.kind = DB_AUDIT_DENIED;
+		passed += pass_many(floods, &entry, 1, SECOND);
+	}
+	assert_int_equal(passed, DB_FLOOD_DENIED - DB_FLOOD_FIRST);
+	while (db_floods_due(floods, 61 * SECOND, false, &count))
+		counted += count.count;
+	assert_int_equal(counted, 2000 - DB_FLOOD_DENIED);
+	/* What clients with the right are refused is not counted with that. */
+	entry = refusal_of(7, DB_CMD_ENABLE);
+	assert_int_equal(pass_many(floods, &entry, 1, 61 * SECOND), 1);
+	free(floods);
+}
+
+static void test_queue_cuts_no_character(void **state)
+{
+	struct db_audit_queue *queue = calloc(1, sizeof(*queue));
+	struct db_audit_taken *taken = malloc(sizeof(*taken));
+	struct db_audit_entry entry = { .kind = DB_AUDIT_LOGIN };
+	char text[900] = "";
+
+	(void)state;
+	/* Each has three bytes, and 511 are 170 of them and one byte. */
+	for (unsigned i = 0; i < 250; i++)
+		strcat(text, "\xE9\xA9\xB1");
+	for (unsigned more = 0; more < 3; more++) {
+		entry.text = text + 3 - more;
+		memmove(text, more == 1 ? "abc" : more == 2 ? "abc" : text, 3);
+		assert_true(db_audit_queue_put(queue, &entry));
+		assert_true(db_audit_queue_take(queue, taken));
+		assert_int_equal(strlen(taken->entry.text) % 3, more == 0 ? 0 : more % 3);
+		assert_true(strlen(taken->entry.text) > 500);
+	}
+	free(taken);
+	free(queue);
+}
+
 static void test_queue_keeps_all_and_their_order(void **state)
 {
 	struct db_audit_queue *queue = calloc(1, sizeof(*queue));
@@ -211,6 +268,8 @@ int main(void)
 		cmocka_unit_test(test_clients_are_not_merged),
 		cmocka_unit_test(test_a_client_has_so_many_kinds),
 		cmocka_unit_test(test_more_clients_than_places),
+		cmocka_unit_test(test_strangers_push_nothing_out),
+		cmocka_unit_test(test_queue_cuts_no_character),
 		cmocka_unit_test(test_queue_keeps_all_and_their_order),
 		cmocka_unit_test(test_full_queue_takes_nothing),
 	};

@@ -305,6 +305,45 @@ static void test_another_key_fits_nothing(void **state)
 	db_trail_free(trail);
 }
 
+/* Nobody has to verify for this: it is seen when the service starts. */
+static void test_a_changed_end_is_seen_at_once(void **state)
+{
+	static const char other[] =
+		"0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef";
+	struct db_trail_found found;
+	struct db_trail *trail = open_trail(&found);
+
+	(void)state;
+	append_many(trail, 1, 5);
+	db_trail_free(trail);
+	db_trail_free(open_trail(&found));
+	assert_false(found.wrong_end);
+	write_file("key", other, sizeof(other) - 1);
+	db_trail_free(open_trail(&found));
+	assert_true(found.wrong_end);
+	assert_false(found.fresh_key);
+}
+
+/* A clock that was wrong for one file hides nothing that came before. */
+static void test_a_wrong_clock_hides_nothing(void **state)
+{
+	struct db_trail *trail = open_trail(NULL);
+	struct db_trail_place place;
+	uint64_t time = UINT64_C(1700000000000000);
+	uint64_t number = 1;
+
+	(void)state;
+	/* Three files, of which the second one is of 1970. */
+	for (; db_trail_bytes(trail) < MIB * 5 / 16; number++) {
+		uint64_t part = db_trail_bytes(trail) * 8 / MIB;
+
+		assert_int_equal(append_at(trail, number, part == 1 ? 1000 : time + number), 0);
+	}
+	db_trail_find(trail, 0, time, &place);
+	assert_int_equal(place.segment, 1);
+	db_trail_free(trail);
+}
+
 /* As if the power had failed while the last two records were written. */
 static void test_torn_end_at_every_byte(void **state)
 {
@@ -492,6 +531,8 @@ int main(void)
 		TEST(test_changes_are_seen),
 		TEST(test_a_line_fits_its_place_alone),
 		TEST(test_another_key_fits_nothing),
+		TEST(test_a_changed_end_is_seen_at_once),
+		TEST(test_a_wrong_clock_hides_nothing),
 		TEST(test_torn_end_at_every_byte),
 		TEST(test_files_are_bounded),
 		TEST(test_lost_file_is_seen),

@@ -128,7 +128,7 @@ static const struct wrong_case WRONG[] = {
 	{ "modbus {\n allow-read += {\"::1\"}\n}\n", 2, "cannot stand here" },
 	{ "bus b {\n device = /dev//x\n}\n", 2, "quotes" },
 	{ "include(\"x\")\n", 1, "'(' cannot stand here" },
-	{ "bus b {\n bus c {\n}\n}\n", 2, "expected = after the key" },
+	{ "bus b {\n bus c {\n}\n}\n", 2, "section 'bus' of line 1 has no }" },
 	/* Word processors, other languages, other countries. */
 	{ "modbus {\n allow-read = [\"::1\"]\n}\n", 2, "braces, not in brackets" },
 	{ "modbus {\n allow-read = [::1]\n}\n", 2, "braces, not in brackets" },
@@ -655,6 +655,20 @@ static void test_keys_that_do_nothing_any_more(void **state)
 	expect_message(&loaded, 3, "warning: frame-timeout-ms does nothing any more");
 	expect_message(&loaded, 4, "warning: keepalive-s does nothing any more");
 	assert_non_null(strstr(loaded.messages, "warning: queue does nothing any more"));
+	done(&loaded);
+}
+
+/* It may be a misprint, and a drive may have it. */
+static void test_unusual_baud(void **state)
+{
+	struct loaded loaded = load(BUS_HEAD " baud = 115201\n}\n");
+
+	(void)state;
+	assert_non_null(loaded.config);
+	expect_message(&loaded, 4, "warning: baud = 115201 is not one of the usual speeds");
+	done(&loaded);
+	loaded = load(FAST_BUS);
+	assert_int_equal(strlen(loaded.messages), 0);
 	done(&loaded);
 }
 
@@ -1192,6 +1206,7 @@ int main(void)
 		cmocka_unit_test(test_rs232_without_address),
 		cmocka_unit_test(test_every_key),
 		cmocka_unit_test(test_keys_that_do_nothing_any_more),
+		cmocka_unit_test(test_unusual_baud),
 		cmocka_unit_test(test_cycle_warning),
 		cmocka_unit_test(test_confirm_warning),
 		cmocka_unit_test(test_vendor_view),

@@ -151,9 +151,10 @@ int db_audit_new(const struct db_audit_setup *setup, db_time now, struct db_audi
 	return 0;
 }
 
-void db_audit_free(struct db_audit *audit)
+bool db_audit_free(struct db_audit *audit)
 {
 	(void)audit;
+	return true;
 }
 
 void db_audit_change(struct db_audit *audit, bool on, unsigned mib)
@@ -171,11 +172,12 @@ uint32_t db_audit_post(struct db_audit *audit, const struct db_audit_entry *entr
 	return 0;
 }
 
-void db_audit_end(struct db_audit *audit, uint32_t number, enum db_result result, uint32_t took_us,
-                  uint64_t time_us)
+void db_audit_end(struct db_audit *audit, uint32_t number, const char *drive, enum db_result result,
+                  uint32_t took_us, uint64_t time_us)
 {
 	(void)audit;
 	(void)number;
+	(void)drive;
 	(void)result;
 	(void)took_us;
 	(void)time_us;
@@ -188,6 +190,11 @@ int db_log_new(struct db_log **log)
 }
 
 void db_log_free(struct db_log *log)
+{
+	(void)log;
+}
+
+void db_log_leave(struct db_log *log)
 {
 	(void)log;
 }

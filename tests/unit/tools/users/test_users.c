@@ -3,12 +3,15 @@
 
 #include "users/administration.h"
 
+#include <fcntl.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -297,8 +300,8 @@ static void test_users_of_before_count(void **state)
 	assert_int_equal(db_users_count_former(&users), 1);
 	assert_int_equal(db_users_find(&users, "anna")->grant.role, DB_ROLE_OBSERVER);
 	db_users_clear(&users);
-	assert_true(db_users_remove(plant.path, "anna", stderr));
-	assert_true(db_users_remove(plant.path, "rudi", stderr));
+	assert_true(db_users_remove(plant.path, "anna", NULL, stderr));
+	assert_true(db_users_remove(plant.path, "rudi", NULL, stderr));
 	assert_true(db_users_load(&users, plant.path, &keeper, stderr));
 	assert_int_equal(users.count, 0);
 	db_users_clear(&users);
@@ -334,7 +337,6 @@ static void test_a_file_is_changed_as_a_whole(void **state)
 	struct db_user anna = user_of("anna", DB_ROLE_OPERATOR, "*");
 	struct db_user ann = user_of("ann", DB_ROLE_OBSERVER, "lift");
 	struct db_user rudi = user_of("rudi", DB_ROLE_OBSERVER, "*");
-	struct db_user before = anna;
 	char folder[] = "/tmp/drivebridge-users-XXXXXX";
 	char path[64];
 	struct db_users users;
@@ -351,11 +353,7 @@ static void test_a_file_is_changed_as_a_whole(void **state)
 	assert_true(db_users_put(path, &anna, NULL, stderr));
 	assert_true(db_users_put(path, &ann, NULL, stderr));
 	anna.grant.role = DB_ROLE_OBSERVER;
-	assert_true(db_users_put(path, &anna, &before, stderr));
-	/* He is another one now. */
-	file = fopen("/dev/null", "w");
-	assert_false(db_users_put(path, &before, &before, file));
-	(void)fclose(file);
+	assert_true(db_users_put(path, &anna, NULL, stderr));
 	assert_true(db_users_load(&users, path, &keeper, stderr));
 	assert_int_equal(users.count, 2);
 	assert_int_equal(db_users_find(&users, "anna")->grant.role, DB_ROLE_OBSERVER);
@@ -363,7 +361,7 @@ static void test_a_file_is_changed_as_a_whole(void **state)
 	db_users_clear(&users);
 	assert_int_equal(stat(path, &status), 0);
 	assert_int_equal(status.st_mode & 0777, 0640);
-	assert_true(db_users_remove(path, "anna", stderr));
+	assert_true(db_users_remove(path, "anna", NULL, stderr));
 	/* Lines of others, comments too, stay; the mode as well. */
 	file = fopen(path, "a");
 	assert_non_null(file);
@@ -384,6 +382,107 @@ static void test_a_file_is_changed_as_a_whole(void **state)
 	assert_int_equal(rmdir(folder), 0);
 }
 
+/* The end of what is said about a change; "": it was made. */
+static const char *try_put(const struct plant *plant, const struct db_user *user,
+                           const struct db_users_terms *terms)
+{
+	static char said[256];
+	FILE *out = fmemopen(said, sizeof(said), "w");
+	bool done;
+
+	assert_non_null(out);
+	memset(said, 0, sizeof(said));
+	done = user->hash[0] || user->pam ? db_users_put(plant->path, user, terms, out) :
+	                                    db_users_remove(plant->path, user->name, terms, out);
+	(void)fclose(out);
+	assert_int_equal(done, said[0] == '\0');
+	return done ? "" : strstr(said, ": ") + 2;
+}
+
+static void test_a_change_has_terms(void **state)
+{
+	static const char last[] = "no administrator who can log in would be left\n";
+	struct db_user ada = user_of("ada", DB_ROLE_ADMINISTRATOR, "*");
+	struct db_user bea = user_of("bea", DB_ROLE_ADMINISTRATOR, "*");
+	struct db_user egon = user_of("egon", DB_ROLE_ENGINEER, "*");
+	struct db_user fresh = user_of("egon", DB_ROLE_OPERATOR, "*");
+	struct db_user gone = { .name = "bea" };
+	struct db_user former = { .name = "rudi" };
+	struct db_users_terms terms = { .keeper = &keeper, .by = "bea" };
+	struct db_users users;
+	struct plant plant;
+
+	(void)state;
+	make_plant(&plant, "rudi:reader:" OTHER "\n");
+	assert_true(db_users_put(plant.path, &ada, NULL, stderr));
+	assert_true(db_users_put(plant.path, &bea, NULL, stderr));
+	assert_true(db_users_put(plant.path, &egon, NULL, stderr));
+	/* Only who stands there as he was seen. */
+	assert_string_equal(try_put(&plant, &fresh, &terms),
+	                    "the user egon was changed meanwhile\n");
+	terms.before = &egon;
+	assert_string_equal(try_put(&plant, &fresh, &terms), "");
+	assert_string_equal(try_put(&plant, &fresh, &terms),
+	                    "the user egon was changed meanwhile\n");
+	/* Also one of before. */
+	assert_true(db_users_load(&users, plant.path, &keeper, stderr));
+	terms.before = db_users_find(&users, "rudi");
+	assert_string_equal(try_put(&plant, &former, &terms), "");
+	assert_string_equal(try_put(&plant, &former, &terms),
+	                    "the user rudi was changed meanwhile\n");
+	db_users_clear(&users);
+	/* Two administrators remove each other, or themselves: one is left. */
+	terms.before = &bea;
+	terms.by = "ada";
+	assert_string_equal(try_put(&plant, &gone, &terms), "");
+	terms.before = &ada;
+	terms.by = "bea";
+	(void)strcpy(gone.name, "ada");
+	assert_string_equal(try_put(&plant, &gone, &terms), "bea is no administrator any more\n");
+	terms.by = "ada";
+	assert_string_equal(try_put(&plant, &gone, &terms), last);
+	fresh = user_of("ada", DB_ROLE_OBSERVER, "*");
+	assert_string_equal(try_put(&plant, &fresh, &terms), last);
+	/* One whose password nothing can check is none; whoever does not change that may. */
+	fresh = (struct db_user){ .name = "ada", .grant = ada.grant, .pam = true };
+	assert_string_equal(try_put(&plant, &fresh, &terms), last);
+	bea.hash[0] = '\0';
+	bea.pam = true;
+	assert_true(db_users_put(plant.path, &bea, NULL, stderr));
+	assert_string_equal(try_put(&plant, &gone, &terms), last);
+	terms.pam = true;
+	assert_string_equal(try_put(&plant, &gone, &terms), "");
+	terms = (struct db_users_terms){ .keeper = &keeper, .by = "bea" };
+	fresh = user_of("otto", DB_ROLE_OBSERVER, "*");
+	assert_string_equal(try_put(&plant, &fresh, &terms), "");
+	remove_plant(&plant);
+}
+
+static void test_a_lock_is_not_waited_for_for_ever(void **state)
+{
+	struct db_user ada = user_of("ada", DB_ROLE_ADMINISTRATOR, "*");
+	struct timespec begin;
+	struct timespec end;
+	char folder[80];
+	struct plant plant;
+	int lock;
+
+	(void)state;
+	make_plant(&plant, "");
+	(void)snprintf(folder, sizeof(folder), "%s/access", plant.folder);
+	lock = open(folder, O_RDONLY | O_DIRECTORY);
+	assert_true(lock >= 0);
+	assert_int_equal(flock(lock, LOCK_EX), 0);
+	(void)clock_gettime(CLOCK_MONOTONIC, &begin);
+	assert_string_equal(try_put(&plant, &ada, NULL),
+	                    "another program is changing it; try again\n");
+	(void)clock_gettime(CLOCK_MONOTONIC, &end);
+	assert_true(end.tv_sec - begin.tv_sec >= 1);
+	(void)close(lock);
+	assert_string_equal(try_put(&plant, &ada, NULL), "");
+	remove_plant(&plant);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -394,6 +493,8 @@ int main(void)
 		cmocka_unit_test(test_users_of_before_count),
 		cmocka_unit_test(test_users_of_before_move),
 		cmocka_unit_test(test_a_file_is_changed_as_a_whole),
+		cmocka_unit_test(test_a_change_has_terms),
+		cmocka_unit_test(test_a_lock_is_not_waited_for_for_ever),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -215,6 +215,15 @@ static void test_who_sends_no_head_is_closed(void **state)
 	assert_int_equal(closed, 1);
 	db_web_connections_tick(connections, count_closed);
 	assert_int_equal(closed, MOST_STRANGERS);
+	/* Nor does a body take longer, whoever sends it. */
+	closed = 0;
+	hear(heard, true, true, false);
+	heard->receives = true;
+	for (unsigned tick = 0; tick < 100; tick++)
+		db_web_connections_tick(connections, count_closed);
+	assert_int_equal(closed, 0);
+	db_web_connections_tick(connections, count_closed);
+	assert_int_equal(closed, 1);
 	db_web_connections_free(connections);
 }
 

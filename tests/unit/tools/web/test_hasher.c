@@ -69,6 +69,7 @@ static void test_users_are_changed_beside(void **state)
 	struct db_web_hasher *hasher = db_web_hasher_new();
 	struct db_web_work work = { .change = DB_WEB_CHANGE_PUT, .pam_folder = "", .path = path };
 	struct db_web_work own;
+	struct db_user now = { .pam = false };
 
 	(void)state;
 	assert_non_null(mkdtemp(folder));
@@ -85,6 +86,7 @@ static void test_users_are_changed_beside(void **state)
 	 * user is another one. */
 	own = work;
 	own.compares = true;
+	own.known = true;
 	own.user = own.fresh;
 	for (unsigned i = 0; i < 3; i++) {
 		struct db_web_work done;
@@ -95,15 +97,34 @@ static void test_users_are_changed_beside(void **state)
 		done = wait_for(hasher);
 		assert_int_equal(done.right, i > 0);
 		assert_int_equal(done.done, i == 1);
+		now = i == 1 ? done.fresh : now;
 		assert_int_equal(strstr(done.why, "changed meanwhile") != NULL, i == 2);
 	}
-	work.change = DB_WEB_CHANGE_REMOVE;
+	/* Nor is one put who is there already, nor removed as the one she was. */
+	for (unsigned i = 0; i < 2; i++) {
+		assert_true(db_web_hasher_ask(hasher, &work, true));
+		own = wait_for(hasher);
+		assert_false(own.done);
+		assert_non_null(strstr(own.why, "changed meanwhile"));
+		work.change = DB_WEB_CHANGE_REMOVE;
+		work.known = true;
+		work.user = work.fresh;
+	}
+	work.user = now;
 	assert_true(db_web_hasher_ask(hasher, &work, true));
 	assert_true(wait_for(hasher).done);
+	work.known = false;
 	assert_true(db_web_hasher_ask(hasher, &work, true));
 	own = wait_for(hasher);
 	assert_false(own.done);
 	assert_non_null(strstr(own.why, "no user anna"));
+	/* In somebody's name who is not there. */
+	(void)strcpy(work.by, "ada");
+	work.change = DB_WEB_CHANGE_PUT;
+	assert_true(db_web_hasher_ask(hasher, &work, true));
+	own = wait_for(hasher);
+	assert_false(own.done);
+	assert_non_null(strstr(own.why, "ada is no administrator any more"));
 	db_web_hasher_free(hasher);
 	assert_int_equal(unlink(path), 0);
 	assert_int_equal(rmdir(folder), 0);

@@ -63,6 +63,9 @@ static void test_texts_of_drives_do_not_move_the_cursor(void **state)
 	            json_string("\xc2\x9b"
 	                        "2J \xc2\xb5m"),
 	            "??2J \xc2\xb5m");
+	/* Nor do they turn the text around. */
+	expect_text(NULL, json_string("a\u202eb\u200e \u2069\u2066 \u2026 \u20ac"),
+	            "a???b??? ?????? \u2026 \u20ac");
 }
 
 static void expect_parsed(json_t *reg, const char *text, json_int_t expected)
