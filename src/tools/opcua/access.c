@@ -337,6 +337,17 @@ void db_opcua_access_review(struct db_opcua_access *access)
 
 /* --- callbacks of the library ----------------------------------------------------------------- */
 
+static void note_login(const struct db_opcua_access *access, const char *user, const char *from,
+                       const char *text, bool refused)
+{
+	access->note(access->context, &(struct db_link_note){ .kind = "login",
+	                                                      .what = "in",
+	                                                      .user = user,
+	                                                      .from = from,
+	                                                      .text = text,
+	                                                      .refused = refused });
+}
+
 static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *control,
                                       const UA_EndpointDescription *endpoint,
                                       const UA_ByteString *certificate, const UA_NodeId *id,
@@ -379,11 +390,7 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 		db_client_log_rationed_for(&access->lines, address, db_client_now(),
 		                           DB_CLIENT_WARNING, "%s: not logged in: %s: %s", address,
 		                           who, UA_StatusCode_name(status));
-		access->note(access->context, &(struct db_link_note){ .kind = "login",
-		                                                      .what = "in",
-		                                                      .from = from,
-		                                                      .text = who,
-		                                                      .refused = true });
+		note_login(access, "", from, who, true);
 		return status;
 	}
 	session->connection = connection;
@@ -397,12 +404,7 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	update_network(access, before);
 	/* Without a user nothing can be done but reading. */
 	if (login.user[0])
-		access->note(access->context,
-		             &(struct db_link_note){ .kind = "login",
-		                                     .what = "in",
-		                                     .user = login.user,
-		                                     .from = from,
-		                                     .text = db_role_name(login.grant.role) });
+		note_login(access, login.user, from, db_role_name(login.grant.role), false);
 	if (db_role_moves(login.grant.role))
 		db_client_log(DB_CLIENT_INFO, "%s: logged in as %s", session->label,
 		              db_role_name(login.grant.role));
