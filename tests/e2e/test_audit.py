@@ -217,7 +217,7 @@ async def test_opcua(state, make_bridge, make_server, certificate):
     async with server.session(certificate, OPCUA_READER):
         pass
     (enabled,) = find(bridge, kind="command", what="enable")
-    assert enabled["who"].startswith(f"control, user root for {OPCUA_OPERATOR[0]}, 127.0.0.1")
+    assert enabled["who"].startswith(f"control, user root for {OPCUA_OPERATOR[0]}, OPC UA, 127.0.0.1")
     for user, _ in (OPCUA_OPERATOR, OPCUA_READER):
         wait_for(bridge, kind="login", user=user)
 
@@ -232,6 +232,10 @@ DENIED_AT_THE_PAGE = (
     ("operator", lambda page: page.ask("POST", "/api/users/put", {}), "users/put", None,
      "this needs the role administrator"),
     ("administrator", stream("commission", drive="drive1"), "commission", None, "this needs the role engineer"),
+    ("operator", lambda page: page.ask("POST", "/api/audit", {}), "audit", None,
+     "this needs the role engineer or administrator"),
+    ("engineer of other drives", lambda page: page.ask("POST", "/api/audit/verify", {}), "audit/verify", None,
+     "this needs all drives; this user has drive2"),
     # Words that are no names do not come into the trail, however long they are.
     ("observer", lambda page: page.run("\u202edrive1" + "\u00e4" * 500, "\u202eelbane" + "a" * 500), "Run", None,
      "of a drive that is not there"),
@@ -283,7 +287,7 @@ async def test_what_roles_forbid_over_opcua(state, make_bridge, make_server, cer
             assert await attempt(session) in ("BadUserAccessDenied", "BadNotExecutable")
     async with server.session(certificate, USERS["engineer"][:2]) as session:
         assert ua.AccessLevel.CurrentWrite in await at(session, "drive1.Parameters.spd").get_user_access_level()
-    check_denied(bridge, DENIED_OVER_OPCUA, "127.0.0.1")
+    check_denied(bridge, DENIED_OVER_OPCUA, "OPC UA, 127.0.0.1")
 
 
 class Bytes(str):
@@ -319,7 +323,7 @@ def test_mqtt(state, commander):  # noqa: F811
     message = command("enable", "e2")
     commander.send({**message, "user": "anna"})
     assert commander.result("e2")["result"] == "ok"
-    assert "control, user root for anna" in {
+    assert "control, user root for anna, MQTT" in {
         record["who"] for record in wait_for(commander.bridge, kind="command", what="enable")}
 
 

@@ -13,6 +13,8 @@ import pytest
 from bridgelib import ENABLED_BIT, NO_ERROR, eventually
 from browserlib import PHONE, Chromium, Visitor, expect, findings, picture
 from relay import Relay
+from test_audit import state  # noqa: F401 (a fixture)
+from test_web_audit import write_trail
 from weblib import OPERATOR, READER, Webd
 
 # How long a drive may go on after its browser has gone: the dead man's 300 ms and the drive's own ramp, s.
@@ -21,7 +23,7 @@ STANDS_WITHIN = 0.5
 RAMP = 640000
 # The watchdog has no part in it.
 UNITS = {"counts-per-unit": 320.0, "unit-name": "mm", "max-velocity": 100.0, "watchdog-ms": 30000}
-VIEWS = ["", "drive/drive1", "commission/drive1", "parameters/drive1", "scan", "scope", "trace", "events"]
+VIEWS = ["", "drive/drive1", "commission/drive1", "parameters/drive1", "scan", "scope", "trace", "events", "audit"]
 
 
 @pytest.fixture(scope="module")
@@ -206,7 +208,9 @@ def test_who_logs_in_sees_the_drives(site, visit):
 def test_who_may_only_look_and_stop_is_offered_nothing_else(site, visit):
     visitor = visit(site, READER)
     expect(visitor.page.locator("#stop-all")).to_be_visible()
-    expect(visitor.page.locator('#navigation a[data-view="users"]')).to_be_hidden()
+    for name in "users", "audit":
+        expect(visitor.page.locator(f'#navigation a[data-view="{name}"]')).to_be_hidden()
+    expect(visitor.go("audit")).to_contain_text("needs the role engineer or administrator")
     view = visitor.go("drive/drive1")
     expect(view.locator(".plot")).to_be_visible()
     expect(view.locator("#stop")).to_be_visible()
@@ -901,3 +905,46 @@ def test_the_wire_and_the_log_are_read(site, visit):
     expect(view.locator("#trace-kept tbody tr").first).to_contain_text("drive2")
     view.locator("#trace-kept tbody tr").first.get_by_role("button").click()
     expect(view.locator("#trace-counts")).to_contain_text("all that was kept")
+
+
+def test_the_audit_trail_is_searched_verified_and_saved(state, make_site, visit):  # noqa: F811
+    write_trail(state / "audit", [250])
+    site = make_site()
+    assert site.bridge.drive(2).command("enable") == 0
+    visitor = visit(site)
+    page = visitor.page
+    view = visitor.go("audit")
+    rows = view.locator("#audit tbody tr")
+    # The newest first, and older ones when they are wanted.
+    expect(rows).to_have_count(100)
+    expect(rows.nth(99)).to_have_attribute("data-number", re.compile(r"1[5-9]\d"))
+    expect(view.locator("#audit-state")).to_contain_text("Newest record 2")
+    picture(page, "web-audit")
+    view.locator("#audit-older").click()
+    expect(rows).to_have_count(200)
+    view.locator("#audit-older").click()
+    expect(view.locator("#audit-count")).to_contain_text("there are no older ones")
+    expect(rows.last).to_have_attribute("data-number", "1")
+    # Filters.
+    view.locator("#audit-drive").select_option("drive2")
+    expect(rows.last).to_contain_text("enable")
+    expect(rows.filter(has_text="drive2")).to_have_count(rows.count())
+    view.locator("#audit-drive").select_option("")
+    view.locator("#audit-text").fill("entry 0005")
+    view.locator("#audit-text").press("Enter")
+    expect(rows).to_have_count(10)
+    view.locator("#audit-refused").check()
+    expect(rows).to_have_count(0)
+    view.locator("#audit-text").fill("entry")
+    view.locator("#audit-search").click()
+    expect(rows).to_have_count(2)
+    expect(rows.first).to_have_attribute("data-kind", "warning")
+    # As files, with the same filter.
+    for form, begin in ("jsonl", '{"number":100'), ("cef", "CEF:0|drivebridge"):
+        with page.expect_download() as download:
+            view.locator(f"#audit-{form}").click()
+        assert download.value.suggested_filename.endswith(f".{form}")
+        lines = download.value.path().read_text(encoding="utf-8").splitlines()
+        assert len(lines) == 2 and lines[0].startswith(begin), lines
+    view.locator("#audit-verify").click()
+    expect(view.locator("#audit-chain")).to_contain_text("the chain is whole")

@@ -15,7 +15,7 @@ from bridgelib import eventually, find_program, section
 from certlib import make
 from cryptography import x509
 from mqttlib import Broker, Publisher
-from opcualib import Server, in_loop, make_certificate, until
+from opcualib import Server, at, connect, in_loop, make_certificate, until
 from weblib import Webd
 
 OPCUA_URI = "urn:gw:drivebridge"
@@ -78,8 +78,9 @@ class Opcua(Tool):
     program = "drivebridge-opcua"
     der = True
 
-    def __init__(self, place):
+    def __init__(self, place, bridge=None):
         super().__init__(place)
+        self.bridge = bridge
         own = place / "pki" / "own"
         own.mkdir(parents=True)
         self.certificate, self.key = own / "cert.der", own / "key.der"
@@ -90,7 +91,7 @@ class Opcua(Tool):
         self.config = made.config_path
 
     def start(self):
-        self.thing = Server(self.place, None).start()
+        self.thing = Server(self.place, self.bridge).start()
 
     def shown(self):
         import asyncio
@@ -267,37 +268,37 @@ def test_a_page_goes_on_over_a_renewal(tmp_path):
 
 
 @in_loop
-async def test_a_session_of_opcua_goes_on_over_a_renewal(tmp_path):
-    tool = Opcua(tmp_path)
-    tool.give(issue(tool, "first", is_rsa=True))
+async def test_a_session_of_opcua_goes_on_over_a_renewal(tmp_path, make_bridge):
+    tool = Opcua(tmp_path, make_bridge(start_sim=False))
+    shown = issue(tool, "first", is_rsa=True, end=20)
+    tool.give(shown)
     own = make_certificate(tmp_path, "client")
-    server = Server(tmp_path, None)
-    server.trust(own)
+    Server(tmp_path, None).trust(own)
     tool.start()
     server = tool.thing
     sessions = []
-    for name in ("second", "third"):
-        sessions.append(await connect_at(server, own))
-        tool.give(issue(tool, name, is_rsa=True))
+    for name, end in (("second", 40), ("third", 60)):
+        sessions.append(await connect(server.client(own)))
+        # It is told when it ends, to be noticed before.
+        await until(lambda: tells_end(sessions[0], shown), what="the end of the certificate")
+        shown = issue(tool, name, is_rsa=True, end=end)
+        tool.give(shown)
         tool.renew()
         await until(lambda name=name: f"CN={name}" in tool.log(), what="it to be read")
         for one in sessions:
             assert await one.nodes.server_state.read_value() == 0
+            assert await tells_end(one, shown)
     # One that begins anew trusts the newest one.
-    sessions.append(await connect_at(server, own))
+    sessions.append(await connect(server.client(own)))
     for one in sessions:
         assert await one.nodes.server_state.read_value() == 0
         await one.disconnect()
     assert tool.stop() == 0
 
 
-async def connect_at(server, own):
-    """A client that signs and encrypts, without a user."""
-    client = server.client(own)
-    policy, certificate, mode = client.security
-    await client.set_security(policy, str(certificate.path), str(certificate.key), mode=mode)
-    await client.connect()
-    return client
+async def tells_end(session, made):
+    ends = await at(session, "/Gateway.CertificateEnds").read_data_value(raise_on_bad_status=False)
+    return ends.Value.Value == made.made.not_valid_after_utc
 
 
 def test_mqtt_tells_when_its_certificate_ends(tmp_path):

@@ -721,7 +721,142 @@ def test_commands_off_and_limited(plant):
     eventually(lambda: commander.run("enable") == "not_allowed")
 
 
+# Each user publishes to topics with his own name in the end; gw is the gateway, who looks reads all, hall may do what anybody may
+# without a name.
+GUARDED = """user gw
+topic readwrite drivebridge/gw/#
+user look
+topic read drivebridge/#
+user hall
+topic write drivebridge/gw/drive/+/command
+topic write drivebridge/gw/drive/+/stop
+pattern write drivebridge/gw/drive/+/command/%u
+pattern write drivebridge/gw/drive/+/stop/%u
+pattern write drivebridge/gw/drive/+/alive/%u
+"""
+
+
+@pytest.fixture
+def guarded(plant):
+    """Two drives, and a broker that guards who publishes what; roles are in the file of users."""
+    place = plant.place
+    names = ("gw", "look", "hall", "anna", "otto", "nobody")
+    secret = place / "password"
+    (place / "passwords").write_text("".join(f"{name}:word\n" for name in names), encoding="utf-8")
+    subprocess.run(["mosquitto_passwd", "-U", place / "passwords"], check=True, timeout=60)
+    secret.write_text("word\n", encoding="utf-8")
+    secret.chmod(0o640)
+    (place / "access").write_text(GUARDED, encoding="utf-8")
+    bridge = plant.make_bridge(drives=2, drive={"watchdog-ms": 500})
+    broker = plant.broker(f"allow_anonymous false\npassword_file {place}/passwords\nacl_file {place}/access")
+    watcher = plant.watcher(broker, username="look", password="word")
+    made = SimpleNamespace(bridge=bridge, watcher=watcher, users=place / "users")
+
+    def give(**roles):
+        made.users.write_text("".join(f"{name}:{role}:pam\n" for name, role in roles.items()), encoding="utf-8")
+        made.users.chmod(0o640)
+
+    made.give = give
+    give(anna="operator:drive1", otto="engineer:*")
+    plant.publisher(bridge, broker, broker_keys={"user": "gw", "password-file": secret},
+                    command={"allow": "all", "parameters": "on", "senders": "topic", "users-file": made.users}).start()
+    watcher.wait_for_text("status", "online")
+    made.people = {name: plant.watcher(broker, username=name, password="word") for name in names[2:]}
+    return made
+
+
+def asks(guarded, who, message, drive="drive1", leaf=None):
+    """What becomes of a command that somebody publishes, to topics with his name if not said otherwise."""
+    seen = guarded.watcher.count()
+    guarded.people[who].publish(f"drive/{drive}/{leaf or 'command/' + who}", message)
+    return guarded.watcher.wait(f"drive/{drive}/result", lambda one: one.json["id"] == message["id"]
+                                and one.json["result"] != "pending", seen).json
+
+
+def test_senders_have_roles(guarded):
+    unit = guarded.bridge.drive(1)
+    eventually(lambda: asks(guarded, "anna", command("enable", f"e{time.monotonic()}"))["result"] == "ok")
+    assert unit.read("history1_user") == "anna"
+    # As the guide has it.
+    examples = [(topic, json.loads(text)) for topic, text in guide_lines() if topic.endswith("/anna")]
+    assert {topic.split("/")[-2] for topic, _ in examples} == {"command", "stop"}
+    for topic, message in examples:
+        leaf = topic.removeprefix("drivebridge/gw/drive/feeder/")
+        message = {**message, "time": now_text()} if "time" in message else {**message, "id": "stop"}
+        assert asks(guarded, "anna", message, leaf=leaf)["result"] == "ok"
+    # An operator of one drive, and an engineer of all.
+    refusal = asks(guarded, "anna", command("enable", "a1"), "drive2")
+    assert (refusal["result"], refusal["reason"]) == ("not_allowed", "drive2 is not among this user's drives: drive1")
+    parameter = {"id": "a2", "time": now_text(), "write": {"spd": 3200}}
+    assert asks(guarded, "anna", parameter)["reason"] == "this needs the role engineer"
+    assert asks(guarded, "otto", {**parameter, "id": "o2", "time": now_text()})["result"] == "ok"
+    assert asks(guarded, "otto", command("enable", "o1"), "drive2")["result"] == "ok"
+    # The topic says who it is: not the message, and not another one's topic.
+    assert "another user" in asks(guarded, "anna", {**command("enable", "a3"), "user": "otto"})["reason"]
+    assert asks(guarded, "anna", {**command("enable", "a4"), "user": "anna"})["result"] == "ok"
+    guarded.people["anna"].publish("drive/drive2/command/otto", command("disable", "forged"))
+    assert asks(guarded, "anna", command("enable", "a5"))["result"] == "ok"
+    assert not [one for one in guarded.watcher.all("drive/drive2/result") if one.json["id"] == "forged"]
+    # Whom the file does not know, and who has no name in his topic, only stops.
+    assert asks(guarded, "nobody", command("enable", "n1"))["reason"] == "this needs the role operator"
+    assert asks(guarded, "hall", command("enable", "h1"), leaf="command")["result"] == "not_allowed"
+    for who, leaf in (("nobody", "stop/nobody"), ("hall", "stop")):
+        assert asks(guarded, "anna", command("enable", f"e{leaf}"))["result"] == "ok"
+        guarded.people["anna"].publish("drive/drive1/command/anna",
+                                       command("move_absolute", leaf, target_position=unit.read("position") + 10 ** 6))
+        eventually(lambda: unit.read("velocity") > 0)
+        seen = guarded.watcher.count()
+        guarded.people[who].publish(f"drive/drive1/{leaf}", "")
+        guarded.watcher.wait("drive/drive1/result", lambda one, leaf=leaf: one.json["id"] == leaf
+                             and one.json["result"] == "cancelled", seen)
+        guarded.bridge.wait_standing()
+
+
+def test_only_the_sender_keeps_a_motion_going(guarded):
+    unit = guarded.bridge.drive(1)
+    eventually(lambda: asks(guarded, "anna", command("enable", f"e{time.monotonic()}"))["result"] == "ok")
+    assert asks(guarded, "anna", command("move_velocity", "v1", target_velocity=1600))["result"] == "ok"
+    until = time.monotonic() + 1.5
+    while time.monotonic() < until:
+        guarded.people["anna"].publish("drive/drive1/alive/anna", "", qos=0)
+        assert unit.read("watchdog_trips") == 0
+        time.sleep(0.05)
+
+    # Another one's signs of life are not hers; nor are her own, once she may not move any more.
+    def trips(who, count):
+        guarded.people[who].publish(f"drive/drive1/alive/{who}", "", qos=0)
+        return unit.read("watchdog_trips") == count
+
+    eventually(lambda: trips("otto", 1), what="the watchdog")
+    guarded.bridge.wait_standing()
+    assert asks(guarded, "anna", command("clear_fault", "c1"))["result"] == "ok"
+    assert asks(guarded, "anna", command("enable", "e1"))["result"] == "ok"
+    assert asks(guarded, "anna", command("move_velocity", "v2", target_velocity=1600))["result"] == "ok"
+    guarded.give(anna="observer:*", otto="engineer:*")
+    eventually(lambda: trips("anna", 2), what="the watchdog")
+    assert asks(guarded, "anna", command("clear_fault", "c2"))["reason"] == "this needs the role operator"
+
+
+def test_a_role_for_all(plant):
+    bridge = plant.make_bridge()
+    broker = plant.broker()
+    watcher = plant.watcher(broker)
+    plant.publisher(bridge, broker, command={"allow": "all", "parameters": "on", "role": "operator"}).start()
+    watcher.wait_for_text("status", "online")
+    commander = Commander(watcher)
+    eventually(lambda: commander.run("enable") == "ok")
+    assert commander.run("set_position", target_position=0) == "not_allowed"
+    commander.send({"id": "w", "time": now_text(), "write": {"spd": 3200}})
+    assert commander.result("w")["reason"] == "this needs the role engineer"
+
+
 # --- the guide
+
+
+def guide_lines():
+    page = (ROOT / "docs" / "guide" / "mqtt.md").read_text(encoding="utf-8")
+    return [line.split(" ", 1) for block in re.findall(r"^```mqtt\n(.*?)^```$", page, re.M | re.S)
+            for line in block.splitlines()]
 
 
 def form(value, depth=3):
@@ -740,9 +875,7 @@ def fits(example, real):
 
 def test_the_guides_examples(plant):
     """Each topic of the page is published, and its text has the form that the page shows; its commands work."""
-    page = (ROOT / "docs" / "guide" / "mqtt.md").read_text(encoding="utf-8")
-    lines = [line.split(" ", 1) for block in re.findall(r"^```mqtt\n(.*?)^```$", page, re.M | re.S)
-             for line in block.splitlines()]
+    lines = [(topic, text) for topic, text in guide_lines() if not topic.endswith("/anna")]
     assert len(lines) > 10
     bridge = plant.make_bridge(drive={"counts-per-unit": 320.0, "unit-name": "mm"})
     broker = plant.broker()

@@ -136,7 +136,7 @@ async def test_the_tree_is_the_register_map(make_bridge, make_server, command_ta
         gateway = await browse(session, at(session, "/Gateway"), "Gateway")
         assert {entry.node.nodeid.Identifier for _, entry in gateway.walk()
                 if entry.kind == ua.NodeClass.Variable and entry.type.Identifier != ua.ObjectIds.PropertyType
-                } == {row["node"] for row in GATEWAY} | {"/Gateway.Clock", "/Gateway.Diagnosis.Well"} | {
+                } == {row["node"] for row in GATEWAY} | {"/Gateway.Clock", "/Gateway.CertificateEnds", "/Gateway.Diagnosis.Well"} | {
                     f"/Gateway.Diagnosis.Configuration{name}" for name in [*DIAGNOSIS, "Errors"] if name != "Detail"}
 
         identification = found["drive1.Identification"].children

@@ -62,6 +62,15 @@ def stream(method, **parameters):
     return begin
 
 
+def download(path):
+    def get(page):
+        status, _, data = page.request("GET", path)
+        if status != 200:
+            raise Failed(status, json.loads(data))
+
+    return get
+
+
 def hold(page):
     page.beat("drive1", 1, 1, 0.0, token=page.newest_token())
 
@@ -93,6 +102,9 @@ PAGE = {
         lambda page: page.ask("POST", "/api/users", {}),
         lambda page: page.ask("POST", "/api/users/put", {"user": "", "role": "observer", "drives": "*"}),
         lambda page: page.ask("POST", "/api/users/remove", {"user": "nobody.of.this.name"})],
+    "the audit trail of the drive": [lambda page: page.ask("POST", "/api/audit", {"drive": "drive1"}),
+                                     download("/api/audit.jsonl?drive=drive1")],
+    "the whole audit trail, whether it is whole": [lambda page: page.ask("POST", "/api/audit/verify", {})],
     "the own password": [
         lambda page: page.ask("POST", "/api/password", {"password": "x", "fresh": "short"})],
 }
@@ -122,10 +134,10 @@ def test_each_role_may_what_the_table_says(gateway):
     # What the page is told is the same.
     session = pages["operator of other drives"].load()
     assert session["may"] == ["look", "stop", "move"] and session["drives"] == ["drive2"]
-    assert pages["engineer"].load()["may"] == ["look", "stop", "move", "engineer", "manage"]
+    assert pages["engineer"].load()["may"] == ["look", "stop", "move", "engineer", "manage", "audit"]
     assert pages["engineer"].load()["drives"] is None
     assert "manage" not in pages["engineer of other drives"].load()["may"]
-    assert pages["administrator"].load()["may"] == ["look", "stop", "appoint"]
+    assert pages["administrator"].load()["may"] == ["look", "stop", "appoint", "audit"]
     assert pages["operator of other drives"].run("drive2", "enable") == "ok"
     # The reasons can be read.
     why = refused(403, pages["operator of other drives"].run, "drive1", "enable")
@@ -427,7 +439,7 @@ def test_users_of_before_log_in_and_move(gateway):
     webd.former_path.write_text(f"olga:operator:{made}\nrudi:reader:{made}\n")
     webd.former_path.chmod(0o640)
     page = gateway.page(webd, ("olga", "only-looks"))
-    assert page.load()["may"] == ["look", "stop", "move", "engineer", "manage"]
+    assert page.load()["may"] == ["look", "stop", "move", "engineer", "manage", "audit"]
     assert page.load()["password"]["weak"] == "it is too short"
     assert gateway.page(webd, ("rudi", "only-looks")).load()["role"] == "observer"
     assert "2 users are still in" in webd.command("--check").stderr

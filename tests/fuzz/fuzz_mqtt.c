@@ -10,8 +10,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static void check_judgement(const struct db_mqtt_command *command)
 {
-	struct db_mqtt_config config = { .age_ms = 2000, .allow = { .word = DB_MQTT_ALLOW_STOP } };
-	struct db_mqtt_arrival arrival = { .drive = "lift" };
+	struct db_mqtt_config config = { .age_ms = 2000,
+		                         .allow = { .word = DB_MQTT_ALLOW_STOP },
+		                         .role = DB_MQTT_ROLE_ENGINEER };
+	struct db_grant grant = { .role = DB_ROLE_ENGINEER, .stops = true, .drives = "*" };
+	struct db_mqtt_arrival arrival = { .drive = "lift", .grant = &grant };
 	char why[DB_MQTT_REASON_MAX];
 
 	if (!db_mqtt_admission_judge(&config, command, &arrival, why) && !command->stops)
@@ -24,6 +27,10 @@ static void check_judgement(const struct db_mqtt_command *command)
 		    db_mqtt_admission_left_ms(&config, command, &arrival) > 2 * config.age_ms)
 			abort();
 	}
+	/* An observer only stops. */
+	grant.role = DB_ROLE_OBSERVER;
+	if (!db_mqtt_admission_judge(&config, command, &arrival, why) && !command->stops)
+		abort();
 	arrival.retained = true;
 	if (!db_mqtt_admission_judge(&config, command, &arrival, why))
 		abort();

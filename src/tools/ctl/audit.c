@@ -1,17 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include "capture/audit_text.h"
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
-#include "drivebridge/version.h"
 #include "words/value.h"
 
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
-
-/* How grave it is, in the Common Event Format: 0 to 10. */
-#define CEF_USUAL 3
-#define CEF_REFUSED 6
 
 /* What was looked at so far. */
 struct tally {
@@ -49,140 +45,16 @@ static json_int_t parse_since(const char *text)
 	return 0;
 }
 
-/* --- one record ------------------------------------------------------------------------------- */
-
-static bool is_refused(const json_t *record)
-{
-	static const char *const good[] = { "", "ok", "unproven", "pending" };
-	const char *result = db_words_text(record, "result");
-
-	for (size_t i = 0; i < sizeof(good) / sizeof(good[0]); i++) {
-		if (strcmp(result, good[i]) == 0)
-			return strcmp(db_words_text(record, "kind"), "denied") == 0;
-	}
-	return true;
-}
-
-/* "move_absolute target_position=6400", "acceleration 100 -> 200": to be freed; NULL without
- * memory. */
-static char *describe(const json_t *record)
-{
-	const char *kind = db_words_text(record, "kind");
-	const char *what = db_words_text(record, "what");
-	const json_t *part;
-	const char *name;
-	size_t size = 0;
-	char *text = NULL;
-	FILE *out = open_memstream(&text, &size);
-
-	if (!out)
-		return NULL;
-	if (strcmp(kind, "command") == 0)
-		(void)fputs(what, out);
-	else
-		(void)fprintf(out, "%s%s%s", kind, what[0] ? ": " : "", what);
-	json_object_foreach((json_t *)(uintptr_t)json_object_get(record, "arguments"), name, part)
-	{
-		char *value = json_dumps(part,
-		                         JSON_ENCODE_ANY | JSON_COMPACT | JSON_REAL_PRECISION(9));
-
-		(void)fprintf(out, " %s=%s", name, value ? value : "?");
-		free(value);
-	}
-	json_object_foreach((json_t *)(uintptr_t)json_object_get(record, "values"), name, part)
-	{
-		char *old = json_dumps(json_array_get(part, 0),
-		                       JSON_ENCODE_ANY | JSON_REAL_PRECISION(9));
-		char *new = json_dumps(json_array_get(part, 1),
-		                       JSON_ENCODE_ANY | JSON_REAL_PRECISION(9));
-
-		(void)fprintf(out, " %s %s -> %s", name, old ? old : "?", new ? new : "?");
-		free(old);
-		free(new);
-	}
-	if (json_object_get(record, "register"))
-		(void)fprintf(out, " register %lld",
-		              (long long)json_integer_value(json_object_get(record, "register")));
-	if (json_object_get(record, "unit"))
-		(void)fprintf(out, " unit %lld",
-		              (long long)json_integer_value(json_object_get(record, "unit")));
-	if (json_object_get(record, "count"))
-		(void)fprintf(out, " %lld times",
-		              (long long)json_integer_value(json_object_get(record, "count")));
-	if (json_object_get(record, "of"))
-		(void)fprintf(out, " (of %lld)",
-		              (long long)json_integer_value(json_object_get(record, "of")));
-	if (db_words_text(record, "text")[0])
-		(void)fprintf(out, "%s %s", what[0] ? "," : "", db_words_text(record, "text"));
-	(void)fclose(out);
-	if (text)
-		db_words_clean(text);
-	return text;
-}
-
-/* --- Common Event Format ---------------------------------------------------------------------- */
-
-/* In the extension = and \ are written with a \ before them, in the head | instead of =. */
-static void put_cef(const char *text, char special)
-{
-	for (; *text; text++) {
-		if (*text == special || *text == '\\')
-			(void)putchar('\\');
-		if ((unsigned char)*text >= ' ')
-			(void)putchar(*text);
-	}
-}
-
-static void put_cef_field(const char *key, const char *value)
-{
-	if (value[0] == '\0')
-		return;
-	(void)printf(" %s=", key);
-	put_cef(value, '=');
-}
-
-static void print_cef(const json_t *record)
-{
-	const char *kind = db_words_text(record, "kind");
-	const char *what = db_words_text(record, "what");
-	char *line = describe(record);
-	json_int_t time_us = json_integer_value(json_object_get(record, "time_us"));
-	json_int_t port = json_integer_value(json_object_get(record, "port"));
-
-	(void)printf("CEF:0|drivebridge|drivebridged|" DB_VERSION "|");
-	put_cef(kind, '|');
-	(void)putchar('|');
-	put_cef(what[0] ? what : kind, '|');
-	(void)printf("|%d|rt=%lld externalId=%lld", is_refused(record) ? CEF_REFUSED : CEF_USUAL,
-	             (long long)(time_us / 1000),
-	             (long long)json_integer_value(json_object_get(record, "number")));
-	put_cef_field("src", db_words_text(record, "address"));
-	if (port > 0 && db_words_text(record, "address")[0])
-		(void)printf(" spt=%lld", (long long)port);
-	put_cef_field("suser", db_words_text(record, "user")[0] ? db_words_text(record, "user") :
-	                                                          db_words_text(record, "login"));
-	put_cef_field("outcome", db_words_text(record, "result"));
-	if (db_words_text(record, "drive")[0]) {
-		put_cef_field("cs1Label", "drive");
-		put_cef_field("cs1", db_words_text(record, "drive"));
-	}
-	put_cef_field("cs2Label", "who");
-	put_cef_field("cs2", db_words_text(record, "who"));
-	put_cef_field("msg", line ? line : "");
-	(void)putchar('\n');
-	free(line);
-}
-
 /* --- the command ------------------------------------------------------------------------------ */
 
 static void add_row(struct db_ctl_grid *grid, const json_t *record)
 {
 	char when[DB_WORDS_TIME_MAX];
-	char *line = describe(record);
+	char *line = db_capture_audit_describe(record);
 	char *who = strdup(db_words_text(record, "who"));
-	enum db_ctl_colour colour = json_object_get(record, "broken") ? DB_CTL_RED :
-	                            is_refused(record)                ? DB_CTL_YELLOW :
-	                                                                DB_CTL_PLAIN;
+	enum db_ctl_colour colour = json_object_get(record, "broken")   ? DB_CTL_RED :
+	                            db_capture_audit_is_refused(record) ? DB_CTL_YELLOW :
+	                                                                  DB_CTL_PLAIN;
 
 	db_words_write_time(json_integer_value(json_object_get(record, "time_us")), when);
 	if (who)
@@ -211,7 +83,7 @@ static void print_page(const struct db_ctl *ctl, const json_t *records)
 		if (ctl->json)
 			db_ctl_print_json(record);
 		else if (ctl->cef)
-			print_cef(record);
+			db_capture_audit_write_cef(record, stdout);
 		else if (grid)
 			add_row(grid, record);
 	}

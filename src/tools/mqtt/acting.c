@@ -49,6 +49,7 @@ struct stop {
 struct db_mqtt_acting {
 	sd_event *loop;
 	const char *socket;
+	const char *from; /* for the audit trail; "": the service has none */
 	db_mqtt_result_fn *result;
 	void *context;
 	struct session sessions[SESSIONS_MAX];
@@ -65,6 +66,7 @@ struct db_mqtt_acting *db_mqtt_acting_new(sd_event *loop, const char *socket,
 		return NULL;
 	acting->loop = loop;
 	acting->socket = socket;
+	acting->from = "";
 	acting->result = result;
 	acting->context = context;
 	for (size_t i = 0; i < SESSIONS_MAX; i++)
@@ -263,7 +265,8 @@ static void send_stop(struct db_mqtt_acting *acting, const char *drive,
 		(void)snprintf(stop->user, sizeof(stop->user), "%s", command->user);
 	}
 	if (stop &&
-	    db_stops_send(acting->stops, drive, &(struct db_stops_user){ command->user, "" }, "Run",
+	    db_stops_send(acting->stops, drive,
+	                  &(struct db_stops_user){ command->user, acting->from }, "Run",
 	                  json_pack("{s:s, s:s, s:O*, s:b}", "drive", drive, "command",
 	                            command->name, "arguments", command->arguments, "until_end", 1),
 	                  true, on_stop_answer, stop))
@@ -334,7 +337,8 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 	session->used = now;
 	session->busy = true;
 	if (session->link) {
-		db_link_introduce(session->link, command->user, "", on_introduced, session);
+		db_link_introduce(session->link, command->user, acting->from, on_introduced,
+		                  session);
 		sent = db_link_send(session->link, command->name ? "Run" : "Write",
 		                    describe_call(drive, command, within_ms, now),
 		                    command->name != NULL, on_result, session) == 0;
@@ -348,13 +352,20 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 	db_client_error_clear(&error);
 }
 
-void db_mqtt_acting_feed(struct db_mqtt_acting *acting, const char *drive, db_time now)
+void db_mqtt_acting_set_audit(struct db_mqtt_acting *acting, bool has_audit)
+{
+	acting->from = has_audit ? "MQTT" : "";
+}
+
+void db_mqtt_acting_feed(struct db_mqtt_acting *acting, const char *drive, const char *user,
+                         db_time now)
 {
 	for (size_t i = 0; i < SESSIONS_MAX; i++) {
 		struct session *session = &acting->sessions[i];
 
 		if (!session->link || session->busy || session->feeding ||
-		    strcmp(session->drive, drive) != 0)
+		    strcmp(session->drive, drive) != 0 ||
+		    (user && strcmp(session->user, user) != 0))
 			continue;
 		session->used = now;
 		/* A read shows that the client is alive. A lost connection is noticed at its next

@@ -44,8 +44,12 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
                         const struct db_mqtt_command *command, unsigned within_ms, db_time now);
 
 /* The sender of this drive's commands is alive: feeds the drive's watchdog, if a session has
- * commanded it. */
-void db_mqtt_acting_feed(struct db_mqtt_acting *acting, const char *drive, db_time now);
+ * commanded it, and for this user; NULL: whoever it was. */
+void db_mqtt_acting_feed(struct db_mqtt_acting *acting, const char *drive, const char *user,
+                         db_time now);
+
+/* Whether the service has an audit trail, which is to say that it was MQTT. */
+void db_mqtt_acting_set_audit(struct db_mqtt_acting *acting, bool has_audit);
 
 /* Ends all sessions, without results for commands under way. True if there were any. */
 bool db_mqtt_acting_drop(struct db_mqtt_acting *acting);

@@ -19,6 +19,29 @@ static bool is_allowed(const struct db_mqtt_config *config, const struct db_mqtt
 	}
 }
 
+/* False with the reason: a role does not allow it. */
+static bool may(const struct db_grant *grant, const struct db_mqtt_command *command,
+                const char *drive, char why[DB_MQTT_REASON_MAX])
+{
+	const char *needed = drive;
+	enum db_may needs = command->name ? db_may_of_command(command->name, &needed) : DB_MAY_MOVE;
+	bool good = db_grant_has(grant, needs, needed);
+	const char *name;
+	json_t *value;
+
+	json_object_foreach(command->name ? NULL : command->arguments, name, value)
+	{
+		if (!good)
+			break;
+		needs = db_may_of_write(drive, name, json_number_value(value));
+		/* What is of no single drive needs all. */
+		good = db_grant_has(grant, needs, drive);
+	}
+	if (!good)
+		db_grant_explain(grant, needs, needed, why, DB_MQTT_REASON_MAX);
+	return good;
+}
+
 /* A message sent before this program subscribed, or to an earlier run of the service, may have been
  * carried out then. */
 static const char *judge_beginning(const struct db_mqtt_config *config,
@@ -87,6 +110,8 @@ const char *db_mqtt_admission_judge(const struct db_mqtt_config *config,
                                     const struct db_mqtt_arrival *arrival,
                                     char why[DB_MQTT_REASON_MAX])
 {
+	const struct db_grant whole = { db_mqtt_config_role(config), true, "*" };
+
 	why[0] = '\0';
 	if (arrival->retained) {
 		(void)snprintf(
@@ -102,6 +127,9 @@ const char *db_mqtt_admission_judge(const struct db_mqtt_config *config,
 		               "the section command of this gateway's mqtt.conf does not allow it");
 		return "not_allowed";
 	}
+	if (!may(&whole, command, arrival->drive, why) ||
+	    !may(arrival->grant, command, arrival->drive, why))
+		return "not_allowed";
 	if (command->stops)
 		return NULL;
 	if (command->id[0] == '\0') {

@@ -14,7 +14,8 @@
 /* How a message arrived. */
 struct db_mqtt_arrival {
 	const char *drive;
-	bool retained; /* its sender asked the broker to retain it */
+	const struct db_grant *grant; /* of its sender */
+	bool retained;                /* its sender asked the broker to retain it */
 	db_time now;
 	int64_t us;          /* the same moment by the calendar, since 1970-01-01 UTC */
 	db_time sent_behind; /* the broker got it from its sender at this moment or later */

@@ -175,6 +175,14 @@ static void clear_password(void *values)
 	free(config->password);
 }
 
+enum db_role db_mqtt_config_role(const struct db_mqtt_config *config)
+{
+	static const enum db_role roles[] = { DB_ROLE_OBSERVER, DB_ROLE_OPERATOR,
+		                              DB_ROLE_ENGINEER };
+
+	return roles[config->role];
+}
+
 const struct db_settings_form db_mqtt_form = {
 	.keys = db_mqtt_keys,
 	.sections = "service, broker, publish and command",

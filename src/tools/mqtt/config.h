@@ -4,6 +4,7 @@
 #define DRIVEBRIDGE_MQTT_CONFIG_H
 
 #include "reader/settings.h"
+#include "users/roles.h"
 
 /* Indexes of words. */
 enum { DB_MQTT_VALUES_USUAL, DB_MQTT_VALUES_ALL };
@@ -12,6 +13,8 @@ enum { DB_MQTT_ALLOW_NONE, DB_MQTT_ALLOW_STOP, DB_MQTT_ALLOW_ALL };
 enum { DB_MQTT_OFF, DB_MQTT_ON };
 enum { DB_MQTT_VERSION_5, DB_MQTT_VERSION_3_1_1 };
 enum { DB_MQTT_TIME_REQUIRED, DB_MQTT_TIME_OPTIONAL };
+enum { DB_MQTT_ROLE_OBSERVER, DB_MQTT_ROLE_OPERATOR, DB_MQTT_ROLE_ENGINEER };
+enum { DB_MQTT_SENDERS_OFF, DB_MQTT_SENDERS_TOPIC };
 
 struct db_mqtt_config {
 	char *socket;
@@ -49,6 +52,9 @@ struct db_mqtt_config {
 	unsigned parameters;
 	unsigned age_ms;
 	unsigned time;
+	unsigned role;
+	unsigned senders;
+	char *users_file;
 };
 
 /* The table of all keys, the source of docs/mqtt-keys.csv and the manual page. */
@@ -57,6 +63,9 @@ extern const struct db_setting db_mqtt_keys[];
 /* For db_settings_load() of a struct db_mqtt_config. Reads the files that it names, too. The
  * context of its loading is the name of this machine, which is the gateway's if none is given. */
 extern const struct db_settings_form db_mqtt_form;
+
+/* What may be done over MQTT at most, whoever the sender is. */
+enum db_role db_mqtt_config_role(const struct db_mqtt_config *config);
 
 /* True if commands are allowed for any drive. */
 bool db_mqtt_config_commands(const struct db_mqtt_config *config);

@@ -76,12 +76,20 @@ static void put_value(const struct announcement *announcement, const char *name,
 static bool is_allowed(const struct db_mqtt_config *config, const char *drive, const char *command,
                        bool stops)
 {
+	/* Where topics have a name in the end, those of buttons have none. */
+	struct db_grant grant = { .role = config->senders == DB_MQTT_SENDERS_TOPIC ?
+		                                  DB_ROLE_OBSERVER :
+		                                  db_mqtt_config_role(config),
+		                  .stops = true,
+		                  .drives = "*" };
+	const char *needed = drive;
 	unsigned word = config->allow.word;
 	bool allowed = word == DB_MQTT_ALLOW_ALL || (word == DB_MQTT_ALLOW_STOP && stops) ||
 	               (word == DB_SETTING_NAMED && db_setting_list_has(&config->allow, command));
 
-	return allowed && (config->command_drives.word != DB_SETTING_NAMED ||
-	                   db_setting_list_has(&config->command_drives, drive));
+	return allowed && db_grant_has(&grant, db_may_of_command(command, &needed), needed) &&
+	       (config->command_drives.word != DB_SETTING_NAMED ||
+	        db_setting_list_has(&config->command_drives, drive));
 }
 
 static void put_button(const struct announcement *announcement, const char *command, bool stops)

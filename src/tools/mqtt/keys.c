@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/config.h"
+#include "users/users.h"
 
 #define AT(member) .offset = offsetof(struct db_mqtt_config, member)
 
@@ -108,6 +109,18 @@ const struct db_setting db_mqtt_keys[] = {
 	                  "library held back, for minutes perhaps, is then executed as well, but for the first age-ms of a "
 	                  "connection"),
 	  AT(time) },
+	{ DB_WORD_SETTING("command", "role", "engineer", "observer operator engineer",
+	                  "What may be done at most, whoever sends it, beside allow and parameters; observer: stop and quick_stop; "
+	                  "operator: all commands but the engineer's; engineer: set_position, save_parameters, raw_frame and registers, too"),
+	  AT(role) },
+	{ DB_WORD_SETTING("command", "senders", "off", "off topic",
+	                  "How it is known who sends a command; topic: from the last part of the topic, command/USER, stop/USER and "
+	                  "alive/USER, which the broker's access list must guard; then the user's role and drives in users-file count, "
+	                  "and who is not there may only stop"),
+	  AT(senders) },
+	{ DB_TEXT_SETTING("command", "users-file", DB_USERS_PATH, 1, 255,
+	                  "With senders = topic: the file with users, which page and OPC UA have in common"),
+	  AT(users_file) },
 	{ .name = NULL },
 };
 /* clang-format on */

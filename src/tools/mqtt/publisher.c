@@ -15,8 +15,10 @@
 #include "mqtt/outbox.h"
 #include "mqtt/picture.h"
 #include "mqtt/ration.h"
+#include "mqtt/senders.h"
 #include "mqtt/topics.h"
 #include "mqtt/trouble.h"
+#include "users/users.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -32,6 +34,7 @@ struct db_mqtt_publisher {
 	struct db_waker broker_waker;
 	struct db_plant *plant;
 	struct db_mqtt_acting *acting;
+	struct db_mqtt_senders *senders;
 	struct db_mqtt_picture **pictures;
 	size_t picture_count;
 	json_t *buses; /* those with retained messages: as in Describe */
@@ -235,6 +238,8 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
 	if (service != publisher->service)
 		publisher->served = db_client_now();
 	publisher->service = service;
+	/* Services of before have no audit trail. */
+	db_mqtt_acting_set_audit(publisher->acting, json_object_get(description, "audit_trouble"));
 	withdraw_missing(publisher, description);
 	forget_pictures(publisher);
 	publisher->pictures = calloc(count + 1, sizeof(struct db_mqtt_picture *));
@@ -412,7 +417,17 @@ static void on_broker_connected(void *context)
 	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "stop").text, 1);
 	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "command").text,
 	                         0);
-	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "alive").text,
+	if (config->senders == DB_MQTT_SENDERS_OFF) {
+		db_mqtt_broker_subscribe(publisher->broker,
+		                         topic_of_drive(publisher, "+", "alive").text, 0);
+		return;
+	}
+	/* Who publishes without a name can only stop, and hears why. */
+	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "stop/+").text,
+	                         1);
+	db_mqtt_broker_subscribe(publisher->broker,
+	                         topic_of_drive(publisher, "+", "command/+").text, 0);
+	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "alive/+").text,
 	                         0);
 }
 
@@ -447,11 +462,27 @@ static void publish_result(void *context, const struct db_mqtt_outcome *outcome)
 	             outcome->refused ? DB_MQTT_LAST : DB_MQTT_PROMPT);
 }
 
-static void handle_command(struct db_mqtt_publisher *publisher, struct db_mqtt_command *command,
-                           const char *wrong, const char *drive, bool retained)
+/* The name in the topic is the sender's, whatever the message says. NULL, or the mistake. */
+static const char *take_sender(const struct db_mqtt_publisher *publisher,
+                               struct db_mqtt_command *command, const char *sender,
+                               const char *wrong)
 {
+	if (publisher->config->senders == DB_MQTT_SENDERS_OFF)
+		return wrong;
+	if (!wrong && !command->stops && command->user[0] && strcmp(command->user, sender) != 0)
+		wrong = "it names another user than its topic";
+	/* Others cannot be users, and could look like something else in the audit trail. */
+	command->user = db_users_name_is_good(sender) ? sender : "";
+	return wrong;
+}
+
+static void handle_command(struct db_mqtt_publisher *publisher, struct db_mqtt_command *command,
+                           const char *wrong, const char *drive, const char *sender, bool retained)
+{
+	const struct db_grant grant = db_mqtt_senders_grant(publisher->senders, sender);
 	const struct db_mqtt_arrival arrival = {
 		.drive = drive,
+		.grant = &grant,
 		.retained = retained,
 		.now = db_client_now(),
 		.us = db_client_wall_us(),
@@ -493,11 +524,24 @@ static void handle_command(struct db_mqtt_publisher *publisher, struct db_mqtt_c
 }
 
 static bool is_leaf(const struct db_mqtt_publisher *publisher, const char *topic, const char *leaf,
-                    char drive[DB_MQTT_NAME_MAX])
+                    char drive[DB_MQTT_NAME_MAX], char sender[DB_MQTT_TOPIC_MAX])
 {
 	const struct db_mqtt_config *config = publisher->config;
 
-	return db_mqtt_topic_is_of_drive(topic, config->prefix, config->gateway, leaf, drive);
+	return db_mqtt_topic_is_of_drive(topic, config->prefix, config->gateway, leaf, drive,
+	                                 sender) &&
+	       (sender[0] == '\0' || config->senders == DB_MQTT_SENDERS_TOPIC);
+}
+
+/* Only he who has commanded the drive keeps it going, and as long as he may. */
+static void feed(struct db_mqtt_publisher *publisher, const char *drive, const char *sender)
+{
+	struct db_grant grant = db_mqtt_senders_grant(publisher->senders, sender);
+	bool named = publisher->config->senders == DB_MQTT_SENDERS_TOPIC;
+
+	if (!named || (sender[0] && db_grant_has(&grant, DB_MAY_MOVE, drive)))
+		db_mqtt_acting_feed(publisher->acting, drive, named ? sender : NULL,
+		                    db_client_now());
 }
 
 static void on_message(void *context, const char *topic, const char *text, size_t length,
@@ -509,6 +553,7 @@ static void on_message(void *context, const char *topic, const char *text, size_
 	const json_t *stops = db_plant_stops(publisher->plant);
 	struct db_mqtt_command command;
 	char drive[DB_MQTT_NAME_MAX];
+	char sender[DB_MQTT_TOPIC_MAX];
 	const char *wrong;
 	unsigned mark;
 	long long sent;
@@ -518,14 +563,18 @@ static void on_message(void *context, const char *topic, const char *text, size_
 		if (sscanf(text, "%u %lld", &mark, &sent) == 2 && mark == publisher->echo_mark &&
 		    sent > publisher->echoed && sent <= now)
 			publisher->echoed = sent;
-	} else if (is_leaf(publisher, topic, "command", drive) && find_picture(publisher, drive)) {
+	} else if (is_leaf(publisher, topic, "command", drive, sender) &&
+	           find_picture(publisher, drive)) {
 		wrong = db_mqtt_command_parse(text, length, stops, &command);
-		handle_command(publisher, &command, wrong, drive, retained);
-	} else if (is_leaf(publisher, topic, "stop", drive) && find_picture(publisher, drive)) {
+		wrong = take_sender(publisher, &command, sender, wrong);
+		handle_command(publisher, &command, wrong, drive, sender, retained);
+	} else if (is_leaf(publisher, topic, "stop", drive, sender) &&
+	           find_picture(publisher, drive)) {
 		wrong = db_mqtt_command_parse_stop(text, length, stops, &command);
-		handle_command(publisher, &command, wrong, drive, retained);
-	} else if (is_leaf(publisher, topic, "alive", drive) && current && !retained) {
-		db_mqtt_acting_feed(publisher->acting, drive, now);
+		wrong = take_sender(publisher, &command, sender, wrong);
+		handle_command(publisher, &command, wrong, drive, sender, retained);
+	} else if (is_leaf(publisher, topic, "alive", drive, sender) && current && !retained) {
+		feed(publisher, drive, sender);
 	}
 }
 
@@ -570,8 +619,10 @@ struct db_mqtt_publisher *db_mqtt_publisher_new(sd_event *loop, const struct db_
 		                                       publisher->outbox, &broker_ops, publisher);
 	publisher->plant = db_plant_new(loop, &wishes, &plant_ops, publisher);
 	publisher->acting = db_mqtt_acting_new(loop, config->socket, publish_result, publisher);
+	publisher->senders = db_mqtt_senders_new(config);
 	publisher->echo_at = DB_TIME_NEVER;
-	if (!publisher->outbox || !publisher->broker || !publisher->plant || !publisher->acting) {
+	if (!publisher->outbox || !publisher->broker || !publisher->plant || !publisher->acting ||
+	    !publisher->senders) {
 		db_mqtt_publisher_free(publisher);
 		return NULL;
 	}
@@ -585,6 +636,7 @@ void db_mqtt_publisher_free(struct db_mqtt_publisher *publisher)
 		return;
 	(void)db_waker_take(&publisher->broker_waker);
 	db_mqtt_acting_free(publisher->acting);
+	db_mqtt_senders_free(publisher->senders);
 	db_plant_free(publisher->plant);
 	db_mqtt_broker_free(publisher->broker);
 	db_mqtt_outbox_free(publisher->outbox);

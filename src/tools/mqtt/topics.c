@@ -34,10 +34,12 @@ struct db_mqtt_topic db_mqtt_topic_of_drive(const char *prefix, const char *gate
 }
 
 bool db_mqtt_topic_is_of_drive(const char *topic, const char *prefix, const char *gateway,
-                               const char *leaf, char drive[DB_MQTT_NAME_MAX])
+                               const char *leaf, char drive[DB_MQTT_NAME_MAX],
+                               char sender[DB_MQTT_TOPIC_MAX])
 {
 	struct db_mqtt_topic head = db_mqtt_topic_of_gateway(prefix, gateway, "drive/");
 	size_t length = strlen(head.text);
+	size_t part = strlen(leaf);
 	size_t name;
 
 	if (strncmp(topic, head.text, length) != 0)
@@ -45,8 +47,18 @@ bool db_mqtt_topic_is_of_drive(const char *topic, const char *prefix, const char
 	topic += length;
 	name = strcspn(topic, "/");
 	if (name == 0 || name >= DB_MQTT_NAME_MAX || topic[name] != '/' ||
-	    strcmp(topic + name + 1, leaf) != 0)
+	    strncmp(topic + name + 1, leaf, part) != 0)
 		return false;
+	sender[0] = '\0';
+	if (topic[name + 1 + part] == '/') {
+		const char *last = topic + name + 1 + part + 1;
+
+		if (last[0] == '\0' || strchr(last, '/') || strlen(last) >= DB_MQTT_TOPIC_MAX)
+			return false;
+		strcpy(sender, last);
+	} else if (topic[name + 1 + part] != '\0') {
+		return false;
+	}
 	memcpy(drive, topic, name);
 	drive[name] = '\0';
 	return true;

@@ -16,6 +16,7 @@
  *   PREFIX/GATEWAY/drive/DRIVE/command       to this program
  *   PREFIX/GATEWAY/drive/DRIVE/stop          to this program, with any text
  *   PREFIX/GATEWAY/drive/DRIVE/alive         to this program
+ *   PREFIX/GATEWAY/drive/DRIVE/command/USER  likewise, and stop/USER and alive/USER: whose it is
  *   PREFIX/GATEWAY/drive/DRIVE/result        the results of commands
  *
  * Pure.
@@ -43,8 +44,10 @@ struct db_mqtt_topic db_mqtt_topic_of_bus(const char *prefix, const char *gatewa
 struct db_mqtt_topic db_mqtt_topic_of_drive(const char *prefix, const char *gateway,
                                             const char *drive, const char *leaf);
 
-/* True if `topic` is db_mqtt_topic_of_drive() of some drive, and of which. */
+/* True if `topic` is db_mqtt_topic_of_drive() of some drive, and of which; and of the sender's name
+ * where that follows as a last level, else "". */
 bool db_mqtt_topic_is_of_drive(const char *topic, const char *prefix, const char *gateway,
-                               const char *leaf, char drive[DB_MQTT_NAME_MAX]);
+                               const char *leaf, char drive[DB_MQTT_NAME_MAX],
+                               char sender[DB_MQTT_TOPIC_MAX]);
 
 #endif

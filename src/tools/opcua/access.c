@@ -318,6 +318,7 @@ void db_opcua_access_review(struct db_opcua_access *access)
 		access->note(access->context,
 		             &(struct db_link_note){ .kind = "users",
 		                                     .what = "changed",
+		                                     .from = "OPC UA",
 		                                     .text = access->config->users });
 	access->users_stamp = stamp;
 	/* If the file cannot be read, there are no users. */
@@ -336,6 +337,17 @@ void db_opcua_access_review(struct db_opcua_access *access)
 
 /* --- callbacks of the library ----------------------------------------------------------------- */
 
+static void note_login(const struct db_opcua_access *access, const char *user, const char *from,
+                       const char *text, bool refused)
+{
+	access->note(access->context, &(struct db_link_note){ .kind = "login",
+	                                                      .what = "in",
+	                                                      .user = user,
+	                                                      .from = from,
+	                                                      .text = text,
+	                                                      .refused = refused });
+}
+
 static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *control,
                                       const UA_EndpointDescription *endpoint,
                                       const UA_ByteString *certificate, const UA_NodeId *id,
@@ -347,6 +359,7 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	const char *address = db_opcua_network_address(access->network, connection);
 	struct db_opcua_session *session = find_session(access, id);
 	struct db_opcua_login login;
+	char from[sizeof(session->from)];
 	UA_StatusCode status = db_opcua_logins_check(
 		access->logins, address, endpoint->securityMode != UA_MESSAGESECURITYMODE_NONE,
 		token, &login);
@@ -354,6 +367,7 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	(void)server;
 	(void)certificate;
 	(void)session_context;
+	(void)snprintf(from, sizeof(from), "OPC UA, %s", address);
 	/* Another user's session is not taken over. */
 	if (status == UA_STATUSCODE_GOOD && session && session->connection != connection &&
 	    strcmp(session->user, login.user) != 0)
@@ -376,11 +390,7 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 		db_client_log_rationed_for(&access->lines, address, db_client_now(),
 		                           DB_CLIENT_WARNING, "%s: not logged in: %s: %s", address,
 		                           who, UA_StatusCode_name(status));
-		access->note(access->context, &(struct db_link_note){ .kind = "login",
-		                                                      .what = "in",
-		                                                      .from = address,
-		                                                      .text = who,
-		                                                      .refused = true });
+		note_login(access, "", from, who, true);
 		return status;
 	}
 	session->connection = connection;
@@ -389,17 +399,12 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	(void)snprintf(session->user, sizeof(session->user), "%s", login.user);
 	(void)snprintf(session->label, sizeof(session->label), "%s at %s",
 	               login.user[0] ? login.user : "anonymous", address);
-	(void)snprintf(session->from, sizeof(session->from), "%s", address);
+	memcpy(session->from, from, sizeof(from));
 	update_network(access, connection);
 	update_network(access, before);
 	/* Without a user nothing can be done but reading. */
 	if (login.user[0])
-		access->note(access->context,
-		             &(struct db_link_note){ .kind = "login",
-		                                     .what = "in",
-		                                     .user = login.user,
-		                                     .from = address,
-		                                     .text = db_role_name(login.grant.role) });
+		note_login(access, login.user, from, db_role_name(login.grant.role), false);
 	if (db_role_moves(login.grant.role))
 		db_client_log(DB_CLIENT_INFO, "%s: logged in as %s", session->label,
 		              db_role_name(login.grant.role));
@@ -706,4 +711,9 @@ void db_opcua_access_renew(struct db_opcua_access *access)
 void db_opcua_access_look(struct db_opcua_access *access, int64_t us)
 {
 	db_opcua_security_look(access->config, &access->own, us);
+}
+
+int64_t db_opcua_access_certificate_ends(const struct db_opcua_access *access)
+{
+	return access->own.facts.ends;
 }

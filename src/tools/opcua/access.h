@@ -37,7 +37,7 @@ struct db_opcua_session {
 	char token[DB_OPCUA_TOKEN_MAX];
 	unsigned long digest; /* of the user at login, db_users_digest() */
 	char label[128];      /* for the log: the user and the address */
-	char from[65];        /* the address, for the audit trail */
+	char from[65];        /* for the audit trail: "OPC UA, 10.0.0.7" */
 };
 
 /* A session has ended, or has lost its connection. */
@@ -98,6 +98,9 @@ UA_StatusCode db_opcua_access_deny(const struct db_opcua_access *access,
 /* Iterates over the sessions that have a connection. NULL: the end. `place` begins with 0. */
 const struct db_opcua_session *db_opcua_access_next(const struct db_opcua_access *access,
                                                     size_t *place);
+
+/* When the server's own certificate ends, in seconds since 1970-01-01 UTC. */
+int64_t db_opcua_access_certificate_ends(const struct db_opcua_access *access);
 
 /* A connection is closed: its sessions have lost it. */
 void db_opcua_access_forget_connection(struct db_opcua_access *access, uintptr_t connection);

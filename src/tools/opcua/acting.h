@@ -43,7 +43,7 @@ struct db_opcua_actor {
 	unsigned session;  /* unique among all sessions */
 	const char *user;  /* "": anonymous */
 	const char *label; /* for the log: user and address */
-	const char *from;  /* for the audit trail: the address; "": the service has none */
+	const char *from;  /* for the audit trail: "OPC UA, 10.0.0.7"; "": the service has none */
 	const char *token; /* of the service's clock, for calls that start a motion; "": none */
 	bool stops_only;   /* it has a place that is kept for stops, and may do nothing else */
 };

@@ -73,6 +73,18 @@ static UA_StatusCode read_clock(const struct db_opcua_nodes *nodes, UA_DataValue
 	return UA_STATUSCODE_GOOD;
 }
 
+static UA_StatusCode read_certificate_ends(const struct db_opcua_nodes *nodes, UA_DataValue *value)
+{
+	UA_DateTime ends = UA_DateTime_fromUnixTime(nodes->ops->certificate_ends(nodes->context));
+
+	value->hasValue = UA_Variant_setScalarCopy(&value->value, &ends,
+	                                           &UA_TYPES[UA_TYPES_DATETIME]) ==
+	                  UA_STATUSCODE_GOOD;
+	value->hasSourceTimestamp = true;
+	value->sourceTimestamp = UA_DateTime_now();
+	return value->hasValue ? UA_STATUSCODE_GOOD : UA_STATUSCODE_BADOUTOFMEMORY;
+}
+
 static UA_StatusCode write_clock(const struct db_opcua_nodes *nodes, const UA_NodeId *session,
                                  const UA_Variant *value)
 {
@@ -116,6 +128,8 @@ static UA_StatusCode read_value(UA_Server *server, const UA_NodeId *session, voi
 	}
 	if (branch->type == DB_OPCUA_CLOCK)
 		return read_clock(nodes, value);
+	if (branch->type == DB_OPCUA_CERTIFICATE_ENDS)
+		return read_certificate_ends(nodes, value);
 	if (branch->type == DB_OPCUA_VARIABLE) {
 		db_opcua_plant_fetch(nodes->plant, &shown->drive->items[branch->place]);
 		return db_opcua_value_read(&shown->drive->items[branch->place], value);
@@ -317,6 +331,14 @@ static void fill_text(struct db_opcua_node *node, const char *text, bool valued)
 	set_constant(node, &UA_TYPES[UA_TYPES_STRING], false, value, 1);
 }
 
+static void fill_variable(struct db_opcua_node *node, UA_QualifiedName name,
+                          const char *description, const UA_DataType *type, bool writable,
+                          double interval_ms)
+{
+	set_head(node, UA_NODECLASS_VARIABLE, name, description);
+	set_variable(node, type, false, writable, interval_ms);
+}
+
 static void fill_property(const struct db_opcua_shown *shown, const struct db_opcua_branch *branch,
                           struct db_opcua_node *node, bool valued)
 {
@@ -358,9 +380,8 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 		break;
 	case DB_OPCUA_VARIABLE:
 		reg = &kind->list[branch->place];
-		set_head(node, UA_NODECLASS_VARIABLE, name, reg->description);
-		set_variable(node, db_opcua_data_type(reg->type), false, reg->writable,
-		             nodes->config->interval_ms);
+		fill_variable(node, name, reg->description, db_opcua_data_type(reg->type),
+		              reg->writable, nodes->config->interval_ms);
 		break;
 	case DB_OPCUA_COLUMN:
 		set_head(node, UA_NODECLASS_VARIABLE, name,
@@ -369,12 +390,16 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 		             true, false, nodes->config->interval_ms);
 		break;
 	case DB_OPCUA_CLOCK:
-		set_head(
-			node, UA_NODECLASS_VARIABLE, name,
+		fill_variable(
+			node, name,
 			"A moment of the service's clock; once a session has written one here, a motion "
-			"that it starts is refused when the newest it has written is older than 500 ms");
-		set_variable(node, &UA_TYPES[UA_TYPES_STRING], false, true,
-		             nodes->config->interval_ms);
+			"that it starts is refused when the newest it has written is older than 500 ms",
+			&UA_TYPES[UA_TYPES_STRING], true, nodes->config->interval_ms);
+		break;
+	case DB_OPCUA_CERTIFICATE_ENDS:
+		fill_variable(node, name,
+		              "When the certificate ends that this server shows to its clients",
+		              &UA_TYPES[UA_TYPES_DATETIME], false, FIGURES_INTERVAL);
 		break;
 	case DB_OPCUA_METHOD:
 		text = json_string_value(

@@ -24,6 +24,8 @@ struct db_opcua_nodes_ops {
 	/* The newest token that the client's session has, for motions that it starts from now on;
 	 * "": none. The text is copied. */
 	UA_StatusCode (*write_clock)(void *context, const UA_NodeId *session, const char *token);
+	/* When this server's own certificate ends, in seconds since 1970-01-01 UTC. */
+	int64_t (*certificate_ends)(void *context);
 	/* A client calls a command; takes `arguments` over. `result` and `reason` are its
 	 * outputs. */
 	UA_StatusCode (*run)(void *context, const UA_NodeId *session, struct db_opcua_drive *drive,

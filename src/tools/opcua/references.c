@@ -46,6 +46,7 @@ static UA_UInt32 type_of(const struct db_opcua_tree *tree, const struct db_opcua
 		                                                 UA_NS0ID_BASEDATAVARIABLETYPE;
 	case DB_OPCUA_COLUMN:
 	case DB_OPCUA_CLOCK:
+	case DB_OPCUA_CERTIFICATE_ENDS:
 		return UA_NS0ID_BASEDATAVARIABLETYPE;
 	default:
 		return UA_NS0ID_PROPERTYTYPE;

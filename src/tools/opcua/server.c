@@ -67,6 +67,13 @@ static UA_StatusCode write_clock(void *context, const UA_NodeId *session, const 
 	               UA_STATUSCODE_BADUSERACCESSDENIED;
 }
 
+static int64_t tell_certificate_ends(void *context)
+{
+	const struct db_opcua_server *server = context;
+
+	return db_opcua_access_certificate_ends(server->access);
+}
+
 /* A result of the service, or an error of its calls, as a status of OPC UA. */
 static UA_StatusCode status_of(const struct db_opcua_outcome *outcome)
 {
@@ -378,6 +385,7 @@ struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcu
 	static const struct db_opcua_nodes_ops node_ops = {
 		.write = write_register,
 		.write_clock = write_clock,
+		.certificate_ends = tell_certificate_ends,
 		.run = run_command,
 	};
 	struct db_opcua_server *server = calloc(1, sizeof(*server));

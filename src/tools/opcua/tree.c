@@ -72,7 +72,8 @@ static bool add_to_root(struct db_opcua_tree *tree, const struct db_opcua_config
 	bool good = add_variables(tree, 0, DB_OPCUA_PROCESS, gateway);
 
 	if (gateway && good)
-		good = add(tree, 0, DB_OPCUA_CLOCK, "Clock", 0);
+		good = add(tree, 0, DB_OPCUA_CLOCK, "Clock", 0) &&
+		       add(tree, 0, DB_OPCUA_CERTIFICATE_ENDS, "CertificateEnds", 0);
 	for (size_t i = 0; i < json_array_size(kind->commands) && good; i++) {
 		char name[DB_OPCUA_NAME_MAX];
 

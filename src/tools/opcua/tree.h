@@ -16,8 +16,9 @@ enum db_opcua_branch_type {
 	DB_OPCUA_ROOT,   /* the drive itself, or the gateway */
 	DB_OPCUA_FOLDER, /* of a group */
 	DB_OPCUA_VARIABLE,
-	DB_OPCUA_COLUMN, /* of the history */
-	DB_OPCUA_CLOCK,  /* of the gateway: the service's own */
+	DB_OPCUA_COLUMN,           /* of the history */
+	DB_OPCUA_CLOCK,            /* of the gateway: the service's own */
+	DB_OPCUA_CERTIFICATE_ENDS, /* of the gateway: of this server's own certificate */
 	DB_OPCUA_METHOD,
 	DB_OPCUA_IDENTIFICATION, /* a folder */
 	DB_OPCUA_COMPONENT_NAME,

@@ -16,6 +16,7 @@ static const struct {
 	[DB_MAY_ENGINEER] = { "engineer", DB_ROLE_ENGINEER },
 	[DB_MAY_MANAGE] = { "manage", DB_ROLE_ENGINEER },
 	[DB_MAY_APPOINT] = { "appoint", DB_ROLE_ADMINISTRATOR },
+	[DB_MAY_AUDIT] = { "audit", DB_ROLE_ENGINEER },
 };
 
 const char *db_role_name(enum db_role role)
@@ -90,6 +91,8 @@ static bool has_role(const struct db_grant *grant, enum db_may may)
 {
 	if (may == DB_MAY_STOP && grant->stops && grant->role != DB_ROLE_NONE)
 		return true;
+	if (grant->role == DB_ROLE_ADMINISTRATOR && may == DB_MAY_AUDIT)
+		return true;
 	if (may == DB_MAY_APPOINT)
 		return grant->role == DB_ROLE_ADMINISTRATOR;
 	return grant->role >= mays[may].role;
@@ -101,7 +104,8 @@ bool db_grant_has(const struct db_grant *grant, enum db_may may, const char *dri
 		return false;
 	if (may == DB_MAY_MANAGE)
 		return db_grant_has_all(grant);
-	return (may != DB_MAY_MOVE && may != DB_MAY_ENGINEER) || !drive || has_drive(grant, drive);
+	return (may != DB_MAY_MOVE && may != DB_MAY_ENGINEER && may != DB_MAY_AUDIT) || !drive ||
+	       has_drive(grant, drive);
 }
 
 void db_grant_explain(const struct db_grant *grant, enum db_may may, const char *drive, char *text,
@@ -111,7 +115,8 @@ void db_grant_explain(const struct db_grant *grant, enum db_may may, const char 
 		(void)snprintf(text, size, "%s",
 		               "an observer stops drives only where readers-may-stop allows it");
 	else if (!has_role(grant, may))
-		(void)snprintf(text, size, "this needs the role %s", db_role_name(mays[may].role));
+		(void)snprintf(text, size, "this needs the role %s%s", db_role_name(mays[may].role),
+		               may == DB_MAY_AUDIT ? " or administrator" : "");
 	else if (drive && drive[0] != '\0')
 		(void)snprintf(text, size, "%s is not among this user's drives: %s", drive,
 		               grant->drives);

@@ -28,6 +28,7 @@ enum db_may {
 	DB_MAY_ENGINEER, /* a drive: parameters, its origin, frames by hand */
 	DB_MAY_MANAGE,   /* what is of no single drive: configuration, scans, addresses */
 	DB_MAY_APPOINT,  /* users */
+	DB_MAY_AUDIT,    /* reads the audit trail: of a drive, or whole */
 	DB_MAYS
 };
 
@@ -35,7 +36,8 @@ enum db_may {
 struct db_grant {
 	enum db_role role;
 	bool stops; /* also an observer or an administrator may stop */
-	/* Names separated by commas, which he may move and engineer; "*": all. */
+	/* Names separated by commas, which he may move and engineer, and whose part of the audit
+	 * trail he reads; "*": all, and the whole trail. */
 	char drives[DB_USERS_DRIVES_MAX + 1];
 };
 
@@ -45,7 +47,7 @@ const char *db_role_name(enum db_role role);
 /* Also "reader", as an observer was called. False: it is none of a user. */
 bool db_role_read(const char *word, enum db_role *role);
 
-/* "look", "stop", "move", "engineer", "manage", "appoint"; "" for DB_MAY_NOTHING. */
+/* "look", "stop", "move", "engineer", "manage", "appoint", "audit"; "" for DB_MAY_NOTHING. */
 const char *db_may_name(enum db_may may);
 
 /* True for an operator and an engineer. */

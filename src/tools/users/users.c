@@ -175,7 +175,7 @@ void db_users_former(const char *path, const struct db_users_keeper *keeper, cha
 	size_t end = sizeof(common) - 1;
 
 	former[0] = '\0';
-	if (length > end && strcmp(path + length - end, common) == 0)
+	if (keeper->former && length > end && strcmp(path + length - end, common) == 0)
 		(void)snprintf(former, size, "%.*s/%s", (int)(length - end), path, keeper->former);
 }
 

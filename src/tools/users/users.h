@@ -44,7 +44,7 @@ struct db_user {
 /* A program with users. */
 struct db_users_keeper {
 	const char *program; /* its name, for advice on the command line */
-	const char *former;  /* DB_USERS_FORMER_..., its own file of before */
+	const char *former;  /* DB_USERS_FORMER_..., its own file of before; NULL: it had none */
 };
 
 struct db_users {

@@ -195,6 +195,21 @@ static void check_post(struct db_web_request *request)
 		(void)snprintf(request->tab, sizeof(request->tab), "%s", tab);
 }
 
+/* A download, which the browser makes by itself from a link of the page. */
+static void check_download(struct db_web_request *request)
+{
+	const char *site = head(request, "Sec-Fetch-Site");
+
+	if (site && strcmp(site, "same-origin") != 0 && strcmp(site, "none") != 0)
+		db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "WrongOrigin",
+		                      "this request was made by another page");
+	else if (!may_at_all(request) && request->user[0] == '\0')
+		db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginRequired",
+		                      "this needs a login");
+	else if (!may_at_all(request))
+		refuse_deed(request, request->route.needs, NULL, NULL);
+}
+
 static void check_head(struct db_web_request *request, unsigned hosts)
 {
 	if (hosts != 1 || !db_web_host_is_good(head(request, MHD_HTTP_HEADER_HOST),
@@ -209,6 +224,8 @@ static void check_head(struct db_web_request *request, unsigned hosts)
 	else if (request->route.kind == DB_WEB_WRONG_METHOD)
 		db_web_request_refuse(request, MHD_HTTP_METHOD_NOT_ALLOWED, "WrongMethod",
 		                      "this needs another method");
+	else if (request->route.kind == DB_WEB_TRAIL_FILE)
+		check_download(request);
 	else if (request->route.kind != DB_WEB_FILE && request->route.kind != DB_WEB_SESSION &&
 	         request->route.kind != DB_WEB_METRICS)
 		check_post(request);
@@ -272,6 +289,9 @@ void db_web_admit_content(struct db_web_request *request)
 			refuse_deed(request, DB_MAY_MOVE, drive, NULL);
 		return;
 	}
+	/* The chain is of all lines. */
+	if (route->kind == DB_WEB_TRAIL_VERIFY)
+		drive = "";
 	if (runs)
 		needs = command ? db_may_of_command(command, &drive) : DB_MAY_MOVE;
 	if (!db_grant_has(&request->grant, needs, drive))

@@ -295,6 +295,8 @@ void db_web_request_free(struct db_web_request *request)
 		MHD_destroy_response(request->response);
 	if (request->end_stream)
 		request->end_stream(request->stream);
+	if (request->end_job)
+		request->end_job(request->job);
 	json_decref(request->parameters);
 	if (request->known)
 		explicit_bzero(request->known, sizeof(*request->known));

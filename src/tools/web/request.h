@@ -62,6 +62,9 @@ struct db_web_request {
 	struct MHD_Response *response; /* of a stream; NULL: it is made of the fields above */
 	void (*end_stream)(struct db_web_stream *stream);
 	struct db_web_stream *stream;
+	/* What works for it, which ends with it; NULL: nothing. */
+	void (*end_job)(void *job);
+	void *job;
 };
 
 /* The request of this number; NULL: it has been answered and is gone. */

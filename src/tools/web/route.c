@@ -51,6 +51,12 @@ static const struct {
 	{ STREAM "Events", "POST", { DB_WEB_STREAM, "Events", DB_MAY_LOOK, false } },
 	{ STREAM "Trace", "POST", { DB_WEB_STREAM, "Trace", DB_MAY_LOOK, false } },
 	{ STREAM "Scan", "POST", { DB_WEB_STREAM, "Scan", DB_MAY_MANAGE, false } },
+	{ "/api/audit", "POST", { DB_WEB_TRAIL_SEARCH, "audit", DB_MAY_AUDIT, false } },
+	{ "/api/audit/verify",
+	  "POST",
+	  { DB_WEB_TRAIL_VERIFY, "audit/verify", DB_MAY_AUDIT, false } },
+	{ "/api/audit.jsonl", "GET", { DB_WEB_TRAIL_FILE, "audit.jsonl", DB_MAY_AUDIT, false } },
+	{ "/api/audit.cef", "GET", { DB_WEB_TRAIL_FILE, "audit.cef", DB_MAY_AUDIT, false } },
 	{ STREAM "overview", "POST", { DB_WEB_OVERVIEW, "", DB_MAY_LOOK, false } },
 };
 

@@ -36,6 +36,9 @@ enum db_web_kind {
 	DB_WEB_CALL,             /* a call with one answer */
 	DB_WEB_STREAM,           /* a call with many answers */
 	DB_WEB_OVERVIEW,         /* the shared stream of all drives */
+	DB_WEB_TRAIL_SEARCH,     /* records of the audit trail, newest first */
+	DB_WEB_TRAIL_VERIFY,     /* whether its chain is whole */
+	DB_WEB_TRAIL_FILE,       /* its records as a file, in the form that `name` says */
 };
 
 struct db_web_route {

@@ -15,6 +15,10 @@
 #include "web/stops.h"
 #include "web/stream.h"
 #include "web/tabs.h"
+#include "web/trail.h"
+#include "web/trail_file.h"
+#include "web/trail_search.h"
+#include "web/trail_verify.h"
 #include "web/users.h"
 
 #include <errno.h>
@@ -139,6 +143,9 @@ static void dispatch(struct db_web_request *request)
 		[DB_WEB_CALL] = make_call,
 		[DB_WEB_STREAM] = begin_stream,
 		[DB_WEB_OVERVIEW] = begin_overview,
+		[DB_WEB_TRAIL_SEARCH] = db_web_trail_search,
+		[DB_WEB_TRAIL_VERIFY] = db_web_trail_verify,
+		[DB_WEB_TRAIL_FILE] = db_web_trail_file,
 	};
 	enum db_web_kind kind = request->route.kind;
 
@@ -459,6 +466,7 @@ static int on_tick(sd_event_source *source, uint64_t us, void *data)
 	db_web_commission_tick(server, now);
 	db_web_stops_tick(server->stops);
 	db_web_stream_tick(server, now);
+	db_web_trail_tick(server->trail, now);
 	answer_late(server, now);
 	run_daemon(server);
 	db_web_connections_tick(server->connections, close_connection);
@@ -630,10 +638,11 @@ static bool start(struct db_web_server *server)
 	server->asker = db_web_hasher_new();
 	server->service = db_web_service_new(server, on_service_changed, on_token, server);
 	server->stops = db_web_stops_new(server);
+	server->trail = db_web_trail_new(server);
 	if (server->service)
 		server->overview = db_web_overview_new(server);
 	if (!server->connections || !server->sessions || !server->hasher || !server->asker ||
-	    !server->stops || !server->overview ||
+	    !server->stops || !server->overview || !server->trail ||
 	    sd_event_add_defer(server->loop, &server->turn, on_turn, server) < 0 ||
 	    sd_event_add_time_relative(server->loop, &server->pause, CLOCK_MONOTONIC, 0,
 	                               PAUSE_ACCURACY_US, on_pause, server) < 0 ||
@@ -663,6 +672,7 @@ static void stop_daemon(struct db_web_server *server)
 	if (!server->daemon)
 		return;
 	db_web_stream_end(server, NULL, "Stopping", "this server is being stopped");
+	db_web_trail_end(server->trail);
 	for (struct db_web_request *request = server->requests; request; request = request->next) {
 		if (request->status == 0)
 			db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Stopping",
@@ -689,6 +699,7 @@ int db_web_serve(const void *config, sd_event *loop)
 	stop_daemon(&server);
 	/* Before the objects that wait for its answers. */
 	db_web_stops_free(server.stops);
+	db_web_trail_free(server.trail);
 	db_web_service_free(server.service);
 	db_web_parameters_free(&server);
 	db_web_setup_free(&server);

@@ -27,6 +27,7 @@ struct db_web_setup;
 struct db_web_stops;
 struct db_web_stream;
 struct db_web_tab;
+struct db_web_trail;
 
 /* Counters since this program began. */
 struct db_web_counts {
@@ -70,6 +71,7 @@ struct db_web_server {
 	struct db_web_commission *commissions;
 	struct db_web_parameters *parameters;
 	struct db_web_setup *setups;
+	struct db_web_trail *trail;
 	uint64_t last_number; /* of requests */
 	struct db_web_connections *connections;
 	struct db_web_counts counts;

@@ -11,7 +11,8 @@ const RIGHTS = [
 	["move", "move drives"],
 	["engineer", "change parameters, set an origin, commission"],
 	["manage", "reload the configuration, scan, set addresses"],
-	["appoint", "make users"]
+	["appoint", "make users"],
+	["audit", "read the audit trail"]
 ];
 
 function createSecret(id, words, autocomplete) {

@@ -18,6 +18,9 @@ const CALLS_AT_ONCE = 2;
 const CALL_TIMEOUT_MS = 15000;
 /* For one attempt of a stop, which is repeated (stops.js). */
 const STOP_TIMEOUT_MS = 1000;
+/* A search of the audit trail, and a check of all of it: as long as the server takes at most. */
+const AUDIT_TIMEOUT_MS = 35000;
+const VERIFY_TIMEOUT_MS = 305000;
 const ALIVE_EVERY_MS = 1000;
 const EVENT_MOST = 4 * 1024 * 1024;
 /* Methods of the control socket that act; they name their tab, which then sends keep-alives. */
@@ -43,7 +46,7 @@ export const tab = Array.from(crypto.getRandomValues(new Uint8Array(12)),
 					.join("");
 
 /* user, role (none, observer, operator, engineer, administrator), may (what, of look, stop, move,
- * engineer, manage, appoint), drives (which; null: all), commands (that need more than to move: stop, engineer,
+ * engineer, manage, appoint, audit), drives (which; null: all), commands (that need more than to move: stop, engineer,
  * manage), password (own: it is kept here; weak: what is wrong with it; least: characters), version,
  * service (true: drivebridged is connected), stops (commands that stop). */
 let session = { user: null, role: "none", may: [], drives: null,
@@ -70,9 +73,9 @@ export function getSession() { return session; }
 
 /* The role that has a right. */
 const ROLES = { look: "observer", stop: "operator", move: "operator", engineer: "engineer",
-	manage: "engineer", appoint: "administrator" };
+	manage: "engineer", appoint: "administrator", audit: "engineer or administrator" };
 /* These are of single drives. */
-const OF_DRIVES = ["move", "engineer"];
+const OF_DRIVES = ["move", "engineer", "audit"];
 
 /* Why the user may not do something, or not to this drive ("": the whole gateway; undefined: any); ""
  * if he may. */
@@ -144,6 +147,17 @@ export async function listUsers() { return (await ask("POST", "users", {})).user
 export async function putUser(user) { return ask("POST", "users/put", user); }
 
 export async function removeUser(user) { return ask("POST", "users/remove", { user }); }
+
+/* Records of the audit trail, newest first: { before, and a filter } promises { records, before,
+ * over, trail }. */
+export async function askAudit(parameters) {
+	return ask("POST", "audit", parameters, { timeout: AUDIT_TIMEOUT_MS });
+}
+
+/* Promises { checked, broken, more_broken, trail }. */
+export async function verifyAudit() {
+	return ask("POST", "audit/verify", {}, { timeout: VERIFY_TIMEOUT_MS });
+}
 
 export async function logOut() { return takeSession(await ask("POST", "logout", {})); }
 

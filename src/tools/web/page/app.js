@@ -12,7 +12,7 @@
  *   registers(drive)      promise of a Map of its registers by name; "" is the gateway
  *   commands(drive)       promise of a Map of its commands by name
  *   may(what, drive)      whether the user may stop, move, engineer (a drive), manage (the gateway)
- *                         or appoint (users); whyNot(what, drive) is the reason in words, or ""
+ *                         or appoint (users), or read the audit trail; whyNot(what, drive) is the reason in words, or ""
  *   whyNotRun(command, drive)  the same for a command
  *   link()                live; silent, lost, down (drivebridged) or connecting: the values are old
  *   on(event, listener)   until the view is hidden, one of
@@ -46,6 +46,7 @@ const VIEWS = {
 	scope: { nav: "Oscilloscope", load: () => import("./scope.js") },
 	trace: { nav: "Trace", load: () => import("./trace.js") },
 	events: { nav: "Events", load: () => import("./events.js") },
+	audit: { nav: "Audit", needs: "audit", load: () => import("./audit.js") },
 	users: { nav: "Users", needs: "appoint", load: () => import("./users.js") },
 	account: { load: () => import("./account.js") },
 };

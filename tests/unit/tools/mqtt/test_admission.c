@@ -13,6 +13,7 @@
 
 struct desk {
 	struct db_mqtt_config config;
+	struct db_grant grant; /* of the sender */
 	struct db_mqtt_arrival arrival;
 	char why[DB_MQTT_REASON_MAX];
 };
@@ -24,8 +25,11 @@ static int open_desk(void **state)
 	desk = (struct desk){
 		.config = { .age_ms = 2000,
 		            .allow = { .word = DB_MQTT_ALLOW_ALL },
-		            .parameters = DB_MQTT_ON },
+		            .parameters = DB_MQTT_ON,
+		            .role = DB_MQTT_ROLE_ENGINEER },
+		.grant = { DB_ROLE_ENGINEER, true, "*" },
 		.arrival = { .drive = "lift",
+		             .grant = &desk.grant,
 		             .now = 100 * DB_NS_PER_S,
 		             .us = NOON,
 		             .sent_behind = 99 * DB_NS_PER_S },
@@ -96,6 +100,44 @@ static void test_what_is_allowed(void **state)
 	desk->config.command_drives.word = DB_MQTT_ALL;
 	assert_string_equal(judge(desk, "{\"id\":2," AT_NOON ",\"command\":\"enable\"}"),
 	                    "not_allowed");
+}
+
+/* Of the sender and of all of MQTT: each of them bounds the other. */
+static void test_roles(void **state)
+{
+	static const char *const messages[] = {
+		"{\"command\":\"stop\"}",
+		"{\"command\":\"disable\"}",
+		MOVE("1"),
+		"{\"id\":2," AT_NOON ",\"write\":{\"target_position\":5}}",
+		"{\"id\":2," AT_NOON ",\"write\":{\"target_position\":5,\"spd\":5}}",
+		"{\"id\":3," AT_NOON ",\"command\":\"set_position\"}",
+		"{\"id\":4," AT_NOON ",\"command\":\"sync_start\"}",
+	};
+	static const struct {
+		unsigned whole;
+		struct db_grant grant;
+		const char *may; /* each of the messages */
+	} rows[] = {
+		{ DB_MQTT_ROLE_ENGINEER, { DB_ROLE_ENGINEER, true, "*" }, "xxxxxxx" },
+		{ DB_MQTT_ROLE_OPERATOR, { DB_ROLE_ENGINEER, true, "*" }, "xxxx--x" },
+		{ DB_MQTT_ROLE_OBSERVER, { DB_ROLE_ENGINEER, true, "*" }, "x------" },
+		{ DB_MQTT_ROLE_ENGINEER, { DB_ROLE_OPERATOR, true, "*" }, "xxxx--x" },
+		{ DB_MQTT_ROLE_ENGINEER, { DB_ROLE_ENGINEER, true, "press,lift" }, "xxxxxx-" },
+		{ DB_MQTT_ROLE_ENGINEER, { DB_ROLE_ENGINEER, true, "press" }, "x------" },
+		{ DB_MQTT_ROLE_ENGINEER, { DB_ROLE_ADMINISTRATOR, true, "*" }, "x------" },
+		{ DB_MQTT_ROLE_ENGINEER, { DB_ROLE_OBSERVER, true, "*" }, "x------" },
+	};
+	struct desk *desk = *state;
+
+	for (size_t i = 0; i < sizeof(rows) / sizeof(rows[0]); i++) {
+		desk->config.role = rows[i].whole;
+		desk->grant = rows[i].grant;
+		for (size_t k = 0; k < sizeof(messages) / sizeof(messages[0]); k++)
+			assert_string_equal(judge(desk, messages[k]),
+			                    rows[i].may[k] == 'x' ? "" : "not_allowed");
+	}
+	assert_string_equal(desk->why, "this needs the role operator");
 }
 
 static void test_its_age(void **state)
@@ -212,6 +254,7 @@ int main(void)
 		cmocka_unit_test_setup(test_a_good_one, open_desk),
 		cmocka_unit_test_setup(test_retained_never, open_desk),
 		cmocka_unit_test_setup(test_what_is_allowed, open_desk),
+		cmocka_unit_test_setup(test_roles, open_desk),
 		cmocka_unit_test_setup(test_its_age, open_desk),
 		cmocka_unit_test_setup(test_what_was_sent_before, open_desk),
 		cmocka_unit_test_setup(test_what_is_left_of_its_time, open_desk),

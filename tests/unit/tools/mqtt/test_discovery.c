@@ -29,6 +29,7 @@ static int open_shelf(void **state)
 	shelf.config.gateway = shelf.texts[0];
 	shelf.config.prefix = shelf.texts[1];
 	shelf.config.discovery_prefix = shelf.texts[2];
+	shelf.config.role = DB_MQTT_ROLE_ENGINEER;
 	shelf.picture = db_mqtt_picture_new(drive, registers);
 	shelf.documents = json_object();
 	shelf.stops = json_pack("{s:b, s:b}", "stop", 1, "disable", 1);
@@ -107,6 +108,19 @@ static void test_buttons_are_what_is_allowed(void **state)
 	                           take_document, shelf);
 	assert_int_equal(json_object_size(shelf->documents), 3);
 	assert_null(get(shelf, STOP, "command_topic"));
+	/* Who has no name in his topic only stops, and so does an observer. */
+	shelf->config.allow.word = DB_MQTT_ALLOW_ALL;
+	for (unsigned named = 0; named < 2; named++) {
+		shelf->config.senders = named ? DB_MQTT_SENDERS_TOPIC : DB_MQTT_SENDERS_OFF;
+		shelf->config.role = named ? DB_MQTT_ROLE_ENGINEER : DB_MQTT_ROLE_OBSERVER;
+		(void)json_object_clear(shelf->documents);
+		db_mqtt_discovery_announce(&shelf->config, shelf->picture, shelf->stops, false,
+		                           take_document, shelf);
+		assert_int_equal(json_object_size(shelf->documents), 3);
+		assert_non_null(get(shelf, STOP, "command_topic"));
+	}
+	shelf->config.senders = DB_MQTT_SENDERS_OFF;
+	shelf->config.allow.word = DB_SETTING_NAMED;
 	/* Not for this drive. */
 	shelf->config.command_drives = (struct db_setting_list){ DB_SETTING_NAMED, names };
 	(void)json_object_clear(shelf->documents);

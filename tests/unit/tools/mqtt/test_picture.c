@@ -134,25 +134,37 @@ static void test_about(void **state)
 
 static void test_topics(void **state)
 {
+	static const struct {
+		const char *topic;
+		const char *drive; /* NULL: it is none */
+		const char *sender;
+	} rows[] = {
+		{ "a/b/gw/drive/lift/command", "lift", "" },
+		{ "a/b/gw/drive/lift/command/anna", "lift", "anna" },
+		{ "a/b/gw/drive/lift/command/", NULL, "" },
+		{ "a/b/gw/drive/lift/command/anna/otto", NULL, "" },
+		{ "a/b/gw/drive/lift/commands", NULL, "" },
+		{ "a/b/gw/drive/lift/state", NULL, "" },
+		{ "a/b/gw/drive//command", NULL, "" },
+		{ "a/b/gw/drive/lift/x/command", NULL, "" },
+		{ "a/b/other/drive/lift/command", NULL, "" },
+		{ "a/b/gw/drive/a-name-that-is-longer-than-any-drive-has/command", NULL, "" },
+	};
 	char drive[DB_MQTT_NAME_MAX];
+	char sender[DB_MQTT_TOPIC_MAX];
 
 	(void)state;
 	assert_string_equal(db_mqtt_topic_of_drive("a/b", "gw", "lift", "command").text,
 	                    "a/b/gw/drive/lift/command");
-	assert_true(db_mqtt_topic_is_of_drive("a/b/gw/drive/lift/command", "a/b", "gw", "command",
-	                                      drive));
-	assert_string_equal(drive, "lift");
-	assert_false(db_mqtt_topic_is_of_drive("a/b/gw/drive/lift/state", "a/b", "gw", "command",
-	                                       drive));
-	assert_false(
-		db_mqtt_topic_is_of_drive("a/b/gw/drive//command", "a/b", "gw", "command", drive));
-	assert_false(db_mqtt_topic_is_of_drive("a/b/gw/drive/lift/x/command", "a/b", "gw",
-	                                       "command", drive));
-	assert_false(db_mqtt_topic_is_of_drive("a/b/other/drive/lift/command", "a/b", "gw",
-	                                       "command", drive));
-	assert_false(db_mqtt_topic_is_of_drive(
-		"a/b/gw/drive/a-name-that-is-longer-than-any-drive-has/command", "a/b", "gw",
-		"command", drive));
+	for (size_t i = 0; i < sizeof(rows) / sizeof(rows[0]); i++) {
+		assert_int_equal(db_mqtt_topic_is_of_drive(rows[i].topic, "a/b", "gw", "command",
+		                                           drive, sender),
+		                 rows[i].drive != NULL);
+		if (!rows[i].drive)
+			continue;
+		assert_string_equal(drive, rows[i].drive);
+		assert_string_equal(sender, rows[i].sender);
+	}
 }
 
 int main(void)

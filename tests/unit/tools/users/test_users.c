@@ -111,7 +111,7 @@ static void test_rights(void **state)
 	} rows[] = {
 		{ DB_MAY_NOTHING, "xxxx" }, { DB_MAY_LOOK, "xxxx" },     { DB_MAY_STOP, "xxxx" },
 		{ DB_MAY_MOVE, "--oo" },    { DB_MAY_ENGINEER, "---o" }, { DB_MAY_MANAGE, "---a" },
-		{ DB_MAY_APPOINT, "-x--" },
+		{ DB_MAY_APPOINT, "-x--" }, { DB_MAY_AUDIT, "-o-o" },
 	};
 	char text[256];
 
@@ -152,6 +152,9 @@ static void test_rights(void **state)
 	db_grant_explain(&(struct db_grant){ .role = DB_ROLE_OPERATOR, .drives = "lift" },
 	                 DB_MAY_ENGINEER, "lift", text, sizeof(text));
 	assert_string_equal(text, "this needs the role engineer");
+	db_grant_explain(&(struct db_grant){ .role = DB_ROLE_OPERATOR, .drives = "*" },
+	                 DB_MAY_AUDIT, NULL, text, sizeof(text));
+	assert_string_equal(text, "this needs the role engineer or administrator");
 }
 
 static void test_what_is_done(void **state)

@@ -125,6 +125,9 @@ static void test_routes(void **state)
 	assert_true(route.acts);
 	assert_int_equal(db_web_route_find("POST", "/api/stream/Scan").needs, DB_MAY_MANAGE);
 	assert_int_equal(db_web_route_find("POST", "/api/call/Read").needs, DB_MAY_LOOK);
+	assert_int_equal(db_web_route_find("POST", "/api/call/Audit").kind, DB_WEB_UNKNOWN);
+	assert_int_equal(db_web_route_find("POST", "/api/audit").needs, DB_MAY_AUDIT);
+	assert_int_equal(db_web_route_find("GET", "/api/audit.cef").needs, DB_MAY_AUDIT);
 }
 
 static const struct db_web_session *begin(struct db_web_sessions *sessions, unsigned number,

@@ -1,0 +1,102 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "web/trail_verify.h"
+#include "web/call.h"
+#include "web/trail.h"
+
+#include <stdlib.h>
+
+/* The largest trail, on a small and busy gateway. */
+#define ANSWER_WITHIN (300 * DB_NS_PER_S)
+
+/* Places that the answer names. */
+#define BROKEN_MOST 50
+
+struct verification {
+	struct db_web_trail_reader reader;
+	struct db_web_request *request;
+	json_int_t checked;
+	json_int_t more_broken;
+	json_t *broken;
+};
+
+static void end_verification(void *job)
+{
+	struct verification *verification = job;
+
+	db_web_trail_leave(verification->request->server->trail, &verification->reader);
+	json_decref(verification->broken);
+	free(verification);
+}
+
+static void ask(const struct verification *verification, json_int_t from)
+{
+	db_web_trail_ask(verification->request->server->trail,
+	                 json_pack("{s:I, s:b}", "from", from, "verify", true));
+}
+
+static void take_turn(struct db_web_trail_reader *reader)
+{
+	ask((struct verification *)(void *)reader, 0);
+}
+
+static void count_page(struct verification *verification, const json_t *page)
+{
+	json_t *broken;
+	size_t i;
+
+	verification->checked += json_integer_value(json_object_get(page, "checked"));
+	verification->more_broken += json_integer_value(json_object_get(page, "more_broken"));
+	json_array_foreach(json_object_get(page, "broken"), i, broken)
+	{
+		if (json_array_size(verification->broken) < BROKEN_MOST)
+			(void)json_array_append(verification->broken, broken);
+		else
+			verification->more_broken++;
+	}
+}
+
+static void take_page(struct db_web_trail_reader *reader, json_t *page,
+                      const struct db_client_error *error)
+{
+	struct verification *verification = (struct verification *)(void *)reader;
+	struct db_web_request *request = verification->request;
+
+	if (!error && request->status == 0) {
+		count_page(verification, page);
+		if (!json_is_true(json_object_get(page, "over"))) {
+			ask(verification, json_integer_value(json_object_get(page, "next")));
+			return;
+		}
+	}
+	db_web_trail_leave(request->server->trail, reader);
+	if (error)
+		db_web_request_fail(request, error);
+	else
+		db_web_request_answer(request, MHD_HTTP_OK,
+		                      json_pack("{s:I, s:O, s:I, s:O?}", "checked",
+		                                verification->checked, "broken",
+		                                verification->broken, "more_broken",
+		                                verification->more_broken, "trail",
+		                                json_object_get(page, "trail")));
+}
+
+void db_web_trail_verify(struct db_web_request *request)
+{
+	struct verification *verification = calloc(1, sizeof(*verification));
+
+	if (verification)
+		verification->broken = json_array();
+	if (!verification || !verification->broken) {
+		free(verification);
+		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy", "no memory");
+		return;
+	}
+	verification->reader.turn = take_turn;
+	verification->reader.take = take_page;
+	verification->request = request;
+	request->job = verification;
+	request->end_job = end_verification;
+	request->answer_by = db_client_now() + ANSWER_WITHIN;
+	db_web_log_action(request, "verifies the audit trail", NULL);
+	db_web_trail_enter(request->server->trail, &verification->reader);
+}
