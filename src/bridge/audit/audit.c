@@ -42,19 +42,28 @@ struct begun {
 };
 #define BEGUN_MAX 256
 
+/* Where the last page of a reader ended: the next one goes on there. */
+struct reader_place {
+	uint32_t reader;
+	uint64_t number; /* of the next record; 0: none */
+	uint64_t used;   /* a greater one is newer */
+	struct db_trail_place at;
+};
+#define READERS_MAX 8
+
 struct db_audit {
 	struct db_log_source log;
 	pthread_t thread;
 	sem_t wake;
 
 	/* The thread's own. */
-	struct db_trail *trail;      /* null: only the journal */
-	db_time sync_at;             /* DB_TIME_NEVER: nothing to be done */
-	uint64_t unkept;             /* records that the files do not have */
-	bool failing;                /* which was logged */
-	bool unsynced;               /* the disk did not take the latest ones for good */
-	struct db_trail_place place; /* behind the page that was read last */
-	uint64_t place_number;       /* of the next record there */
+	struct db_trail *trail; /* null: only the journal */
+	db_time sync_at;        /* DB_TIME_NEVER: nothing to be done */
+	uint64_t unkept;        /* records that the files do not have */
+	bool failing;           /* which was logged */
+	bool unsynced;          /* the disk did not take the latest ones for good */
+	struct reader_place places[READERS_MAX];
+	uint64_t pages;
 	struct begun begun[BEGUN_MAX];
 
 	pthread_mutex_t lock; /* of the following */
@@ -427,10 +436,31 @@ static void collect(void *context, const struct db_lines *lines, json_t *object,
 	free(who);
 }
 
-static void read_page(struct db_audit *audit, const struct db_audit_query *query,
+/* The place from which a reader goes on. What is before the first number that it wants may take
+ * several pages, so readers who take turns must not lose theirs. */
+static struct reader_place *find_reader_place(struct db_audit *audit, uint32_t reader,
+                                              const struct db_audit_query *query)
+{
+	struct reader_place *oldest = &audit->places[0];
+
+	for (size_t i = 0; i < READERS_MAX; i++) {
+		struct reader_place *place = &audit->places[i];
+
+		if (query->from != 0 && place->reader == reader && place->number == query->from)
+			return place;
+		if (place->used < oldest->used)
+			oldest = place;
+	}
+	oldest->reader = reader;
+	db_trail_find(audit->trail, query->from, query->since_us, &oldest->at);
+	return oldest;
+}
+
+static void read_page(struct db_audit *audit, uint32_t reader, const struct db_audit_query *query,
                       struct db_audit_page *page)
 {
 	struct collection collection = { .audit = audit, .query = query, .page = page };
+	struct reader_place *place;
 
 	*page = (struct db_audit_page){ .over = true };
 	if (!audit->trail)
@@ -438,24 +468,22 @@ static void read_page(struct db_audit *audit, const struct db_audit_query *query
 	collection.out = open_memstream(&page->records, &page->length);
 	if (!collection.out)
 		return;
-	/* Most pages follow the one before. What is before the first number is not wanted. */
-	if (query->from == 0 || audit->place_number != query->from)
-		db_trail_find(audit->trail, query->from, query->since_us, &audit->place);
-	page->over = !db_trail_read(audit->trail, &audit->place, READ_BYTES, collect, &collection);
-	page->next = audit->place.lines.number + 1;
+	place = find_reader_place(audit, reader, query);
+	page->over = !db_trail_read(audit->trail, &place->at, READ_BYTES, collect, &collection);
+	page->next = place->at.lines.number + 1;
 	if (page->next < query->from)
 		page->next = query->from;
-	audit->place_number = page->next;
+	place->number = page->next;
+	place->used = ++audit->pages;
 	/* What was cut off leaves no trace in what is left. */
-	if (page->over && audit->place.lines.number < db_trail_newest(audit->trail) &&
+	if (page->over && place->at.lines.number < db_trail_newest(audit->trail) &&
 	    page->broken_count < DB_AUDIT_BROKEN_MAX) {
 		page->broken[page->broken_count] = (struct db_audit_broken){
-			.number = audit->place.lines.number,
-			.line = audit->place.lines.line,
+			.number = place->at.lines.number,
+			.line = place->at.lines.line,
 			.why = "the last records are missing",
 		};
-		db_trail_name(audit->place.lines.segment,
-		              page->broken[page->broken_count++].segment);
+		db_trail_name(place->at.lines.segment, page->broken[page->broken_count++].segment);
 	}
 	fclose(collection.out);
 }
@@ -511,15 +539,17 @@ static void serve_reader(struct db_audit *audit)
 {
 	struct db_audit_query query;
 	struct db_audit_page page;
+	uint32_t reader;
 	bool asked;
 
 	pthread_mutex_lock(&audit->lock);
 	asked = audit->reading == READING_ASKED;
 	query = audit->query;
+	reader = audit->reader;
 	pthread_mutex_unlock(&audit->lock);
 	if (!asked)
 		return;
-	read_page(audit, &query, &page);
+	read_page(audit, reader, &query, &page);
 	pthread_mutex_lock(&audit->lock);
 	audit->reading = audit->reader != 0 ? READING_DONE : READING_NOTHING;
 	if (audit->reader != 0)

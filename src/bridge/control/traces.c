@@ -185,6 +185,7 @@ void db_traces_follow(const struct db_call *call)
 	struct db_session *session = call->session;
 	struct db_control_socket *control = session->control;
 	const json_t *number = json_object_get(call->parameters, "kept");
+	const struct db_trace_kept *found;
 	const struct db_trace *trace;
 	struct tracing *tracing;
 	bool past = false;
@@ -207,8 +208,8 @@ void db_traces_follow(const struct db_call *call)
 		fail_bus(session, bus);
 		return;
 	}
-	if (kept > 0 && (!find_kept(control, tracing->kept) ||
-	                 strcmp(find_kept(control, tracing->kept)->bus, bus) != 0)) {
+	found = kept > 0 ? find_kept(control, tracing->kept) : NULL;
+	if (kept > 0 && (!found || strcmp(found->bus, bus) != 0)) {
 		fail_kept(session, tracing->kept);
 		return;
 	}

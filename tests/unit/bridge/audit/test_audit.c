@@ -398,6 +398,40 @@ static void test_threads(void **state)
 	db_audit_free(audit);
 }
 
+/* What is before the first record that a reader wants takes several pages, and another one reads in between. */
+static void test_readers_take_turns(void **state)
+{
+	struct db_audit *audit = open_audit(NULL);
+	struct db_audit_query queries[] = { { .from = 490 }, { .from = 491 } };
+	struct db_audit_page page = { .records = NULL };
+	struct db_audit_entry entry = command_of("feeder", 1);
+	uint64_t checked;
+	char found[2] = "";
+
+	(void)state;
+	/* Larger files than a page. */
+	db_audit_change(audit, true, 8);
+	for (unsigned i = 0; i < 500; i++) {
+		db_audit_post(audit, &entry, NOW);
+		if (i % 32 == 0)
+			json_decref(read_records(audit, (struct db_audit_query){ .from = 10000 },
+			                         &checked));
+	}
+	for (unsigned turn = 0; turn < 40 && !(found[0] && found[1]); turn++) {
+		struct db_audit_query *query = &queries[turn % 2];
+		uint32_t reader = OWNER + turn % 2;
+
+		assert_true(db_audit_ask(audit, reader, query));
+		while (!db_audit_take(audit, reader, &page))
+			usleep(200);
+		query->from = page.next;
+		found[turn % 2] = found[turn % 2] || page.length > 0;
+		free(page.records);
+	}
+	assert_true(found[0] && found[1]);
+	assert_true(db_audit_free(audit));
+}
+
 static void test_off(void **state)
 {
 	struct db_audit *audit = open_audit(NULL);
@@ -428,6 +462,7 @@ int main(void)
 		TEST(test_every_command_is_read_as_written),
 		TEST(test_overrun_is_told),
 		TEST(test_threads),
+		TEST(test_readers_take_turns),
 		TEST(test_off),
 	};
 
