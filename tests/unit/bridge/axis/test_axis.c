@@ -197,7 +197,11 @@ static void one_parameter_never_tears(void **state)
 
 static void names(void **state)
 {
+	char text[DB_ERROR_TEXT_MAX];
+
 	(void)state;
+	assert_string_equal(db_error_text(NULL, DB_ERROR_VOLTAGE, text), "voltage");
+	assert_string_equal(db_error_text(NULL, 5, text), "5 (hex 0005)");
 	assert_string_equal(db_axis_state_name(DB_AXIS_OFFLINE), "Offline");
 	assert_string_equal(db_axis_state_name(DB_AXIS_ERROR_STOP), "ErrorStop");
 	assert_string_equal(db_axis_state_name(DB_AXIS_STATE_COUNT), "unknown");
