@@ -153,6 +153,17 @@ static void set_command(struct db_outcome *outcome, const struct db_request *req
 	set_write(outcome, result, 0, ticket);
 }
 
+static struct db_used_id used_id(const struct db_request *request, enum db_result result,
+                                 uint32_t ticket)
+{
+	return (struct db_used_id){
+		.id = request->id,
+		.result = result,
+		.sent = ticket != 0,
+		.ticket = ticket,
+	};
+}
+
 void db_writers_set_command(struct db_writers *writers, struct db_writer *writer,
                             const struct db_request *request, enum db_result result,
                             uint32_t ticket)
@@ -167,12 +178,7 @@ void db_writers_set_command(struct db_writers *writers, struct db_writer *writer
 	/* A stop repeated with its own id does not make an older id new again. */
 	if (request->id != writer->last.id)
 		writer->previous = writer->last;
-	writer->last = (struct db_used_id){
-		.id = request->id,
-		.result = result,
-		.sent = ticket != 0,
-		.ticket = ticket,
-	};
+	writer->last = used_id(request, result, ticket);
 }
 
 void db_writers_set_limit(struct db_writers *writers, struct db_writer *writer, enum db_limit limit)
@@ -191,12 +197,7 @@ void db_writer_set_executed(struct db_writer *writer, const struct db_request *r
 	writer->has_executed = true;
 	writer->executed_command = (uint16_t)request->command;
 	writer->executed_args = *request->args;
-	writer->execution = (struct db_used_id){
-		.id = request->id,
-		.result = result,
-		.sent = ticket != 0,
-		.ticket = ticket,
-	};
+	writer->execution = used_id(request, result, ticket);
 }
 
 static void complete_outcome(struct db_outcome *outcome, uint32_t ticket, enum db_result result,

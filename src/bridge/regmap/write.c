@@ -89,7 +89,6 @@ static bool changes_settings(const struct write *write)
 	return false;
 }
 
-/* The id and the arguments of its write are ignored. */
 /* Applies the write to the kept block. False when a float is not a number, or hold_ms not one of
  * its values; the others are in the block all the same. */
 static bool decode_block(const struct write *write, struct db_command_write *to)
@@ -265,7 +264,7 @@ static int write_heartbeat(const struct write *write)
 static int write_control(const struct write *write)
 {
 	struct db_control *control = &write->drive->control;
-	bool holds;
+	bool holds = db_control_holds(control, write->client, write->now);
 
 	if (write->values[0] > 1)
 		return refuse_write(write, DB_RESULT_OUT_OF_RANGE, 0);
@@ -280,7 +279,6 @@ static int write_control(const struct write *write)
 	/* `control = off`: refuse claims, since they would not be enforced. */
 	if (!control->enabled)
 		return refuse_write(write, DB_RESULT_UNSUPPORTED, 0);
-	holds = db_control_holds(control, write->client, write->now);
 	if (db_control_request(control, write->client, write->now)) {
 		if (!holds)
 			db_record_control(write->drive, write->client, true);

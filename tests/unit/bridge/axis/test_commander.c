@@ -1703,6 +1703,10 @@ static void a_bare_repeat_of_an_accepted_write_is_accepted(void **state)
 	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), 0);
 	assert_int_equal(fake.submitted, 1);
 	assert_int_equal(look(&fake).results.write_result, DB_RESULT_REFUSED);
+	/* An id whose command the bridge refused is refused again. */
+	set_status(&fake, 0);
+	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), NO_PATH);
+	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), NO_PATH);
 	drop(&fake);
 }
 

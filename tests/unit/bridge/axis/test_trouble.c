@@ -89,7 +89,6 @@ static void every_cause_has_a_name_and_says_what_to_do(void **state)
 {
 	const struct db_trouble_about about = { .drive = "feeder",
 		                                .bus = "press",
-		                                .place = "/dev/ttyS1",
 		                                .address = 7,
 		                                .error = DB_ERROR_VOLTAGE,
 		                                .port_advice = "; is it plugged in?",

@@ -217,6 +217,11 @@ static void claims_and_the_gateway_need_a_permission_of_their_own(void **state)
 	assert_int_equal(read1(&fake, &client, 1, 56), 1);
 	assert_int_equal(fake.record.kind, DB_AUDIT_CONTROL);
 	assert_string_equal(fake.record.what, "taken");
+	/* Said once. */
+	fake.recorded = 0;
+	assert_int_equal(write1(&fake, &client, 1, 56, 1), 0);
+	assert_int_equal(write1(&fake, &client, 1, 66, 1), 0);
+	assert_int_equal(fake.recorded, 0);
 	assert_int_equal(write1(&fake, &client, 1, 56, 0), 0);
 	assert_string_equal(fake.record.what, "released");
 	assert_int_equal(write1(&fake, &client, 0, 60, 1), DB_WRITE_LATER);
@@ -419,6 +424,39 @@ static void a_silence_is_said_with_who_was_there_last(void **state)
 	fake_registers_close(&fake);
 }
 
+/* With command-id-scope = client the ids of those are forgotten who were silent longest. */
+static void who_reads_is_not_forgotten(void **state)
+{
+	struct fake_registers fake;
+	struct db_client clients[9];
+	const uint16_t first[] = { 1, DB_CMD_ENABLE };
+	const uint16_t second[] = { 2, DB_CMD_ENABLE };
+
+	(void)state;
+	make(&fake,
+	     &(struct db_modbus_config){ .confirm_ms = 40, .command_id_scope = DB_IDS_OF_CLIENT });
+	for (uint8_t i = 0; i < 9; i++) {
+		fake.now += MS;
+		clients[i] = (struct db_client){
+			.id = 10u + i, .address = { i }, .port = 1, .may_write = true
+		};
+		/* The first one was there before the last one came. */
+		if (i == 8)
+			(void)read1(&fake, &clients[0], 1, 0);
+		assert_int_equal(db_registers_backend.write(fake.registers, &clients[i], 1,
+		                                            DB_TABLE_HOLDING, 100, 2, first,
+		                                            FAKE_TOKEN),
+		                 0x04);
+	}
+	assert_int_equal(db_registers_backend.write(fake.registers, &clients[0], 1,
+	                                            DB_TABLE_HOLDING, 100, 2, second, FAKE_TOKEN),
+	                 DB_WRITE_LATER);
+	assert_int_equal(db_registers_backend.write(fake.registers, &clients[1], 1,
+	                                            DB_TABLE_HOLDING, 100, 2, second, FAKE_TOKEN),
+	                 0x04);
+	fake_registers_close(&fake);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -433,6 +471,7 @@ int main(void)
 		cmocka_unit_test(only_who_may_command_keeps_a_drive_moving),
 		cmocka_unit_test(reads_keep_control_for_who_may_command),
 		cmocka_unit_test(who_had_to_wait_is_there_for_all_its_drives),
+		cmocka_unit_test(who_reads_is_not_forgotten),
 		cmocka_unit_test(a_silence_is_said_with_who_was_there_last),
 	};
 

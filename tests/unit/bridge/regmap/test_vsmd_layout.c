@@ -621,6 +621,50 @@ static void accepted_writes_are_chained_too(void **state)
 
 /* --- one drive, two units ------------------------------------------------------------------------------------ */
 
+/* FC 22 with a mask that changes nothing, and the like: only a stop has an effect. */
+static void a_register_that_stays_as_it_is(void **state)
+{
+	FAKE();
+	assert_int_equal(db_registers_backend.write_same(fake.registers, &fake_client, VENDOR, 0x47,
+	                                                 0, FAKE_TOKEN),
+	                 ILLEGAL_ADDRESS);
+	assert_int_equal(db_registers_backend.write_same(fake.registers, &fake_client, VENDOR, 0x01,
+	                                                 0, FAKE_TOKEN),
+	                 ILLEGAL_VALUE);
+	assert_int_equal(db_registers_backend.write_same(fake.registers, &fake_client, VENDOR, 0x1F,
+	                                                 5, FAKE_TOKEN),
+	                 0);
+	assert_int_equal(fake.submitted, 0);
+	assert_int_equal(db_registers_backend.write_same(fake.registers, &fake_client, VENDOR, 0,
+	                                                 0x0400, FAKE_TOKEN),
+	                 DB_WRITE_LATER);
+	assert_int_equal(fake_last_request(&fake)->command, DB_CMD_STOP);
+	fake_registers_close(&fake);
+}
+
+/* As of the neutral layout: a role without parameters may stop all the same. */
+static void a_role_without_parameters_writes_none(void **state)
+{
+	const struct db_role_config role = { .write.all = true };
+	const struct db_client operates = { .id = 2, .port = 1, .may_write = true, .role = &role };
+	const uint16_t five = 5;
+	const uint16_t both[] = { 0x0400, 0, 0, 0, 0x45C8 }; /* stop, pos, spd */
+
+	FAKE();
+	assert_int_equal(db_registers_backend.write(fake.registers, &operates, VENDOR,
+	                                            DB_TABLE_HOLDING, 0x1F, 1, &five, FAKE_TOKEN),
+	                 0x01);
+	assert_int_equal(fake.submitted, 0);
+	assert_int_equal(fake.refused_by_role, 1);
+	assert_int_equal(db_registers_backend.write(fake.registers, &operates, VENDOR,
+	                                            DB_TABLE_HOLDING, 0, 5, both, FAKE_TOKEN),
+	                 DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(fake_last_request(&fake)->command, DB_CMD_STOP);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0), 0);
+	fake_registers_close(&fake);
+}
+
 static void units(void **state)
 {
 	uint16_t values[2];
@@ -703,6 +747,8 @@ int main(void)
 		cmocka_unit_test(a_slow_chain_goes_on_unattended),
 		cmocka_unit_test(a_failed_writers_command_is_dropped),
 		cmocka_unit_test(accepted_writes_are_chained_too),
+		cmocka_unit_test(a_register_that_stays_as_it_is),
+		cmocka_unit_test(a_role_without_parameters_writes_none),
 		cmocka_unit_test(units),
 		cmocka_unit_test(layout_of_the_only_unit),
 		cmocka_unit_test(the_watchdog_stops_and_latches),
