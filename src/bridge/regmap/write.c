@@ -50,8 +50,8 @@ static int execute_command(const struct write *write, enum db_command command,
 
 /* --- the command block ------------------------------------------------------------------------ */
 
-/* The value of one of the command block's narrow registers in a write; 0. */
-static uint16_t find_value(const struct write *write, size_t offset)
+/* The command in one of the command block's registers in a write; NONE. */
+static uint16_t find_command(const struct write *write, size_t offset)
 {
 	for (uint16_t i = 0; i < write->span.count; i++) {
 		const struct db_cell *cell = &write->span.cells[i];
@@ -59,13 +59,13 @@ static uint16_t find_value(const struct write *write, size_t offset)
 		if (cell->part == DB_PART_BLOCK && cell->offset == offset)
 			return write->values[cell->address - write->address];
 	}
-	return 0;
+	return DB_CMD_NONE;
 }
 
 /* The stop in a write; NONE. It is carried out whatever else is written. */
 static enum db_command find_stop(const struct write *write)
 {
-	enum db_command command = (enum db_command)find_value(
+	enum db_command command = (enum db_command)find_command(
 		write, offsetof(struct db_drive_image, block.command));
 
 	return db_command_is_stop(command) ? command : DB_CMD_NONE;
@@ -81,7 +81,7 @@ static bool changes_settings(const struct write *write)
 	if (first->part != DB_PART_BLOCK)
 		return !(first->flags & (DB_ROW_CONTROL | DB_ROW_HEARTBEAT));
 	for (size_t i = 0; i < sizeof(commands) / sizeof(commands[0]); i++) {
-		uint16_t command = find_value(write, commands[i]);
+		uint16_t command = find_command(write, commands[i]);
 
 		if (command == DB_CMD_SAVE_PARAMETERS || command == DB_CMD_RAW_FRAME)
 			return true;

@@ -677,6 +677,7 @@ static void a_stop_without_a_place_is_said_again(void **state)
 	/* What comes behind it would get before it. */
 	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), BUSY);
 	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 2);
+	assert_int_equal(db_commander_newest(fake.commander), fake.requests[2].ticket);
 	finish(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 0);
 	finish(&fake, 2, DB_RESULT_OK);
@@ -2141,6 +2142,7 @@ static void history_follows_a_motion_to_its_end(void **state)
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 900);
 	let_pass(&fake, 1000 * MS);
 	assert_int_equal(entry_of(&fake, 0).result, DB_RESULT_FAILED);
+	assert_in_range(entry_of(&fake, 0).duration_us, 200000, 260000);
 	drop(&fake);
 }
 
@@ -2410,6 +2412,7 @@ static void memory_for_clients_is_there_while_it_is_needed(void **state)
 static void a_client_sees_the_end_of_the_stop_that_took_its_place(void **state)
 {
 	CLIENT_FAKE();
+	assert_int_equal(put_as(&fake, 3, 1, DB_CMD_ENABLE, 0), FAILURE);
 	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
 	assert_int_equal(put_as(&fake, 2, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
 	assert_int_equal(put_as(&fake, 2, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
@@ -2506,6 +2509,170 @@ static void a_jog_is_not_held_back_too_early(void **state)
 	fake.now = db_commander_next_deadline(fake.commander);
 	set_axis(&fake, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_MOVING, 995);
 	wake(&fake);
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
+/* A motion that was refused is the newest that it asked for. */
+static void a_client_whose_motion_is_refused_is_not_done(void **state)
+{
+	CLIENT_FAKE();
+	fake.drive.max_position = 100.0;
+	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_MOVE_RELATIVE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_true(look_as(&fake, 1).results.done);
+	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_MOVE_ABSOLUTE, 1001), ILLEGAL_VALUE);
+	assert_false(look_as(&fake, 1).results.done);
+	drop(&fake);
+}
+
+/* The id of before, whose stop another one has replaced, is known by its end. */
+static void an_id_of_before_is_known_by_its_end(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_CANCELLED);
+	finish(&fake, 2, DB_RESULT_OK);
+	finish(&fake, 1, DB_RESULT_BUSY);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), 0);
+	assert_int_equal(fake.submitted, 3);
+	drop(&fake);
+}
+
+static void a_secret_is_not_in_the_history(void **state)
+{
+	static const struct db_param secrets[] = {
+		{ .name = "open", .type = DB_U16, .unit = "", .max = 9 },
+		{ .name = "password",
+		  .type = DB_U16,
+		  .unit = "",
+		  .max = 9,
+		  .traits = DB_PARAM_SECRET },
+	};
+	static struct db_driver discreet;
+	struct db_setting setting = { .param = 1, .value.u = 7 };
+	struct db_commander_config config;
+
+	FAKE(false);
+	discreet = driver;
+	discreet.params = secrets;
+	discreet.param_count = 2;
+	config = config_of(&fake);
+	config.driver = &discreet;
+	remake(&fake, &config);
+	assert_true(
+		set(fake.commander, NULL, &setting, 1, (struct db_write_token){ 1, 1 }, fake.now)
+			.later);
+	assert_int_equal(entry_of(&fake, 0).number, 1);
+	assert_int_equal(entry_of(&fake, 0).value, 0);
+	assert_int_equal(fake.requests[0].settings[0].value.u, 7);
+	setting.param = 0;
+	assert_true(
+		set(fake.commander, NULL, &setting, 1, (struct db_write_token){ 1, 2 }, fake.now)
+			.later);
+	assert_int_equal(entry_of(&fake, 0).value, 7);
+	drop(&fake);
+}
+
+/* Begins a jog towards 1000 counts, at 100 counts/s. */
+static void jog(struct fake *fake)
+{
+	fake->drive.max_position = 100.0;
+	set_axis(fake, DB_AXIS_STANDSTILL, 0, 900);
+	assert_int_equal(move(fake, DB_CMD_MOVE_VELOCITY, 0, 100.0f), DB_WRITE_LATER);
+	finish(fake, fake->submitted - 1, DB_RESULT_OK);
+	fake->now += MS;
+	set_axis(fake, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_MOVING, 900);
+	wake(fake);
+}
+
+/* Looks once, at data of this moment. */
+static void pass_by(struct fake *fake, uint32_t status, int32_t position)
+{
+	fake->now = db_commander_next_deadline(fake->commander);
+	set_axis(fake, DB_AXIS_CONTINUOUS_MOTION, status, position);
+	wake(fake);
+}
+
+/* Its target was checked. */
+static void a_move_behind_a_jog_is_not_watched(void **state)
+{
+	FAKE(false);
+	jog(&fake);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_ABSOLUTE, 1000, 100.0f), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_OK);
+	pass_by(&fake, DB_STATUS_MOVING, 999);
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
+/* What a drive that does not answer said last is not what it does. */
+static void data_of_before_stop_no_jog(void **state)
+{
+	struct db_snapshot snapshot = { .feedback = { .status = DB_STATUS_BUS_UP | DB_STATUS_MOVING,
+		                                      .state = DB_AXIS_OFFLINE,
+		                                      .position = 999,
+		                                      .velocity = 100.0f } };
+
+	FAKE(false);
+	jog(&fake);
+	snapshot.feedback.taken = fake.now;
+	db_axis_publish(fake.axis, &snapshot);
+	let_pass(&fake, 100 * MS);
+	assert_int_equal(fake.submitted, 1);
+	drop(&fake);
+}
+
+/* As far as it went after the last stop, it may go after the next one. */
+static void a_stop_by_a_client_is_measured(void **state)
+{
+	FAKE(false);
+	jog(&fake);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_OK);
+	fake.now += 500 * MS;
+	/* 50 counts. */
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 950);
+	let_pass(&fake, 50 * MS);
+	jog(&fake);
+	assert_int_equal(fake.submitted, 3);
+	pass_by(&fake, DB_STATUS_MOVING, 940);
+	assert_int_equal(fake.submitted, 3);
+	pass_by(&fake, DB_STATUS_MOVING, 946);
+	assert_int_equal(fake.submitted, 4);
+	assert_int_equal(fake.requests[3].cause, DB_STAND_LIMIT);
+	drop(&fake);
+}
+
+/* Half of the square of its speed by its deceleration. */
+static void a_known_deceleration_is_allowed_for(void **state)
+{
+	struct db_nameplate_copy room;
+	struct db_nameplate plate;
+	struct db_commander_config config;
+
+	FAKE(false);
+	presetting = driver;
+	presetting.params = preset_params;
+	presetting.param_count = 1;
+	presetting.deceleration_param = 0;
+	config = config_of(&fake);
+	config.driver = &presetting;
+	remake(&fake, &config);
+	/* 400 counts/s^2: 12.5 counts, and 5 in the time until it hears of the stop. */
+	plate = fake_nameplate(&room, 1);
+	plate.values[0].f = 400.0f;
+	db_axis_publish_nameplate(fake.axis, &plate);
+	jog(&fake);
+	pass_by(&fake, DB_STATUS_MOVING, 982);
+	assert_int_equal(fake.submitted, 1);
+	pass_by(&fake, DB_STATUS_MOVING, 983);
 	assert_int_equal(fake.submitted, 2);
 	drop(&fake);
 }
@@ -2619,6 +2786,13 @@ int main(void)
 		cmocka_unit_test(a_command_is_judged_when_it_is_staged),
 		cmocka_unit_test(a_completion_that_nobody_awaits_frees_its_place),
 		cmocka_unit_test(a_jog_is_not_held_back_too_early),
+		cmocka_unit_test(a_client_whose_motion_is_refused_is_not_done),
+		cmocka_unit_test(an_id_of_before_is_known_by_its_end),
+		cmocka_unit_test(a_secret_is_not_in_the_history),
+		cmocka_unit_test(a_move_behind_a_jog_is_not_watched),
+		cmocka_unit_test(data_of_before_stop_no_jog),
+		cmocka_unit_test(a_stop_by_a_client_is_measured),
+		cmocka_unit_test(a_known_deceleration_is_allowed_for),
 	};
 
 	return cmocka_run_group_tests_name("commander", tests, NULL, NULL);

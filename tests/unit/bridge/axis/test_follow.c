@@ -309,6 +309,25 @@ static void a_shake_ends_when_it_stands(void **state)
 	}
 }
 
+/* In between it may stand, or move in a way that its state does not call homing. */
+static void homing_goes_on_while_either_shows(void **state)
+{
+	struct db_feedback feedback = { .taken = 10 * MS };
+	struct db_follow follow;
+
+	(void)state;
+	begin(&follow, DB_CMD_HOME, NULL, true, MS);
+	feedback.status = DB_STATUS_ONLINE | DB_STATUS_HOMED;
+	feedback.state = DB_AXIS_HOMING;
+	assert_int_equal(db_follow_check(&follow, &config, &feedback, 10 * MS), DB_RESULT_PENDING);
+	feedback.status |= DB_STATUS_MOVING;
+	feedback.state = DB_AXIS_DISCRETE_MOTION;
+	assert_int_equal(db_follow_check(&follow, &config, &feedback, 10 * MS), DB_RESULT_PENDING);
+	feedback.status = DB_STATUS_ONLINE | DB_STATUS_HOMED;
+	feedback.state = DB_AXIS_STANDSTILL;
+	assert_int_equal(db_follow_check(&follow, &config, &feedback, 10 * MS), DB_RESULT_OK);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -316,6 +335,7 @@ int main(void)
 		cmocka_unit_test(what_goes_on_for_ever_and_stands_has_failed),
 		cmocka_unit_test(what_was_taken_without_proof_and_never_begins_has_failed),
 		cmocka_unit_test(homing_may_end_late),
+		cmocka_unit_test(homing_goes_on_while_either_shows),
 		cmocka_unit_test(a_program_ends_when_it_is_idle),
 		cmocka_unit_test(a_delayed_program_is_waited_for),
 		cmocka_unit_test(a_move_is_there_when_it_has_settled),

@@ -189,6 +189,21 @@ static void a_later_write_to_the_same_parameter_leaves_the_older_one_open(void *
 	drop(&world.fake);
 }
 
+/* Whichever of its parameters it is. */
+static void any_common_parameter_leaves_the_older_one_open(void **state)
+{
+	WORLD();
+	acknowledge(&world, write_some(&world, 5, 1, 7));
+	acknowledge(&world, write_some(&world, 4, 2, 8));
+	pass(&world, 100);
+	report(&world, 4, 2, 8);
+	pass(&world, 1000);
+	assert_int_equal(entry_of(&world.fake, 0).result, DB_RESULT_OK);
+	assert_int_equal(entry_of(&world.fake, 1).result, DB_RESULT_UNPROVEN);
+	assert_int_equal(world.fake.refused, 0);
+	drop(&world.fake);
+}
+
 static void writes_to_different_parameters_are_settled_each(void **state)
 {
 	WORLD();
@@ -260,6 +275,7 @@ int main(void)
 		cmocka_unit_test(all_values_of_a_write_are_awaited),
 		cmocka_unit_test(only_what_is_reported_later_counts),
 		cmocka_unit_test(a_later_write_to_the_same_parameter_leaves_the_older_one_open),
+		cmocka_unit_test(any_common_parameter_leaves_the_older_one_open),
 		cmocka_unit_test(writes_to_different_parameters_are_settled_each),
 		cmocka_unit_test(so_many_are_remembered),
 		cmocka_unit_test(a_write_of_more_is_not_settled_in_part),

@@ -205,6 +205,39 @@ static void a_drive_that_gets_faster_is_stopped_sooner(void **state)
 	}
 }
 
+/* From the first stop of a motion that moves, to where it stands. */
+static void only_a_moving_motion_is_measured(void **state)
+{
+	struct db_feedback feedback = { .status = DB_STATUS_ONLINE | DB_STATUS_MOVING,
+		                        .taken = 10 * MS,
+		                        .position = 100,
+		                        .velocity = 100.0f };
+	struct db_supervise supervise = { .active = false };
+
+	(void)state;
+	db_supervise_stop(&supervise, &CONFIG, &feedback, 10 * MS);
+	assert_false(supervise.measuring);
+	db_supervise_begin(&supervise, 0);
+	feedback.velocity = 0.0f;
+	db_supervise_stop(&supervise, &CONFIG, &feedback, 10 * MS);
+	assert_false(supervise.measuring);
+	feedback.velocity = 100.0f;
+	db_supervise_stop(&supervise, &CONFIG, &feedback, 10 * MS);
+	assert_true(supervise.measuring);
+	/* Another stop while it brakes. */
+	feedback.position = 120;
+	feedback.velocity = 50.0f;
+	db_supervise_stop(&supervise, &CONFIG, &feedback, 10 * MS);
+	feedback.status = DB_STATUS_ONLINE;
+	feedback.position = 150;
+	feedback.velocity = 0.0f;
+	feedback.taken = 500 * MS;
+	(void)db_supervise_check(&supervise, &CONFIG, &feedback, 500 * MS);
+	assert_false(supervise.measuring);
+	/* 50 counts from 100 counts/s. */
+	assert_true(fabs(supervise.measured - 50.0 / 10000.0) < 1e-9);
+}
+
 static void only_motions_without_a_target_are_watched(void **state)
 {
 	(void)state;
@@ -226,6 +259,7 @@ int main(void)
 		cmocka_unit_test(the_way_back_is_free),
 		cmocka_unit_test(what_starts_again_is_stopped_again),
 		cmocka_unit_test(a_drive_that_gets_faster_is_stopped_sooner),
+		cmocka_unit_test(only_a_moving_motion_is_measured),
 		cmocka_unit_test(only_motions_without_a_target_are_watched),
 	};
 
