@@ -287,6 +287,18 @@ static void one_wrong_answer_is_refuted_by_the_next(void **state)
 	assert_int_equal(seen(&f).restarts, 0);
 }
 
+/* A drive that was told to home by something else begins to count at its origin: no restart. */
+static void homing_by_itself_is_none(void **state)
+{
+	struct fixture f;
+
+	(void)state;
+	make(&f, 5000, STANDS);
+	status(&f, 0, HOMED);
+	assert_nothing(&f);
+	assert_true(is_homed(&f));
+}
+
 static void a_handshake_lapses_without_a_restart(void **state)
 {
 	struct fixture f;
@@ -316,6 +328,7 @@ int main(void)
 		cmocka_unit_test(two_signs_are_a_restart_at_once),
 		cmocka_unit_test(one_sign_is_a_doubt),
 		cmocka_unit_test(one_wrong_answer_is_refuted_by_the_next),
+		cmocka_unit_test(homing_by_itself_is_none),
 		cmocka_unit_test(a_handshake_lapses_without_a_restart),
 	};
 
