@@ -2362,12 +2362,10 @@ static void what_the_check_tells(void **unused)
 	set_words(f);
 	/* Half of a frame. */
 	option(f, "position-slot-ack", 9);
-	told = check_config(f);
-	assert_int_equal(told.errors, 1);
-	assert_memory_equal(told.text, "position-slot-base is missing", 29);
+	assert_non_null(strstr(check_config(f).text, "position-slot-base is missing"));
 	option(f, "position-slot-ack", NAN);
 	option(f, "move-frame-at", 0);
-	assert_int_equal(check_config(f).errors, 1);
+	assert_non_null(strstr(check_config(f).text, "move-frame-base is missing"));
 	option(f, "move-frame-at", NAN);
 	option(f, "command-word-base", 0x100);
 	assert_int_equal(check_config(f).errors, 1);
