@@ -92,6 +92,11 @@ static const struct db_entry *entry_of(struct fake_registers *fake, uint16_t num
 	return entry;
 }
 
+static bool is_wanted(const struct db_entry *entry)
+{
+	return entry->table == DB_TABLE_HOLDING;
+}
+
 /* --- what there is ------------------------------------------------------------------------------------ */
 
 static void drives_and_buses_are_found(void **state)
@@ -382,6 +387,48 @@ static void see_figure(void *context, const char *name, const struct db_entry *e
 	figures->has_number = figures->has_number || strpbrk(name, "#1") || name[0] == '\0';
 }
 
+/* The requests of one call reach their buses together. */
+static void commands_are_gathered_at_every_bus(void **state)
+{
+	FAKE();
+	db_named_gather(fake.registers, true);
+	assert_true(fake.gathers[0] && fake.gathers[1]);
+	db_named_gather(fake.registers, false);
+	assert_false(fake.gathers[0] || fake.gathers[1]);
+	fake_registers_close(&fake);
+}
+
+/* A parameter that is called as a register of all families is only known by its address. */
+static void a_neutral_name_comes_before_a_parameter(void **state)
+{
+	static const struct db_param params[] = {
+		{ .name = "zeta", .type = DB_U16, .unit = "" },
+		{ .name = "position", .type = DB_U16, .unit = "" },
+		{ .name = "alpha", .type = DB_U16, .unit = "" },
+	};
+	static const struct db_driver family = {
+		.name = "family",
+		.params = params,
+		.param_count = 3,
+		.param_page = 1,
+		.acceleration_param = -1,
+		.deceleration_param = -1,
+	};
+	const struct db_scope scope = { .view = DB_VIEW_DRIVE, .driver = &family };
+	struct db_name_list *names = db_name_list_new(&scope, is_wanted);
+
+	(void)state;
+	assert_int_equal(db_name_list_find(names, "position")->cell.address, 12);
+	assert_int_equal(db_name_list_find(names, "zeta")->cell.address, 400);
+	assert_int_equal(db_name_list_find(names, "alpha")->cell.address, 402);
+	for (size_t i = 0; i < names->count; i++) {
+		assert_int_not_equal(names->entries[i].cell.address, 401);
+		assert_ptr_equal(db_name_list_find(names, names->entries[i].name),
+		                 &names->entries[i]);
+	}
+	db_name_list_free(names);
+}
+
 static void figures_of_a_bus_have_no_number(void **state)
 {
 	struct figures figures = { .cycles = -1, .state = -1, .error = -1 };
@@ -461,6 +508,11 @@ static void units_are_those_of_the_drive(void **state)
 	assert_string_equal(unit, "mm");
 	db_named_unit(fake.registers, 0, entry_of(&fake, 0, "velocity_units"), unit);
 	assert_string_equal(unit, "mm/s");
+	db_named_unit(fake.registers, 0, entry_of(&fake, 0, "velocity"), unit);
+	assert_string_equal(unit, "counts/s");
+	db_named_unit(fake.registers, 0, entry_of(&fake, 0, "acc"), unit);
+	assert_string_equal(unit, entry_of(&fake, 0, "acc")->param->unit);
+	assert_string_equal(entry_of(&fake, 0, "acc")->param->name, "acc");
 	db_named_unit(fake.registers, 0, entry_of(&fake, 0, "age_ms"), unit);
 	assert_string_equal(unit, "ms");
 	db_named_unit(fake.registers, 0, entry_of(&fake, 0, "axis_state"), unit);
@@ -722,6 +774,8 @@ int main(void)
 		cmocka_unit_test(values_are_what_the_registers_hold),
 		cmocka_unit_test(parameters_say_when_they_were_told),
 		cmocka_unit_test(a_read_is_of_one_moment),
+		cmocka_unit_test(commands_are_gathered_at_every_bus),
+		cmocka_unit_test(a_neutral_name_comes_before_a_parameter),
 		cmocka_unit_test(figures_of_a_bus_have_no_number),
 		cmocka_unit_test(numbers_become_words),
 		cmocka_unit_test(arguments_are_known_by_their_registers),

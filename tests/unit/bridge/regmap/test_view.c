@@ -1148,6 +1148,7 @@ static void identification(void **state)
 	assert_string_equal(text, "drivebridge " DB_VERSION " unit 1 feeder VSMD113");
 	length = db_registers_backend.server_id(fake.registers, 1, small, sizeof small, &running);
 	assert_true(length < sizeof small);
+	assert_int_equal(db_registers_backend.server_id(fake.registers, 1, small, 0, &running), 0);
 	/* As in snprintf(): there is room for one less. */
 	length = strlen("drivebridge " DB_VERSION " gateway");
 	assert_int_equal(db_registers_backend.server_id(fake.registers, 0, text, length, &running),
@@ -1693,6 +1694,38 @@ static void a_held_motion_lives_by_its_counter(void **state)
 	fake_registers_close(&fake);
 }
 
+/* FC 22 with a mask that changes nothing, and the like: only a stop has an effect. */
+static void a_register_that_stays_as_it_is(void **state)
+{
+	static const struct {
+		uint8_t unit;
+		uint16_t address;
+		uint16_t value;
+		int answer;
+	} cases[] = {
+		{ 1, 999, 0, ILLEGAL_ADDRESS },
+		{ 1, 0, 0, ILLEGAL_ADDRESS },
+		{ 1, 102, 0, ILLEGAL_VALUE },
+		{ 1, 101, DB_CMD_HOME, 0 },
+		{ 1, 202, 5, 0 },
+		{ 0, 60, 1, 0 },
+		{ 0, 999, 1, ILLEGAL_ADDRESS },
+		{ 0, 0, 1, ILLEGAL_ADDRESS },
+		{ 1, 101, DB_CMD_STOP, DB_WRITE_LATER },
+	};
+
+	FAKE();
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		assert_int_equal(fake.submitted, 0);
+		assert_int_equal(db_registers_backend.write_same(fake.registers, &fake_client,
+		                                                 cases[i].unit, cases[i].address,
+		                                                 cases[i].value, FAKE_TOKEN),
+		                 cases[i].answer);
+	}
+	assert_int_equal(fake_last_request(&fake)->command, DB_CMD_STOP);
+	fake_registers_close(&fake);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -1756,6 +1789,7 @@ int main(void)
 		cmocka_unit_test(recalled_entries_are_those_of_the_same_drive),
 		cmocka_unit_test(a_watchdog_has_its_limits),
 		cmocka_unit_test(a_held_motion_lives_by_its_counter),
+		cmocka_unit_test(a_register_that_stays_as_it_is),
 	};
 
 	return cmocka_run_group_tests_name("view", tests, NULL, NULL);
