@@ -1149,7 +1149,7 @@ static void identification(void **state)
 	length = db_registers_backend.server_id(fake.registers, 1, small, sizeof small, &running);
 	assert_true(length < sizeof small);
 	assert_int_equal(db_registers_backend.server_id(fake.registers, 1, small, 0, &running), 0);
-	/* As in snprintf(): there is room for one less. */
+	/* One byte is for the end of the text. */
 	length = strlen("drivebridge " DB_VERSION " gateway");
 	assert_int_equal(db_registers_backend.server_id(fake.registers, 0, text, length, &running),
 	                 length - 1);
