@@ -1871,6 +1871,33 @@ static void what_rests_beside_its_target_is_a_move(void **state)
 	drop(&fake);
 }
 
+/* It was refused before the one that was asked for first had begun: whoever waits for it must not take
+ * the other one's end for its own. */
+static void a_motion_refused_in_between_is_the_newest(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	fake.drive.max_position = 100.0;
+	assert_int_equal(put(&fake, 7, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 8, DB_CMD_MOVE_ABSOLUTE, 1001), ILLEGAL_VALUE);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_int_equal(look(&fake).results.result_id, 8);
+	assert_int_equal(look(&fake).results.motion_id, 7);
+	assert_int_equal(look(&fake).results.motion_result, DB_RESULT_OK);
+	assert_false(look(&fake).results.done);
+	/* The next one is, again. */
+	assert_int_equal(put(&fake, 9, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_true(look(&fake).results.done);
+	drop(&fake);
+}
+
 /* The one that was asked for last is the one whose end is awaited. */
 static void a_refused_motion_leaves_the_one_behind_it(void **state)
 {
@@ -2775,6 +2802,7 @@ int main(void)
 		cmocka_unit_test(the_largest_velocity_is_told),
 		cmocka_unit_test(a_motion_from_before_a_stop_at_a_limit_does_not_begin),
 		cmocka_unit_test(what_rests_beside_its_target_is_a_move),
+		cmocka_unit_test(a_motion_refused_in_between_is_the_newest),
 		cmocka_unit_test(a_refused_motion_leaves_the_one_behind_it),
 		cmocka_unit_test(the_outcome_of_an_entry_is_that_of_what_it_began),
 		cmocka_unit_test(what_was_refused_elsewhere_is_in_the_history),
