@@ -241,6 +241,7 @@ static void writes_that_no_drive_was_asked_for_are_on_record(void **state)
 	assert_int_equal(fake.record.kind, DB_AUDIT_DENIED);
 	assert_string_equal(fake.record.drive, "feeder");
 	assert_int_equal(fake.record.first, 999);
+	assert_int_equal(fake.record.unit, 0); /* the drive is known */
 	assert_int_equal(write1(&fake, &client, 0, 5, 1), ILLEGAL_ADDRESS);
 	assert_int_equal(fake.recorded, 2);
 	assert_null(fake.record.drive);

@@ -157,6 +157,26 @@ static void a_bus_whose_drives_all_start_begins_with_one_frame(void **state)
 	fake_registers_close(&fake);
 }
 
+/* One part is refused at once, and the others are awaited all the same. */
+static void a_part_that_cannot_start_is_the_worst(void **state)
+{
+	FAKE();
+	stage(&fake, 1);
+	stage(&fake, 2);
+	db_axis_publish(fake.axes[1], &(struct db_snapshot){ .feedback.status = DB_STATUS_BUS_UP });
+	assert_int_equal(start(&fake), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(fake_get1(&fake, GATEWAY, 64), 0x0B);
+	fake_complete(&fake, 0, DB_RESULT_REFUSED);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(fake.answered_with, 0x0B);
+	/* Where none is on its way, at once. */
+	stage(&fake, 2);
+	assert_int_equal(start(&fake), 0x0B);
+	assert_int_equal(fake.answered, 1);
+	fake_registers_close(&fake);
+}
+
 /* Written to group_stop. */
 static void every_kind_of_stop_reaches_every_drive(void **state)
 {
@@ -347,6 +367,7 @@ int main(void)
 		cmocka_unit_test(what_is_staged_starts_together),
 		cmocka_unit_test(one_that_may_not_start_keeps_all_from_it),
 		cmocka_unit_test(a_bus_whose_drives_all_start_begins_with_one_frame),
+		cmocka_unit_test(a_part_that_cannot_start_is_the_worst),
 		cmocka_unit_test(every_kind_of_stop_reaches_every_drive),
 		cmocka_unit_test(a_newer_group_command_answers_the_older_ones_writer),
 		cmocka_unit_test(a_session_is_answered_as_a_session),

@@ -1515,6 +1515,9 @@ static void lines_and_buses_show_their_state(void **state)
 /* Since when it is, by what the cause is. */
 static void trouble_is_as_old_as_its_cause(void **state)
 {
+	static const enum db_trouble_cause silences[] = { DB_TROUBLE_NO_ANSWER,
+		                                          DB_TROUBLE_NOT_UNDERSTOOD,
+		                                          DB_TROUBLE_LATE, DB_TROUBLE_DEAF };
 	struct db_snapshot snapshot;
 
 	FAKE();
@@ -1522,12 +1525,14 @@ static void trouble_is_as_old_as_its_cause(void **state)
 	assert_int_equal(fake_get1(&fake, 1, 92), DB_TROUBLE_NONE);
 	assert_int_equal(fake_get2(&fake, 1, 94), 0);
 	/* What the bus has seen. */
-	snapshot.feedback.status = DB_STATUS_BUS_UP;
-	snapshot.trouble.cause = DB_TROUBLE_LATE;
-	snapshot.trouble.since = fake.now - 70 * MS;
-	db_axis_publish(fake.axes[0], &snapshot);
-	assert_int_equal(fake_get1(&fake, 1, 92), DB_TROUBLE_LATE);
-	assert_int_equal(fake_get2(&fake, 1, 94), 70);
+	for (size_t i = 0; i < sizeof silences / sizeof silences[0]; i++) {
+		snapshot.feedback.status = DB_STATUS_BUS_UP;
+		snapshot.trouble.cause = (uint16_t)silences[i];
+		snapshot.trouble.since = fake.now - 70 * MS;
+		db_axis_publish(fake.axes[0], &snapshot);
+		assert_int_equal(fake_get1(&fake, 1, 92), silences[i]);
+		assert_int_equal(fake_get2(&fake, 1, 94), 70);
+	}
 	/* A drive that must stand and is not seen to. */
 	snapshot = usual(&fake);
 	snapshot.must_stand.cause = DB_STAND_CLIENT;
@@ -1654,6 +1659,7 @@ static void a_watchdog_has_its_limits(void **state)
 	assert_int_equal(fake_put(&fake, 1, 46, 2, (DB_WATCHDOG_MAX_MS + 1) >> 16,
 	                          (DB_WATCHDOG_MAX_MS + 1) & 0xFFFF),
 	                 ILLEGAL_VALUE);
+	assert_int_equal(fake_get1(&fake, 1, 67), 0);
 	assert_int_equal(fake_put(&fake, 1, 46, 2, 0, 0), 0);
 	/* One that would stop nothing is none. */
 	fake.drives[0].on_client_loss = DB_ON_LOSS_NONE;
