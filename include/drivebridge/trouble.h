@@ -62,7 +62,6 @@ const char *db_trouble_need_name(enum db_trouble_need need); /* nothing hint loo
 struct db_trouble_about {
 	const char *drive;
 	const char *bus;
-	const char *place; /* the port or interface of the bus */
 	unsigned address;
 	const struct db_driver *driver; /* for FAULT: of its family */
 	uint16_t error;                 /* for FAULT: enum db_error */

@@ -73,6 +73,15 @@ static void keep_answer(void *context, struct db_write_token token, uint8_t exce
 	fake->answered_with = exception;
 }
 
+static void keep_session_answer(void *context, struct db_write_token token, enum db_result result)
+{
+	struct fake_registers *fake = context;
+
+	fake->answered++;
+	fake->answered_to = token;
+	fake->session_answered_with = result;
+}
+
 static void tell_bus_stats(void *context, struct db_bus *bus, struct db_bus_stats *stats)
 {
 	const struct fake_registers *fake = context;
@@ -97,8 +106,60 @@ static void count_refusal(void *context, const struct db_client *client, enum db
 {
 	struct fake_registers *fake = context;
 
+	if (kind == DB_REFUSED_ROLE) {
+		fake->refused_by_role++;
+		return;
+	}
 	must(kind == DB_REFUSED_CONTROL && client->id <= FAKE_CLIENTS);
 	fake->refused[client->id]++;
+}
+
+static void count_trip(void *context, const struct db_bus_config *bus,
+                       const struct db_drive_config *drive, const struct db_client *last)
+{
+	struct fake_registers *fake = context;
+
+	must(bus == &fake->buses[drive->bus]);
+	fake->tripped++;
+	fake->tripped_last = *last;
+}
+
+static void count_lost_hold(void *context, const struct db_bus_config *bus,
+                            const struct db_drive_config *drive, const struct db_client *holder,
+                            bool gone)
+{
+	struct fake_registers *fake = context;
+
+	(void)holder;
+	(void)gone;
+	must(bus == &fake->buses[drive->bus]);
+	fake->holds_lost++;
+}
+
+static uint32_t keep_record(void *context, const struct db_client *client,
+                            const struct db_audit_entry *entry)
+{
+	struct fake_registers *fake = context;
+
+	must(entry->value_count <= DB_SETTINGS_MAX);
+	fake->record = *entry;
+	for (size_t i = 0; i < entry->value_count; i++)
+		fake->record_values[i] = entry->values[i];
+	fake->record.values = fake->record_values;
+	fake->record_client = client ? client->id : DB_CLIENT_NOBODY;
+	return ++fake->recorded;
+}
+
+static void keep_record_end(void *context, uint32_t record, const char *drive,
+                            enum db_result result, db_time took)
+{
+	struct fake_registers *fake = context;
+
+	(void)drive;
+	(void)took;
+	fake->record_ends++;
+	fake->ended_record = record;
+	fake->ended_with = result;
 }
 
 static void count_client(void *context, const struct db_client *client, bool connected)
@@ -114,11 +175,16 @@ static const struct db_registers_ops ops = {
 	.release = release_request,
 	.gather = gather_requests,
 	.answer = keep_answer,
+	.answer_session = keep_session_answer,
 	.bus_stats = tell_bus_stats,
 	.server_stats = tell_server_stats,
 	.server_clients = tell_clients,
 	.refused = count_refusal,
 	.client = count_client,
+	.tripped = count_trip,
+	.hold_lost = count_lost_hold,
+	.audit = keep_record,
+	.audit_end = keep_record_end,
 };
 
 /* --- making and freeing

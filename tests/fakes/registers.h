@@ -17,6 +17,7 @@
 #ifndef DRIVEBRIDGE_FAKES_REGISTERS_H
 #define DRIVEBRIDGE_FAKES_REGISTERS_H
 
+#include "drivebridge/audit.h"
 #include "drivebridge/driver.h"
 #include "drivebridge/registers.h"
 #include "fakes/places.h"
@@ -66,8 +67,22 @@ struct fake_registers {
 	unsigned answered;
 	struct db_write_token answered_to;
 	uint8_t answered_with;
+	enum db_result session_answered_with; /* where the writer was a session */
 	unsigned connected;
 	unsigned refused[FAKE_CLIENTS + 1]; /* without control, by the id of the client */
+	unsigned refused_by_role;
+	unsigned tripped; /* watchdogs that stopped a drive */
+	struct db_client tripped_last;
+	unsigned holds_lost;
+
+	/* The audit trail: its latest record. */
+	unsigned recorded;
+	struct db_audit_entry record;
+	struct db_audit_value record_values[DB_SETTINGS_MAX];
+	uint32_t record_client; /* DB_CLIENT_NOBODY: the bridge's own */
+	unsigned record_ends;
+	uint32_t ended_record;
+	enum db_result ended_with;
 };
 
 /* VSMD drives at addresses from 5 on with units from 1 on, the first on the first bus and the

@@ -179,7 +179,7 @@ static struct db_write_answer end_here(struct db_commander *commander,
 
 	db_writers_set_command(&commander->writers, writer, request, result, 0);
 	if (db_command_replaces_motion(request->command))
-		db_writers_refuse_motion(&commander->writers, writer);
+		db_writers_refuse_motion(&commander->writers, writer, commander->submitted);
 	db_outcome_record(commander, request, result, NULL);
 	db_outcome_log(commander, db_request_client(request),
 	               &(struct db_refused_write){ .command = request->command, .result = result });

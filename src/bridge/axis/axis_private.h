@@ -384,9 +384,10 @@ struct db_outcome {
 	bool motion_ends; /* the motion has an end of its own */
 	/* another motion was requested since and did not begin: `done` is not about it */
 	bool motion_refused;
-	bool motion_last;      /* its motion is the one that ended last */
-	uint32_t ticket;       /* the command that `result` is about */
-	uint32_t write_ticket; /* the request that `write_result` is about */
+	uint32_t refused_number; /* with motion_refused: see db_writers_refuse_motion() */
+	bool motion_last;        /* its motion is the one that ended last */
+	uint32_t ticket;         /* the command that `result` is about */
+	uint32_t write_ticket;   /* the request that `write_result` is about */
 };
 
 struct db_writer {
@@ -464,11 +465,13 @@ void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_re
 void db_writers_ask_motion(struct db_writers *writers, struct db_writer *writer);
 /* The same by joining a pending stop: only the writer's own result is new. */
 void db_writer_ask_motion(struct db_writer *writer);
-/* The motion that was requested did not begin. */
-void db_writers_refuse_motion(struct db_writers *writers, struct db_writer *writer);
+/* The motion that was requested did not begin; `number`: of its request, or where it was none, the
+ * one that the next request will have. */
+void db_writers_refuse_motion(struct db_writers *writers, struct db_writer *writer,
+                              uint32_t number);
 /* The drive has begun a motion; `cancelled`: another command had overtaken it by then. */
-void db_writers_begin_motion(struct db_writers *writers, struct db_writer *writer, uint16_t id,
-                             bool ends, bool cancelled);
+void db_writers_begin_motion(struct db_writers *writers, struct db_writer *writer,
+                             const struct db_request *request, bool ends, bool cancelled);
 
 /* The current motion is ended by another command; the writer that began it is notified. */
 void db_writers_cancel_motion(struct db_writers *writers);

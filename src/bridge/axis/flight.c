@@ -96,8 +96,8 @@ static struct db_request *youngest_stop(const struct db_commander *commander,
 		    request->command != command)
 			continue;
 		(*count)++;
-		if (!youngest || commander->submitted - request->number <
-		                         commander->submitted - youngest->number)
+		/* The first one: pending requests are kept newest first. */
+		if (!youngest)
 			youngest = request;
 	}
 	return youngest;

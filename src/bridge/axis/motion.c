@@ -392,7 +392,7 @@ static void begin_motion(struct db_commander *commander, struct db_writer *write
 		return;
 	if (!request->overtaken)
 		db_motion_supervise(commander, request->command, now);
-	db_writers_begin_motion(&commander->writers, writer, request->id, ends, request->overtaken);
+	db_writers_begin_motion(&commander->writers, writer, request, ends, request->overtaken);
 	/* A move at speed 0 ends at standstill. */
 	if (request->overtaken || !db_follow_applies(request->command) ||
 	    (request->command == DB_CMD_MOVE_VELOCITY &&
@@ -477,7 +477,7 @@ void db_motion_ended(struct db_commander *commander, const struct db_request *re
 		break;
 	/* The command did nothing: the earlier motion continues. */
 	default:
-		db_writers_refuse_motion(&commander->writers, writer);
+		db_writers_refuse_motion(&commander->writers, writer, request->number);
 	}
 }
 

@@ -153,6 +153,17 @@ static void set_command(struct db_outcome *outcome, const struct db_request *req
 	set_write(outcome, result, 0, ticket);
 }
 
+static struct db_used_id used_id(const struct db_request *request, enum db_result result,
+                                 uint32_t ticket)
+{
+	return (struct db_used_id){
+		.id = request->id,
+		.result = result,
+		.sent = ticket != 0,
+		.ticket = ticket,
+	};
+}
+
 void db_writers_set_command(struct db_writers *writers, struct db_writer *writer,
                             const struct db_request *request, enum db_result result,
                             uint32_t ticket)
@@ -167,12 +178,7 @@ void db_writers_set_command(struct db_writers *writers, struct db_writer *writer
 	/* A stop repeated with its own id does not make an older id new again. */
 	if (request->id != writer->last.id)
 		writer->previous = writer->last;
-	writer->last = (struct db_used_id){
-		.id = request->id,
-		.result = result,
-		.sent = ticket != 0,
-		.ticket = ticket,
-	};
+	writer->last = used_id(request, result, ticket);
 }
 
 void db_writers_set_limit(struct db_writers *writers, struct db_writer *writer, enum db_limit limit)
@@ -191,12 +197,7 @@ void db_writer_set_executed(struct db_writer *writer, const struct db_request *r
 	writer->has_executed = true;
 	writer->executed_command = (uint16_t)request->command;
 	writer->executed_args = *request->args;
-	writer->execution = (struct db_used_id){
-		.id = request->id,
-		.result = result,
-		.sent = ticket != 0,
-		.ticket = ticket,
-	};
+	writer->execution = used_id(request, result, ticket);
 }
 
 static void complete_outcome(struct db_outcome *outcome, uint32_t ticket, enum db_result result,
@@ -237,29 +238,36 @@ void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_re
 
 /* --- motions ---------------------------------------------------------------------------------- */
 
-static void ask_motion(struct db_outcome *outcome, bool refused)
+static void ask_motion(struct db_outcome *outcome)
 {
 	outcome->results.done = outcome->results.aborted = false;
-	outcome->motion_refused = refused;
+	outcome->motion_refused = false;
 }
 
 void db_writers_ask_motion(struct db_writers *writers, struct db_writer *writer)
 {
-	ask_motion(&writers->latest, false);
+	ask_motion(&writers->latest);
 	if (writer)
-		ask_motion(&writer->own, false);
+		ask_motion(&writer->own);
 }
 
 void db_writer_ask_motion(struct db_writer *writer)
 {
-	ask_motion(&writer->own, false);
+	ask_motion(&writer->own);
 }
 
-void db_writers_refuse_motion(struct db_writers *writers, struct db_writer *writer)
+static void refuse_motion(struct db_outcome *outcome, uint32_t number)
 {
-	ask_motion(&writers->latest, true);
+	ask_motion(outcome);
+	outcome->motion_refused = true;
+	outcome->refused_number = number;
+}
+
+void db_writers_refuse_motion(struct db_writers *writers, struct db_writer *writer, uint32_t number)
+{
+	refuse_motion(&writers->latest, number);
 	if (writer)
-		ask_motion(&writer->own, true);
+		refuse_motion(&writer->own, number);
 }
 
 static void abort_motion(struct db_outcome *outcome)
@@ -271,22 +279,25 @@ static void abort_motion(struct db_outcome *outcome)
 	outcome->results.aborted_id = outcome->results.motion_id;
 }
 
-static void begin_motion(struct db_outcome *outcome, uint16_t id, bool ends, bool cancelled)
+static void begin_motion(struct db_outcome *outcome, const struct db_request *request, bool ends,
+                         bool cancelled)
 {
-	outcome->results.motion_id = id;
+	outcome->results.motion_id = request->id;
 	outcome->results.motion_result = DB_RESULT_PENDING;
 	outcome->motion_ends = ends;
-	outcome->motion_refused = false;
+	/* One that was requested before it says nothing about it; numbers come round. */
+	if (request->number - outcome->refused_number < UINT32_MAX / 2)
+		outcome->motion_refused = false;
 	if (cancelled)
 		abort_motion(outcome);
 }
 
-void db_writers_begin_motion(struct db_writers *writers, struct db_writer *writer, uint16_t id,
-                             bool ends, bool cancelled)
+void db_writers_begin_motion(struct db_writers *writers, struct db_writer *writer,
+                             const struct db_request *request, bool ends, bool cancelled)
 {
-	begin_motion(&writers->latest, id, ends, cancelled);
+	begin_motion(&writers->latest, request, ends, cancelled);
 	if (writer)
-		begin_motion(&writer->own, id, ends, cancelled);
+		begin_motion(&writer->own, request, ends, cancelled);
 }
 
 void db_writers_cancel_motion(struct db_writers *writers)

@@ -12,8 +12,8 @@
 /* An ordinary stop takes less. */
 #define STANDS_LATE (1 * DB_NS_PER_S)
 
-/* In advice {drive}, {bus}, {place} and {address} are filled in, and {fault} and {port} by the
- * results of the two functions. */
+/* In advice {drive}, {bus} and {address} are filled in, and {fault} and {port} by the results of
+ * the two functions. */
 static const struct {
 	const char *name;
 	enum db_trouble_need need;
@@ -197,8 +197,6 @@ static const char *find_filling(const struct db_trouble_about *about, const char
 		filling = about->drive;
 	else if (strncmp(word, "{bus}", length) == 0)
 		filling = about->bus;
-	else if (strncmp(word, "{place}", length) == 0)
-		filling = about->place;
 	else if (strncmp(word, "{scan}", length) == 0 && about->scan && about->scan[0])
 		(void)snprintf(number, size, " of %s", about->scan);
 	else if (strncmp(word, "{port}", length) == 0)

@@ -85,15 +85,10 @@ static uint64_t wall_us_of(const struct db_control_socket *control, db_time mome
 	       (uint64_t)(age > 0 ? age / DB_NS_PER_US : 0);
 }
 
-static const char *place_of(const struct db_bus_config *bus)
-{
-	return bus->interface ? bus->interface : bus->device ? bus->device : "";
-}
-
 static void fill_bus(const struct db_control_socket *control, size_t place, struct record *record)
 {
 	const struct db_bus_config *bus = db_named_bus(control->setup.registers, place);
-	struct db_trouble_about about = { .bus = bus->name, .place = place_of(bus) };
+	struct db_trouble_about about = { .bus = bus->name };
 	char port[DB_TROUBLE_ADVICE_MAX];
 	char scan[DB_SCAN_WHOSE_MAX];
 	struct db_bus_stats stats;
@@ -126,7 +121,6 @@ static bool fill_drive(const struct db_control_socket *control, const struct db_
 	struct db_trouble_about about = {
 		.drive = drive->config->name,
 		.bus = drive->bus->name,
-		.place = place_of(drive->bus),
 		.address = drive->config->address,
 		.driver = drive->bus->driver,
 	};

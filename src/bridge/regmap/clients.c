@@ -67,12 +67,10 @@ bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *c
 {
 	const struct db_registers *registers = drive->registers;
 	db_time now = registers->ops->now(registers->context);
-	bool holds;
+	bool holds = db_control_holds(&drive->control, client, now);
 
 	if (stop)
-		return !db_control_holder(&drive->control, now) ||
-		       db_control_holds(&drive->control, client, now);
-	holds = db_control_holds(&drive->control, client, now);
+		return !db_control_holder(&drive->control, now) || holds;
 	if (db_control_take(&drive->control, client, now)) {
 		if (!holds)
 			db_record_control(drive, client, true);

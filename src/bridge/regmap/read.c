@@ -31,16 +31,17 @@ struct selection {
 static uint8_t select_cells(const struct db_index *index, enum db_table table, uint16_t address,
                             uint16_t count, struct selection *selected)
 {
-	uint16_t first = db_index_touch(index, address, count, &selected->count);
+	uint16_t cells = 0;
+	uint16_t first = db_index_touch(index, address, count, &cells);
 
 	if (first == DB_NO_CELL)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-	selected->cells = &index->cells[first];
-	selected->without = table == DB_TABLE_INPUT ? DB_ROW_WRITABLE : 0;
-	selected->parts = 0;
-	selected->flags = 0;
-	selected->low = UINT16_MAX;
-	selected->high = 0;
+	*selected = (struct selection){
+		.cells = &index->cells[first],
+		.count = cells,
+		.without = table == DB_TABLE_INPUT ? DB_ROW_WRITABLE : 0,
+		.low = UINT16_MAX,
+	};
 	for (uint16_t i = 0; i < selected->count; i++) {
 		if (selected->cells[i].flags & selected->without)
 			continue;

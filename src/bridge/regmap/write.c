@@ -50,8 +50,8 @@ static int execute_command(const struct write *write, enum db_command command,
 
 /* --- the command block ------------------------------------------------------------------------ */
 
-/* The value of one of the command block's narrow registers in a write; 0. */
-static uint16_t find_value(const struct write *write, size_t offset)
+/* The command in one of the command block's registers in a write; NONE. */
+static uint16_t find_command(const struct write *write, size_t offset)
 {
 	for (uint16_t i = 0; i < write->span.count; i++) {
 		const struct db_cell *cell = &write->span.cells[i];
@@ -59,13 +59,13 @@ static uint16_t find_value(const struct write *write, size_t offset)
 		if (cell->part == DB_PART_BLOCK && cell->offset == offset)
 			return write->values[cell->address - write->address];
 	}
-	return 0;
+	return DB_CMD_NONE;
 }
 
 /* The stop in a write; NONE. It is carried out whatever else is written. */
 static enum db_command find_stop(const struct write *write)
 {
-	enum db_command command = (enum db_command)find_value(
+	enum db_command command = (enum db_command)find_command(
 		write, offsetof(struct db_drive_image, block.command));
 
 	return db_command_is_stop(command) ? command : DB_CMD_NONE;
@@ -74,8 +74,9 @@ static enum db_command find_stop(const struct write *write)
 /* True if it gives this command, now or to be started later. */
 static bool has_command(const struct write *write, enum db_command command)
 {
-	return find_value(write, offsetof(struct db_drive_image, block.command)) == command ||
-	       find_value(write, offsetof(struct db_drive_image, block.staged_command)) == command;
+	return find_command(write, offsetof(struct db_drive_image, block.command)) == command ||
+	       find_command(write, offsetof(struct db_drive_image, block.staged_command)) ==
+	               command;
 }
 
 /* True if it changes what a drive keeps, the watchdog, or what only a raw frame reaches. */
@@ -112,7 +113,6 @@ static bool is_permitted_for_bus(const struct write *write)
 	return true;
 }
 
-/* The id and the arguments of its write are ignored. */
 /* Applies the write to the kept block. False when a float is not a number, or hold_ms not one of
  * its values; the others are in the block all the same. */
 static bool decode_block(const struct write *write, struct db_command_write *to)
@@ -288,7 +288,7 @@ static int write_heartbeat(const struct write *write)
 static int write_control(const struct write *write)
 {
 	struct db_control *control = &write->drive->control;
-	bool holds;
+	bool holds = db_control_holds(control, write->client, write->now);
 
 	if (write->values[0] > 1)
 		return refuse_write(write, DB_RESULT_OUT_OF_RANGE, 0);
@@ -303,7 +303,6 @@ static int write_control(const struct write *write)
 	/* `control = off`: refuse claims, since they would not be enforced. */
 	if (!control->enabled)
 		return refuse_write(write, DB_RESULT_UNSUPPORTED, 0);
-	holds = db_control_holds(control, write->client, write->now);
 	if (db_control_request(control, write->client, write->now)) {
 		if (!holds)
 			db_record_control(write->drive, write->client, true);

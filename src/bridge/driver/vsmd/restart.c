@@ -201,15 +201,12 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 	bool handshake;
 
 	/* The usual case: nothing in the status has to be judged. */
-	if (is_asked_for(&pair) || (goes_on && !has_dropped(&pair, VSMD_ST_HS)))
+	if (is_asked_for(&pair) || goes_on)
 		return restart;
 	power = has_dropped(&pair, VSMD_ST_PWR);
 	homing = has_lost_homing(&pair);
 	jump = has_jumped(&pair);
 	handshake = handshake_counts(&pair);
-	restart.handshake_lapsed = has_dropped(&pair, VSMD_ST_HS) && !power && !homing && !jump;
-	if (goes_on)
-		return restart;
 	/* A motor that is switched off loses its origin, too; one with power cannot be pushed to
 	 * 0. */
 	restart.origin_lost = (power && is_at_beginning(axis, position)) || homing ||

@@ -21,8 +21,7 @@ struct vsmd_restart {
 	enum vsmd_verdict verdict;
 	/* whatever the cause, its counter has restarted, or the drive withdrew its homed state */
 	bool origin_lost;
-	bool handshake_lapsed; /* the handshake bit was cleared without a restart */
-	bool reread;           /* its parameters may show more */
+	bool reread; /* its parameters may show more */
 };
 
 /* Judges the new status (`position` and `word`) against the previous one, which is still in

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "drivebridge/axis.h"
 #include "drivebridge/command.h"
+#include "drivebridge/driver.h"
+#include "drivebridge/scale.h"
 
 #include <pthread.h>
 #include <setjmp.h>
@@ -197,7 +199,11 @@ static void one_parameter_never_tears(void **state)
 
 static void names(void **state)
 {
+	char text[DB_ERROR_TEXT_MAX];
+
 	(void)state;
+	assert_string_equal(db_error_text(NULL, DB_ERROR_VOLTAGE, text), "voltage");
+	assert_string_equal(db_error_text(NULL, 5, text), "5 (hex 0005)");
 	assert_string_equal(db_axis_state_name(DB_AXIS_OFFLINE), "Offline");
 	assert_string_equal(db_axis_state_name(DB_AXIS_ERROR_STOP), "ErrorStop");
 	assert_string_equal(db_axis_state_name(DB_AXIS_STATE_COUNT), "unknown");
@@ -284,6 +290,34 @@ static void when_parameters_were_told(void **state)
 	assert_int_not_equal(db_told_at(2 * round), 0);
 }
 
+/* The drive's own, where it reports it and nothing else is configured. */
+static void the_unit_of_a_position(void **state)
+{
+	const struct db_driver plain = { .name = "plain" };
+	const struct db_driver scaled = { .name = "scaled", .scale_unit = "mm" };
+	struct db_drive_config drive = { .unit_name = (char *)"deg", .counts_per_unit = 3.0 };
+	struct db_feedback feedback = { .counts_per_unit = 0.0f };
+
+	(void)state;
+	assert_string_equal(db_scale_unit(&plain, &drive), "deg");
+	assert_string_equal(db_scale_unit(&scaled, &drive), "mm");
+	assert_true(db_scale_is_open(&scaled, &drive, &feedback));
+	assert_false(db_scale_is_open(&plain, &drive, &feedback));
+	assert_true(db_scale_counts(&drive, &feedback) > 2.9 &&
+	            db_scale_counts(&drive, &feedback) < 3.1);
+	feedback.counts_per_unit = 640.0f;
+	assert_false(db_scale_is_open(&scaled, &drive, &feedback));
+	assert_true(db_scale_counts(&drive, &feedback) > 639.0);
+	drive.unit_given = true;
+	assert_string_equal(db_scale_unit(&scaled, &drive), "deg");
+	drive.unit_given = false;
+	drive.counts_given = true;
+	assert_string_equal(db_scale_unit(&scaled, &drive), "deg");
+	assert_true(db_scale_counts(&drive, &feedback) < 3.1);
+	feedback.counts_per_unit = 0.0f;
+	assert_false(db_scale_is_open(&scaled, &drive, &feedback));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -293,6 +327,7 @@ int main(void)
 		cmocka_unit_test(one_parameter_is_read_as_all_are),
 		cmocka_unit_test(one_parameter_never_tears),
 		cmocka_unit_test(names),
+		cmocka_unit_test(the_unit_of_a_position),
 		cmocka_unit_test(kinds_of_commands),
 		cmocka_unit_test(what_ends_a_motion),
 		cmocka_unit_test(when_parameters_were_told),

@@ -1,308 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "drivebridge/commander.h"
-#include "drivebridge/result.h"
-#include "drivebridge/server.h"
-#include "fakes/places.h"
-#include "regmap/regmap_private.h"
+#include "commander_world.h"
 
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
-
-#include <cmocka.h>
-
-#define MS DB_NS_PER_MS
-
-/* Writes are judged by what their writer is told in the end. */
-#define ILLEGAL_FUNCTION 0x01
-#define ILLEGAL_VALUE 0x03
-#define FAILURE 0x04
-#define LATER 0x05
-#define BUSY 0x06
-#define NO_PATH 0x0A
-#define NO_ANSWER 0x0B
-
-/* --- a bus and a server that only take notes -------------------------------------------------------- */
-
-#define REQUESTS 64
-
-struct fake {
-	struct db_bus_config bus;
-	struct db_drive_config drive;
-	const struct db_client *client; /* who asks */
-	struct db_commander *commander;
-	struct db_axis *axis;
-	bool full;
-	bool taken; /* parameter writes are acknowledged */
-	unsigned submitted;
-	struct db_request requests[REQUESTS];
-	struct db_args args[REQUESTS];
-	struct fake_place places[REQUESTS]; /* the bus's */
-	unsigned answered;
-	uint32_t answered_token[64];
-	int answered_with[64];
-	uint32_t next_token;
-	unsigned holds_lost;
-	uint32_t lost_holder;
-	bool lost_by_leaving;
-	unsigned refused;
-	double off; /* as it was said last */
-	db_time now;
-};
-
-static struct db_request *fake_submit(void *context, const struct db_request *request)
-{
-	struct fake *fake = context;
-	struct db_request *kept = NULL;
-	size_t commands = 0;
-
-	for (size_t i = 0; i < REQUESTS; i++)
-		commands += fake->places[i].used &&
-		            !db_command_is_stop(fake->places[i].request.command);
-	if (!fake->full && (db_command_is_stop(request->command) || commands < fake->bus.queue))
-		kept = fake_place_fill(fake->places, REQUESTS, request);
-	if (!kept)
-		return NULL;
-	atomic_store(&kept->acknowledged, fake->taken);
-	fake->requests[fake->submitted] = *kept;
-	if (kept->setting_count == 0) {
-		fake->args[fake->submitted] = *kept->args;
-		fake->requests[fake->submitted].args = &fake->args[fake->submitted];
-	}
-	fake->submitted++;
-	return kept;
-}
-
-static void fake_release(void *context, struct db_request *request)
-{
-	fake_place_release(((struct fake *)context)->places, REQUESTS, request);
-}
-
-static void fake_answer(void *context, struct db_write_token token, enum db_result result)
-{
-	struct fake *fake = context;
-
-	fake->answered_token[fake->answered] = token.sequence;
-	fake->answered_with[fake->answered++] = db_exception_of(result);
-}
-
-static uint64_t fake_wall(void *context)
-{
-	return 1700000000000000u + (uint64_t)((struct fake *)context)->now / 1000;
-}
-
-static void fake_hold_lost(void *context, const struct db_client *holder, bool gone)
-{
-	struct fake *fake = context;
-
-	fake->holds_lost++;
-	fake->lost_holder = holder->id;
-	fake->lost_by_leaving = gone;
-}
-
-static void fake_refused(void *context, const struct db_client *client,
-                         const struct db_refused_write *write)
-{
-	struct fake *fake = context;
-
-	(void)client;
-	fake->refused++;
-	fake->off = write->off;
-}
-
-static const struct db_commander_ops ops = {
-	.submit = fake_submit,
-	.release = fake_release,
-	.answer = fake_answer,
-	.wall_us = fake_wall,
-	.refused = fake_refused,
-	.hold_lost = fake_hold_lost,
-};
-
-static enum db_result fake_check(const struct db_bus_config *bus,
-                                 const struct db_drive_config *drive, enum db_command command,
-                                 const struct db_args *args)
-{
-	(void)bus;
-	(void)drive;
-	if (command == DB_CMD_MOVE_VELOCITY && args->target_velocity > 1000.0f)
-		return DB_RESULT_OUT_OF_RANGE;
-	return DB_RESULT_OK;
-}
-
-static db_time fake_command_time(const struct db_bus_config *bus)
-{
-	(void)bus;
-	return 10 * MS;
-}
-
-static const struct db_driver driver = {
-	.name = "fake",
-	.command_time = fake_command_time,
-	.commands = ~DB_COMMAND_BIT(DB_CMD_SET_SV),
-	.check = fake_check,
-	.acceleration_param = -1,
-	.deceleration_param = -1,
-	.preset_velocity_param = -1,
-};
-
-static void set_status(struct fake *fake, uint32_t status)
-{
-	struct db_snapshot snapshot = { .feedback.status = status, .feedback.taken = 1 };
-
-	db_axis_publish(fake->axis, &snapshot);
-}
-
-static struct db_commander_config config_of(struct fake *fake)
-{
-	return (struct db_commander_config){
-		.on_client_loss = DB_CMD_STOP,
-		.driver = &driver,
-		.bus_config = &fake->bus,
-		.drive_config = &fake->drive,
-		.commands = driver.commands,
-		.axis = fake->axis,
-		.drive = 7,
-		.confirm_ms = 40,
-	};
-}
-
-static void swap(struct fake *fake, struct db_commander **other)
-{
-	struct db_commander *commander = fake->commander;
-
-	fake->commander = *other;
-	*other = commander;
-}
-
-static void init_with(struct fake *fake, bool accept, uint32_t watchdog_ms, bool ids_by_client)
-{
-	struct db_commander_config config;
-
-	memset(fake, 0, sizeof *fake);
-	fake->bus.cycle_ms = 20;
-	fake->bus.queue = 32;
-	fake->drive = (struct db_drive_config){
-		.counts_per_unit = 10.0,
-		.min_position = NAN,
-		.max_position = NAN,
-		.max_velocity = NAN,
-		.max_acceleration = NAN,
-	};
-	fake->now = 1000 * MS;
-	fake->axis = db_axis_new(DB_PARAMS_MAX);
-	config = config_of(fake);
-	config.watchdog_ms = watchdog_ms;
-	config.ids_by_client = ids_by_client;
-	config.accept_writes = accept;
-	set_status(fake, DB_STATUS_BUS_UP | DB_STATUS_ONLINE);
-	assert_int_equal(db_commander_new(&config, &ops, fake, &fake->commander), 0);
-}
-
-static struct db_history_entry entry_of(const struct fake *fake, size_t age)
-{
-	struct db_history_entry entry = { .sequence = 0 };
-
-	assert_true(db_commander_history(fake->commander, age, &entry));
-	return entry;
-}
-
-static void init(struct fake *fake, bool accept)
-{
-	init_with(fake, accept, 0, false);
-}
-
-#define FAKE(accept)      \
-	struct fake fake; \
-	(void)state;      \
-	init(&fake, accept)
-
-static void drop(struct fake *fake)
-{
-	db_commander_free(fake->commander);
-	db_axis_free(fake->axis);
-}
-
-static int write_as(struct fake *fake, uint16_t id, unsigned command, int32_t position, bool has_id)
-{
-	struct db_command_write write = {
-		.block = db_commander_kept(fake->commander, fake->client),
-		.has_command = true,
-		.has_id = has_id,
-	};
-
-	if (has_id)
-		write.block.command_id = id;
-	write.block.command = (uint16_t)command;
-	write.block.args.target_position = position;
-	return db_exception_of_answer(
-		db_commander_write(fake->commander, fake->client, &write,
-	                           (struct db_write_token){ 1, ++fake->next_token }, fake->now));
-}
-
-/* One FC 16 over the whole block. */
-static int put(struct fake *fake, uint16_t id, unsigned command, int32_t position)
-{
-	return write_as(fake, id, command, position, true);
-}
-
-static void finish(struct fake *fake, unsigned request, enum db_result result)
-{
-	/* One that has ended before is nowhere. */
-	struct db_request late = fake->requests[request];
-	struct db_request *kept = fake_place_find(fake->places, REQUESTS, late.ticket);
-
-	db_commander_complete(fake->commander,
-	                      fake_place_end(kept ? kept : &late, result, fake->now), fake->now);
-}
-
-static struct db_write_answer execute_held(struct db_commander *commander,
-                                           const struct db_client *client, enum db_command code,
-                                           const struct db_args *args, uint32_t hold_ms,
-                                           struct db_write_token token, db_time now)
-{
-	struct db_request request = { .command = code, .args = args, .hold_ms = (uint16_t)hold_ms };
-
-	if (client)
-		request.client = *client;
-	return db_commander_ask(commander, &request, token, now);
-}
-
-static struct db_write_answer execute(struct db_commander *commander,
-                                      const struct db_client *client, enum db_command code,
-                                      const struct db_args *args, struct db_write_token token,
-                                      db_time now)
-{
-	return execute_held(commander, client, code, args, 0, token, now);
-}
-
-static struct db_write_answer set(struct db_commander *commander, const struct db_client *client,
-                                  const struct db_setting *settings, size_t count,
-                                  struct db_write_token token, db_time now)
-{
-	struct db_request request = { .settings = settings, .setting_count = (uint16_t)count };
-
-	if (client)
-		request.client = *client;
-	return db_commander_ask(commander, &request, token, now);
-}
-
-static struct db_command_state look(const struct fake *fake)
-{
-	struct db_command_state state;
-
-	db_commander_state(fake->commander, fake->client, &state, 0);
-	return state;
-}
-
-/* Uses up the first id, so that what follows is not taken as a baseline. */
-static void pass_baseline(struct fake *fake, uint16_t id)
-{
-	assert_int_equal(put(fake, id, DB_CMD_ENABLE, 0), FAILURE);
-}
+#include "fakes/nameplate.h"
 
 /* --- ids ------------------------------------------------------------------------------------------------ */
 
@@ -779,9 +478,8 @@ static void an_acknowledged_parameter_is_a_success_before_confirm_ms_is_over(voi
 		assert_int_equal(fake.answered, i);
 		fake.now = end - 5 * MS;
 		db_commander_expire(fake.commander, fake.now);
-		if (fake.taken)
-			assert_int_equal(fake.answered_with[0], 0);
-		else
+		assert_int_equal(fake.answered, 1);
+		if (!fake.taken)
 			assert_int_equal(db_commander_next_deadline(fake.commander), end);
 		fake.now = end;
 		db_commander_expire(fake.commander, fake.now);
@@ -789,6 +487,7 @@ static void an_acknowledged_parameter_is_a_success_before_confirm_ms_is_over(voi
 		/* The second one the drive has not acknowledged. */
 		fake.taken = false;
 	}
+	assert_int_equal(fake.answered_with[0], 0);
 	assert_int_equal(fake.answered_with[1], LATER);
 	drop(&fake);
 }
@@ -978,6 +677,7 @@ static void a_stop_without_a_place_is_said_again(void **state)
 	/* What comes behind it would get before it. */
 	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), BUSY);
 	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 2);
+	assert_int_equal(db_commander_newest(fake.commander), fake.requests[2].ticket);
 	finish(&fake, 0, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 0);
 	finish(&fake, 2, DB_RESULT_OK);
@@ -1076,17 +776,6 @@ static void outside_commands_leave_the_block_alone(void **state)
 }
 
 /* --- what was going on at the start --------------------------------------------------------------- */
-
-/* Lets the commander do what is due. */
-static void wake(struct fake *fake)
-{
-	db_time due = db_commander_next_deadline(fake->commander);
-
-	assert_true(due != DB_TIME_NEVER);
-	if (due > fake->now)
-		fake->now = due;
-	db_commander_expire(fake->commander, fake->now);
-}
 
 static void a_drive_found_moving_is_watched(void **state)
 {
@@ -1468,34 +1157,6 @@ static void the_watchdog_keeps_its_own_rule(void **state)
 
 /* --- motions to their end ------------------------------------------------------------------------------------- */
 
-static void set_axis(struct fake *fake, enum db_axis_state state, uint32_t status, int32_t position)
-{
-	struct db_snapshot snapshot = {
-		.feedback = {
-			.state = (uint16_t)state,
-			.status = DB_STATUS_BUS_UP | DB_STATUS_ONLINE | status,
-			.taken = fake->now,
-			.position = position,
-			.velocity = status & DB_STATUS_MOVING ? 100.0f : 0.0f,
-			.has_target = true,
-			.target = 1000,
-		},
-	};
-
-	db_axis_publish(fake->axis, &snapshot);
-}
-
-static void let_pass(struct fake *fake, db_time span)
-{
-	db_time end = fake->now + span;
-
-	while (db_commander_next_deadline(fake->commander) <= end) {
-		fake->now = db_commander_next_deadline(fake->commander);
-		db_commander_expire(fake->commander, fake->now);
-	}
-	fake->now = end;
-}
-
 static void result_follows_a_move_to_its_end(void **state)
 {
 	FAKE(false);
@@ -1561,7 +1222,7 @@ static void a_move_that_rests_beside_its_target_says_so(void **state)
 	let_pass(&fake, 300 * MS);
 	assert_int_equal(look(&fake).results.result, DB_RESULT_FAILED);
 	assert_int_equal(fake.refused, 1);
-	assert_true(fake.off < -0.5 && fake.off > -1.5);
+	assert_true(fake.refused_write.off < -0.5 && fake.refused_write.off > -1.5);
 	/* That far it was stopped by something. */
 	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
 	finish(&fake, 1, DB_RESULT_OK);
@@ -1771,14 +1432,6 @@ static void a_late_end_of_homing_corrects_its_result(void **state)
 }
 
 /* --- limits --------------------------------------------------------------------------------------------------- */
-
-static int move(struct fake *fake, enum db_command code, int32_t position, float velocity)
-{
-	struct db_args args = { .target_position = position, .target_velocity = velocity };
-
-	return db_exception_of_answer(execute(fake->commander, fake->client, code, &args,
-	                                      (struct db_write_token){ 0 }, fake->now));
-}
 
 /* Ten counts a unit: -5..100 units, 20 units per second. The drive stands at 500 counts. */
 static void a_speed_that_never_begins_has_failed_and_is_stopped(void **state)
@@ -2025,6 +1678,394 @@ static void a_refused_reaction_is_handed_over_once(void **state)
 	drop(&fake);
 }
 
+/* Each is told that nothing comes of it, and nothing is waited for any more. */
+static void a_drive_that_is_removed_answers_all_who_wait(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	db_commander_dismiss(fake.commander);
+	assert_int_equal(fake.answered, 3);
+	for (unsigned i = 0; i < 3; i++)
+		assert_int_equal(fake.answered_with[i], FAILURE);
+	assert_true(db_commander_next_deadline(fake.commander) == DB_TIME_NEVER);
+	drop(&fake);
+}
+
+/* With write-confirm = accepted: what went to the bus counts as accepted, what did not does not. */
+static void a_bare_repeat_of_an_accepted_write_is_accepted(void **state)
+{
+	FAKE(true);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_NONE, 0), 0);
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), 0);
+	finish(&fake, 0, DB_RESULT_REFUSED);
+	assert_int_equal(write_as(&fake, 0, DB_CMD_MOVE_RELATIVE, 5, false), 0);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_REFUSED);
+	/* An id whose command the bridge refused is refused again. */
+	set_status(&fake, 0);
+	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), NO_PATH);
+	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), NO_PATH);
+	drop(&fake);
+}
+
+/* --- what a preset allows ----------------------------------------------------------------------------- */
+
+static const struct db_param preset_params[] = {
+	{ .name = "speed", .type = DB_F32, .unit = "", .min = -1000, .max = 1000 },
+};
+
+static struct db_driver presetting; /* its first parameter is the speed of moves without one */
+
+static void set_preset(struct fake *fake, float speed, bool known)
+{
+	struct db_nameplate_copy room;
+	struct db_nameplate plate = fake_nameplate(&room, known);
+
+	plate.values[0].f = speed;
+	db_axis_publish_nameplate(fake->axis, &plate);
+}
+
+/* Ten counts a unit: 20 units per second are 200. */
+static void a_preset_is_within_the_limits_or_not_used(void **state)
+{
+	static const enum db_command moves[] = { DB_CMD_MOVE_PRESET, DB_CMD_JOG_POSITIVE,
+		                                 DB_CMD_JOG_NEGATIVE, DB_CMD_MOVE_ABSOLUTE };
+	const struct db_setting setting = { .param = 0, .value.f = 500.0f };
+	struct db_commander_config config;
+
+	FAKE(false);
+	presetting = driver;
+	presetting.params = preset_params;
+	presetting.param_count = 1;
+	presetting.preset_velocity_param = 0;
+	fake.drive.max_velocity = 20.0;
+	config = config_of(&fake);
+	config.driver = &presetting;
+	remake(&fake, &config);
+	for (size_t i = 0; i < 4; i++) {
+		set_preset(&fake, -200.0f, true);
+		assert_int_equal(move(&fake, moves[i], 0, 0.0f), DB_WRITE_LATER);
+		finish(&fake, fake.submitted - 1, DB_RESULT_REFUSED);
+		set_preset(&fake, -200.5f, true);
+		assert_int_equal(move(&fake, moves[i], 0, 0.0f), ILLEGAL_VALUE);
+		assert_int_equal(look(&fake).results.result_limit, DB_LIMIT_MAX_VELOCITY);
+		set_preset(&fake, 1.0f, false);
+		assert_int_equal(move(&fake, moves[i], 0, 0.0f), ILLEGAL_VALUE);
+	}
+	/* One that is being written is not known. */
+	set_preset(&fake, 100.0f, true);
+	assert_int_equal(db_exception_of_answer(set(fake.commander, NULL, &setting, 1,
+	                                            (struct db_write_token){ 1, 1 }, fake.now)),
+	                 DB_WRITE_LATER);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_PRESET, 0, 0.0f), ILLEGAL_VALUE);
+	finish(&fake, fake.submitted - 1, DB_RESULT_REFUSED);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_PRESET, 0, 0.0f), DB_WRITE_LATER);
+	drop(&fake);
+}
+
+/* It says which way it goes by its sign. */
+static void a_preset_leads_no_further_beyond_a_limit(void **state)
+{
+	struct db_commander_config config;
+
+	FAKE(false);
+	presetting = driver;
+	presetting.params = preset_params;
+	presetting.param_count = 1;
+	presetting.preset_velocity_param = 0;
+	fake.drive.max_position = 100.0;
+	config = config_of(&fake);
+	config.driver = &presetting;
+	remake(&fake, &config);
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1200);
+	set_preset(&fake, 10.0f, true);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_PRESET, 0, 0.0f), ILLEGAL_VALUE);
+	assert_int_equal(look(&fake).results.result_limit, DB_LIMIT_MAX_POSITION);
+	set_preset(&fake, -10.0f, true);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_PRESET, 0, 0.0f), DB_WRITE_LATER);
+	drop(&fake);
+}
+
+/* For whoever shows a user what he may ask for. */
+static void the_largest_velocity_is_told(void **state)
+{
+	struct db_snapshot snapshot = {
+		.feedback = { .status = DB_STATUS_BUS_UP | DB_STATUS_ONLINE, .taken = 1 },
+	};
+	struct db_commander_config config;
+
+	FAKE(false);
+	assert_true(isnan(db_commander_max_velocity(fake.commander)));
+	fake.drive.max_velocity = 20.0;
+	assert_true(fabs(db_commander_max_velocity(fake.commander) - 200.0) < 1e-9);
+	/* A drive that is yet to report its scale. */
+	telling = driver;
+	telling.scale_unit = "mm";
+	config = config_of(&fake);
+	config.driver = &telling;
+	remake(&fake, &config);
+	assert_true(isnan(db_commander_max_velocity(fake.commander)));
+	snapshot.feedback.counts_per_unit = 640.0f;
+	db_axis_publish(fake.axis, &snapshot);
+	assert_true(fabs(db_commander_max_velocity(fake.commander) - 20.0 * 640.0) < 1e-9);
+	drop(&fake);
+}
+
+/* As of a stop by a client: what was asked for before it does not begin after it. */
+static void a_motion_from_before_a_stop_at_a_limit_does_not_begin(void **state)
+{
+	const struct db_args args = { .target_velocity = 10.0f };
+	struct db_client late = { .id = 9, .address = { [15] = 9 } };
+
+	FAKE(false);
+	fake.drive.max_position = 100.0;
+	assert_int_equal(move(&fake, DB_CMD_MOVE_VELOCITY, 0, 100.0f), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	late.arrived = fake.now;
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_MOVING, 994);
+	let_pass(&fake, 50 * MS);
+	assert_int_equal(fake.submitted, 2);
+	assert_int_equal(fake.requests[1].cause, DB_STAND_LIMIT);
+	assert_int_equal(execute(fake.commander, &late, DB_CMD_MOVE_VELOCITY, &args,
+	                         (struct db_write_token){ .client = 9 }, fake.now)
+	                         .result,
+	                 DB_RESULT_CANCELLED);
+	late.arrived = fake.now;
+	assert_true(execute(fake.commander, &late, DB_CMD_MOVE_VELOCITY, &args,
+	                    (struct db_write_token){ .client = 9 }, fake.now)
+	                    .later);
+	drop(&fake);
+}
+
+/* Of relative moves as well, and of nothing else: homing has no target. */
+static void what_rests_beside_its_target_is_a_move(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_RELATIVE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1001);
+	let_pass(&fake, 300 * MS);
+	assert_int_equal(fake.refused, 1);
+	assert_true(fake.refused_write.off > 0.5 && fake.refused_write.off < 1.5);
+	assert_int_equal(fake.refused_write.command, DB_CMD_MOVE_RELATIVE);
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1001);
+	let_pass(&fake, 300 * MS);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_FAILED);
+	assert_int_equal(fake.refused, 1);
+	/* One with a fault did not come to rest there. */
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 2, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_ERROR_STOP, 0, 1001);
+	let_pass(&fake, 300 * MS);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_FAILED);
+	assert_int_equal(fake.refused, 1);
+	drop(&fake);
+}
+
+/* It was refused before the one that was asked for first had begun: whoever waits for it must not take
+ * the other one's end for its own. */
+static void a_motion_refused_in_between_is_the_newest(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	fake.drive.max_position = 100.0;
+	assert_int_equal(put(&fake, 7, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 8, DB_CMD_MOVE_ABSOLUTE, 1001), ILLEGAL_VALUE);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_int_equal(look(&fake).results.result_id, 8);
+	assert_int_equal(look(&fake).results.motion_id, 7);
+	assert_int_equal(look(&fake).results.motion_result, DB_RESULT_OK);
+	assert_false(look(&fake).results.done);
+	/* The next one is, again. */
+	assert_int_equal(put(&fake, 9, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_true(look(&fake).results.done);
+	drop(&fake);
+}
+
+/* The one that was asked for last is the one whose end is awaited. */
+static void a_refused_motion_leaves_the_one_behind_it(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 7, DB_CMD_MOVE_ABSOLUTE, 500), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 8, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_REFUSED);
+	finish(&fake, 1, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_int_equal(look(&fake).results.motion_id, 8);
+	assert_true(look(&fake).results.done);
+	drop(&fake);
+}
+
+/* A motion's, until its own end; of other entries their own results. */
+static void the_outcome_of_an_entry_is_that_of_what_it_began(void **state)
+{
+	uint32_t motion;
+
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	motion = entry_of(&fake, 0).sequence;
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put(&fake, 0, DB_CMD_SET_OUTPUT, 0), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(entry_of(&fake, 1).result, DB_RESULT_OK);
+	assert_int_equal(db_commander_outcome(fake.commander, motion), DB_RESULT_PENDING);
+	assert_int_equal(db_commander_outcome(fake.commander, motion + 1), DB_RESULT_OK);
+	assert_int_equal(db_commander_outcome(fake.commander, motion + 2), DB_RESULT_INDETERMINATE);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_int_equal(db_commander_outcome(fake.commander, motion), DB_RESULT_OK);
+	/* What has no end of its own is what its command said once it has begun. */
+	assert_int_equal(move(&fake, DB_CMD_MOVE_VELOCITY, 0, 10.0f), DB_WRITE_LATER);
+	finish(&fake, 2, DB_RESULT_OK);
+	assert_int_equal(db_commander_outcome(fake.commander, entry_of(&fake, 0).sequence),
+	                 DB_RESULT_OK);
+	drop(&fake);
+}
+
+/* Before it reached the commander: who asked for what is known all the same. */
+static void what_was_refused_elsewhere_is_in_the_history(void **state)
+{
+	const struct db_args args = { .target_position = 12 };
+	struct db_request refused = { .client = { .id = 4, .address = { [15] = 4 }, .port = 44 },
+		                      .command = DB_CMD_MOVE_ABSOLUTE,
+		                      .args = &args };
+
+	FAKE(false);
+	db_commander_refuse(fake.commander, &refused, DB_RESULT_OUT_OF_RANGE, 12);
+	assert_int_equal(entry_of(&fake, 0).command, DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(entry_of(&fake, 0).position, 12);
+	assert_int_equal(entry_of(&fake, 0).port, 44);
+	assert_int_equal(entry_of(&fake, 0).result, DB_RESULT_OUT_OF_RANGE);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_OUT_OF_RANGE);
+	assert_int_equal(look(&fake).results.write_register, 12);
+	assert_int_equal(fake.refused, 1);
+	assert_int_equal(fake.refused_write.command, DB_CMD_MOVE_ABSOLUTE);
+	/* Of parameters it is not known which. */
+	refused.command = DB_CMD_NONE;
+	db_commander_refuse(fake.commander, &refused, DB_RESULT_NOT_IN_CONTROL, 0);
+	assert_int_equal(entry_of(&fake, 0).sequence, 2);
+	assert_int_equal(entry_of(&fake, 0).command, DB_CMD_NONE);
+	assert_int_equal(entry_of(&fake, 0).number, DB_HISTORY_UNKNOWN);
+	/* That is reported elsewhere. */
+	assert_int_equal(fake.refused, 1);
+	drop(&fake);
+}
+
+/* --- the audit trail ---------------------------------------------------------------------------------- */
+
+/* What was recorded, and how it ended. */
+static struct {
+	unsigned count;
+	struct db_recorded last;
+	enum db_command command;
+	bool full; /* nothing is recorded: there will be no ends either */
+	unsigned ended;
+	uint32_t ended_record;
+	enum db_result ended_with;
+	db_time took;
+} trail;
+
+static uint32_t note_record(void *context, const struct db_recorded *recorded)
+{
+	(void)context;
+	trail.last = *recorded;
+	trail.command = recorded->request->command;
+	return trail.full ? 0 : 100 + ++trail.count;
+}
+
+static void note_end(void *context, uint32_t record, enum db_result result, db_time took)
+{
+	(void)context;
+	trail.ended++;
+	trail.ended_record = record;
+	trail.ended_with = result;
+	trail.took = took;
+}
+
+static void record_in(struct fake *fake)
+{
+	static struct db_commander_ops recording;
+	struct db_commander_config config = config_of(fake);
+
+	recording = ops;
+	recording.record = note_record;
+	recording.record_end = note_end;
+	memset(&trail, 0, sizeof(trail));
+	db_commander_free(fake->commander);
+	assert_int_equal(db_commander_new(&config, &recording, fake, &fake->commander), 0);
+}
+
+static void everything_is_recorded_with_its_end(void **state)
+{
+	FAKE(false);
+	record_in(&fake);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	assert_int_equal(trail.count, 1);
+	assert_int_equal(trail.command, DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(trail.last.result, DB_RESULT_PENDING);
+	fake.now += 3 * MS;
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(trail.ended, 1);
+	assert_int_equal(trail.ended_record, 101);
+	assert_int_equal(trail.ended_with, DB_RESULT_OK);
+	assert_true(trail.took == 3 * MS);
+	/* The motion's own end, by a stop that is recorded, too. */
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(trail.count, 2);
+	assert_int_equal(trail.ended, 2);
+	assert_int_equal(trail.ended_record, 101);
+	assert_int_equal(trail.ended_with, DB_RESULT_CANCELLED);
+	/* One that joins it, and ends with it. */
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(trail.count, 3);
+	assert_int_equal(trail.last.joined, 102);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(trail.ended, 3);
+	assert_int_equal(trail.ended_record, 102);
+	/* A refusal ends at once; a write that was refused for its form is one. */
+	assert_int_equal(put(&fake, 0, DB_CMD_SET_SV, 0), ILLEGAL_FUNCTION);
+	assert_int_equal(trail.count, 4);
+	assert_int_equal(trail.last.result, DB_RESULT_UNSUPPORTED);
+	db_commander_set_refused(fake.commander, NULL, DB_RESULT_OUT_OF_RANGE, 103);
+	assert_int_equal(trail.count, 5);
+	assert_int_equal(trail.command, DB_CMD_NONE);
+	assert_int_equal(trail.last.address, 103);
+	assert_int_equal(trail.ended, 3);
+	drop(&fake);
+}
+
+static void what_was_not_recorded_has_no_end(void **state)
+{
+	FAKE(false);
+	record_in(&fake);
+	trail.full = true;
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_REFUSED);
+	assert_int_equal(trail.ended, 0);
+	assert_int_equal(entry_of(&fake, 0).result, DB_RESULT_REFUSED);
+	drop(&fake);
+}
+
 /* --- the last commands ---------------------------------------------------------------------------------------- */
 
 static void history_tells_who_moved_it(void **state)
@@ -2128,6 +2169,7 @@ static void history_follows_a_motion_to_its_end(void **state)
 	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 900);
 	let_pass(&fake, 1000 * MS);
 	assert_int_equal(entry_of(&fake, 0).result, DB_RESULT_FAILED);
+	assert_in_range(entry_of(&fake, 0).duration_us, 200000, 260000);
 	drop(&fake);
 }
 
@@ -2355,6 +2397,313 @@ static void a_memory_outlives_its_ticket(void **state)
 	drop(&fake);
 }
 
+/* What it did before is no longer the newest motion it asked for. */
+static void a_client_that_joins_a_stop_is_not_done(void **state)
+{
+	CLIENT_FAKE();
+	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_true(look_as(&fake, 1).results.done);
+	assert_int_equal(put_as(&fake, 2, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_true(look_as(&fake, 1).results.done);
+	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 2);
+	assert_false(look_as(&fake, 1).results.done);
+	drop(&fake);
+}
+
+static void memory_for_clients_is_there_while_it_is_needed(void **state)
+{
+	struct db_writers writers = { .by_address = false };
+
+	CLIENT_FAKE();
+	assert_int_equal(db_writers_reserve(&writers), 0);
+	db_writers_set(&writers, true);
+	assert_non_null(writers.each);
+	for (unsigned i = 1; i < CLIENTS; i++)
+		assert_non_null(db_writers_claim(&writers, client(i), i));
+	db_writers_set(&writers, true);
+	for (unsigned i = 1; i < CLIENTS; i++)
+		assert_null(db_writers_find(&writers, client(i)));
+	db_writers_set(&writers, false);
+	assert_null(writers.each);
+	/* Where none is needed there is no lack of it. */
+	assert_int_equal(db_commander_reserve(fake.commander, false), 0);
+	drop(&fake);
+}
+
+/* A later stop takes the place of its own, and ends it. */
+static void a_client_sees_the_end_of_the_stop_that_took_its_place(void **state)
+{
+	CLIENT_FAKE();
+	assert_int_equal(put_as(&fake, 3, 1, DB_CMD_ENABLE, 0), FAILURE);
+	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(put_as(&fake, 2, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	assert_int_equal(put_as(&fake, 2, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_CANCELLED);
+	assert_int_equal(look_as(&fake, 1).results.result, DB_RESULT_PENDING);
+	assert_int_equal(look_as(&fake, 1).results.write_result, DB_RESULT_PENDING);
+	finish(&fake, 2, DB_RESULT_OK);
+	assert_int_equal(look_as(&fake, 1).results.result, DB_RESULT_OK);
+	assert_int_equal(look_as(&fake, 1).results.write_result, DB_RESULT_OK);
+	drop(&fake);
+}
+
+static struct db_write_answer stage(struct fake *fake, enum db_command command,
+                                    enum db_command beside, int32_t position)
+{
+	struct db_command_write write = {
+		.block = { .command = (uint16_t)beside,
+		           .staged_command = (uint16_t)command,
+		           .args.target_position = position },
+		.has_staged = true,
+		.has_command = beside != DB_CMD_NONE,
+	};
+
+	return db_commander_write(fake->commander, fake->client, &write,
+	                          (struct db_write_token){ 1, ++fake->next_token }, fake->now);
+}
+
+/* What would be refused at the start is refused now. */
+static void a_command_is_judged_when_it_is_staged(void **state)
+{
+	CLIENT_FAKE();
+	fake.client = client(1);
+	fake.drive.max_position = 100.0;
+	assert_int_equal(stage(&fake, DB_CMD_MOVE_ABSOLUTE, DB_CMD_NONE, 1001).result,
+	                 DB_RESULT_LIMIT);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_LIMIT);
+	assert_int_equal(look(&fake).results.result_command, DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(stage(&fake, DB_CMD_SET_SV, DB_CMD_NONE, 0).result, DB_RESULT_UNSUPPORTED);
+	/* Two commands in one write. */
+	assert_int_equal(stage(&fake, DB_CMD_MOVE_ABSOLUTE, DB_CMD_HOME, 500).result,
+	                 DB_RESULT_OUT_OF_RANGE);
+	assert_int_equal(db_commander_staged(fake.commander), DB_CMD_NONE);
+	assert_int_equal(stage(&fake, DB_CMD_MOVE_ABSOLUTE, DB_CMD_NONE, 500).result, DB_RESULT_OK);
+	assert_int_equal(db_commander_staged(fake.commander), DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(fake.submitted, 0);
+	/* By another client, who is told of it as of a command of its own. */
+	assert_true(db_commander_start_staged(fake.commander, client(2), 9,
+	                                      (struct db_write_token){ 1, 99 }, fake.now)
+	                    .later);
+	assert_int_equal(db_commander_staged(fake.commander), DB_CMD_NONE);
+	assert_int_equal(fake.requests[0].command, DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(fake.requests[0].args->target_position, 500);
+	assert_int_equal(fake.requests[0].group, 9);
+	assert_int_equal(fake.requests[0].id, 0);
+	finish(&fake, 0, DB_RESULT_REFUSED);
+	assert_int_equal(put_as(&fake, 3, 0, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	assert_int_equal(look_as(&fake, 2).results.result_command, DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(look_as(&fake, 2).results.result, DB_RESULT_REFUSED);
+	drop(&fake);
+}
+
+/* The drive was changed meanwhile: nobody waits, but its place at the bus is wanted. */
+static void a_completion_that_nobody_awaits_frees_its_place(void **state)
+{
+	struct db_commander_config config;
+
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	config = config_of(&fake);
+	remake(&fake, &config);
+	finish(&fake, 0, DB_RESULT_OK);
+	for (size_t i = 0; i < REQUESTS; i++)
+		assert_false(fake.places[i].used);
+	assert_int_equal(fake.answered, 0);
+	drop(&fake);
+}
+
+/* Two cycles and the time of a command: no more than the drive may need to hear of it. */
+static void a_jog_is_not_held_back_too_early(void **state)
+{
+	FAKE(false);
+	fake.drive.max_position = 100.0;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 900);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_VELOCITY, 0, 100.0f), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_MOVING, 900);
+	wake(&fake);
+	/* In 50 ms it goes 5 counts. */
+	fake.now = db_commander_next_deadline(fake.commander);
+	set_axis(&fake, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_MOVING, 994);
+	wake(&fake);
+	assert_int_equal(fake.submitted, 1);
+	fake.now = db_commander_next_deadline(fake.commander);
+	set_axis(&fake, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_MOVING, 995);
+	wake(&fake);
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
+/* A motion that was refused is the newest that it asked for. */
+static void a_client_whose_motion_is_refused_is_not_done(void **state)
+{
+	CLIENT_FAKE();
+	fake.drive.max_position = 100.0;
+	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_MOVE_RELATIVE, 1000), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 100 * MS);
+	assert_true(look_as(&fake, 1).results.done);
+	assert_int_equal(put_as(&fake, 1, 0, DB_CMD_MOVE_ABSOLUTE, 1001), ILLEGAL_VALUE);
+	assert_false(look_as(&fake, 1).results.done);
+	drop(&fake);
+}
+
+/* The id of before, whose stop another one has replaced, is known by its end. */
+static void an_id_of_before_is_known_by_its_end(void **state)
+{
+	FAKE(false);
+	pass_baseline(&fake, 1);
+	assert_int_equal(put(&fake, 2, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 3, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_CANCELLED);
+	finish(&fake, 2, DB_RESULT_OK);
+	finish(&fake, 1, DB_RESULT_BUSY);
+	assert_int_equal(put(&fake, 2, DB_CMD_HOME, 0), 0);
+	assert_int_equal(fake.submitted, 3);
+	drop(&fake);
+}
+
+static void a_secret_is_not_in_the_history(void **state)
+{
+	static const struct db_param secrets[] = {
+		{ .name = "open", .type = DB_U16, .unit = "", .max = 9 },
+		{ .name = "password",
+		  .type = DB_U16,
+		  .unit = "",
+		  .max = 9,
+		  .traits = DB_PARAM_SECRET },
+	};
+	static struct db_driver discreet;
+	struct db_setting setting = { .param = 1, .value.u = 7 };
+	struct db_commander_config config;
+
+	FAKE(false);
+	discreet = driver;
+	discreet.params = secrets;
+	discreet.param_count = 2;
+	config = config_of(&fake);
+	config.driver = &discreet;
+	remake(&fake, &config);
+	assert_true(
+		set(fake.commander, NULL, &setting, 1, (struct db_write_token){ 1, 1 }, fake.now)
+			.later);
+	assert_int_equal(entry_of(&fake, 0).number, 1);
+	assert_int_equal(entry_of(&fake, 0).value, 0);
+	assert_int_equal(fake.requests[0].settings[0].value.u, 7);
+	setting.param = 0;
+	assert_true(
+		set(fake.commander, NULL, &setting, 1, (struct db_write_token){ 1, 2 }, fake.now)
+			.later);
+	assert_int_equal(entry_of(&fake, 0).value, 7);
+	drop(&fake);
+}
+
+/* Begins a jog towards 1000 counts, at 100 counts/s. */
+static void jog(struct fake *fake)
+{
+	fake->drive.max_position = 100.0;
+	set_axis(fake, DB_AXIS_STANDSTILL, 0, 900);
+	assert_int_equal(move(fake, DB_CMD_MOVE_VELOCITY, 0, 100.0f), DB_WRITE_LATER);
+	finish(fake, fake->submitted - 1, DB_RESULT_OK);
+	fake->now += MS;
+	set_axis(fake, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_MOVING, 900);
+	wake(fake);
+}
+
+/* Looks once, at data of this moment. */
+static void pass_by(struct fake *fake, uint32_t status, int32_t position)
+{
+	fake->now = db_commander_next_deadline(fake->commander);
+	set_axis(fake, DB_AXIS_CONTINUOUS_MOTION, status, position);
+	wake(fake);
+}
+
+/* Its target was checked. */
+static void a_move_behind_a_jog_is_not_watched(void **state)
+{
+	FAKE(false);
+	jog(&fake);
+	assert_int_equal(move(&fake, DB_CMD_MOVE_ABSOLUTE, 1000, 100.0f), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_OK);
+	pass_by(&fake, DB_STATUS_MOVING, 999);
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
+/* What a drive that does not answer said last is not what it does. */
+static void data_of_before_stop_no_jog(void **state)
+{
+	struct db_snapshot snapshot = { .feedback = { .status = DB_STATUS_BUS_UP | DB_STATUS_MOVING,
+		                                      .state = DB_AXIS_OFFLINE,
+		                                      .position = 999,
+		                                      .velocity = 100.0f } };
+
+	FAKE(false);
+	jog(&fake);
+	snapshot.feedback.taken = fake.now;
+	db_axis_publish(fake.axis, &snapshot);
+	let_pass(&fake, 100 * MS);
+	assert_int_equal(fake.submitted, 1);
+	drop(&fake);
+}
+
+/* As far as it went after the last stop, it may go after the next one. */
+static void a_stop_by_a_client_is_measured(void **state)
+{
+	FAKE(false);
+	jog(&fake);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	finish(&fake, 1, DB_RESULT_OK);
+	fake.now += 500 * MS;
+	/* 50 counts. */
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 950);
+	let_pass(&fake, 50 * MS);
+	jog(&fake);
+	assert_int_equal(fake.submitted, 3);
+	pass_by(&fake, DB_STATUS_MOVING, 940);
+	assert_int_equal(fake.submitted, 3);
+	pass_by(&fake, DB_STATUS_MOVING, 946);
+	assert_int_equal(fake.submitted, 4);
+	assert_int_equal(fake.requests[3].cause, DB_STAND_LIMIT);
+	drop(&fake);
+}
+
+/* Half of the square of its speed by its deceleration. */
+static void a_known_deceleration_is_allowed_for(void **state)
+{
+	struct db_nameplate_copy room;
+	struct db_nameplate plate;
+	struct db_commander_config config;
+
+	FAKE(false);
+	presetting = driver;
+	presetting.params = preset_params;
+	presetting.param_count = 1;
+	presetting.deceleration_param = 0;
+	config = config_of(&fake);
+	config.driver = &presetting;
+	remake(&fake, &config);
+	/* 400 counts/s^2: 12.5 counts, and 5 in the time until it hears of the stop. */
+	plate = fake_nameplate(&room, 1);
+	plate.values[0].f = 400.0f;
+	db_axis_publish_nameplate(fake.axis, &plate);
+	jog(&fake);
+	pass_by(&fake, DB_STATUS_MOVING, 982);
+	assert_int_equal(fake.submitted, 1);
+	pass_by(&fake, DB_STATUS_MOVING, 983);
+	assert_int_equal(fake.submitted, 2);
+	drop(&fake);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -2446,6 +2795,32 @@ int main(void)
 		cmocka_unit_test(another_speed_that_is_refused_leaves_the_hold),
 		cmocka_unit_test(a_stop_without_room_is_handed_over_later),
 		cmocka_unit_test(the_watchdog_keeps_its_own_rule),
+		cmocka_unit_test(a_drive_that_is_removed_answers_all_who_wait),
+		cmocka_unit_test(a_bare_repeat_of_an_accepted_write_is_accepted),
+		cmocka_unit_test(a_preset_is_within_the_limits_or_not_used),
+		cmocka_unit_test(a_preset_leads_no_further_beyond_a_limit),
+		cmocka_unit_test(the_largest_velocity_is_told),
+		cmocka_unit_test(a_motion_from_before_a_stop_at_a_limit_does_not_begin),
+		cmocka_unit_test(what_rests_beside_its_target_is_a_move),
+		cmocka_unit_test(a_motion_refused_in_between_is_the_newest),
+		cmocka_unit_test(a_refused_motion_leaves_the_one_behind_it),
+		cmocka_unit_test(the_outcome_of_an_entry_is_that_of_what_it_began),
+		cmocka_unit_test(what_was_refused_elsewhere_is_in_the_history),
+		cmocka_unit_test(everything_is_recorded_with_its_end),
+		cmocka_unit_test(what_was_not_recorded_has_no_end),
+		cmocka_unit_test(a_client_that_joins_a_stop_is_not_done),
+		cmocka_unit_test(memory_for_clients_is_there_while_it_is_needed),
+		cmocka_unit_test(a_client_sees_the_end_of_the_stop_that_took_its_place),
+		cmocka_unit_test(a_command_is_judged_when_it_is_staged),
+		cmocka_unit_test(a_completion_that_nobody_awaits_frees_its_place),
+		cmocka_unit_test(a_jog_is_not_held_back_too_early),
+		cmocka_unit_test(a_client_whose_motion_is_refused_is_not_done),
+		cmocka_unit_test(an_id_of_before_is_known_by_its_end),
+		cmocka_unit_test(a_secret_is_not_in_the_history),
+		cmocka_unit_test(a_move_behind_a_jog_is_not_watched),
+		cmocka_unit_test(data_of_before_stop_no_jog),
+		cmocka_unit_test(a_stop_by_a_client_is_measured),
+		cmocka_unit_test(a_known_deceleration_is_allowed_for),
 	};
 
 	return cmocka_run_group_tests_name("commander", tests, NULL, NULL);

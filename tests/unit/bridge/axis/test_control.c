@@ -87,6 +87,40 @@ static void the_same_address_may_ask_again(void **state)
 	assert_true(db_control_holds(&control, &plc_again, START + MS));
 }
 
+/* Another configuration: who has control keeps it, as long as there is such a thing. */
+static void a_reload_leaves_it_where_it_is(void **state)
+{
+	struct db_control control;
+
+	(void)state;
+	db_control_init(&control, true, 5000);
+	assert_true(db_control_take(&control, &plc, START));
+	db_control_change(&control, true, 7000);
+	assert_int_equal(db_control_remaining_ms(&control, START), 7000);
+	assert_true(db_control_holds(&control, &plc, START));
+	assert_false(db_control_holds(&control, &hmi, START));
+	db_control_change(&control, false, 7000);
+	assert_null(db_control_holder(&control, START));
+	assert_true(db_control_holds(&control, &hmi, START));
+	db_control_change(&control, true, 7000);
+	assert_null(db_control_holder(&control, START));
+	assert_true(db_control_take(&control, &hmi, START));
+}
+
+/* What waited in a buffer tells of the time before. */
+static void older_requests_take_nothing_back(void **state)
+{
+	struct db_control control;
+
+	(void)state;
+	db_control_init(&control, true, 5000);
+	assert_true(db_control_take(&control, &plc, START));
+	db_control_hear(&control, &plc, START - 3000 * MS, START + MS);
+	assert_int_equal(db_control_remaining_ms(&control, START), 5000);
+	db_control_hear(&control, &plc, START + 1000 * MS, START + 4000 * MS);
+	assert_int_equal(db_control_remaining_ms(&control, START + 4000 * MS), 2000);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -94,6 +128,8 @@ int main(void)
 		cmocka_unit_test(the_first_writer_takes_it),
 		cmocka_unit_test(silence_ends_it),
 		cmocka_unit_test(the_same_address_may_ask_again),
+		cmocka_unit_test(a_reload_leaves_it_where_it_is),
+		cmocka_unit_test(older_requests_take_nothing_back),
 	};
 
 	return cmocka_run_group_tests_name("axis/control", tests, NULL, NULL);

@@ -236,6 +236,98 @@ static void a_delayed_program_is_waited_for(void **state)
 	       { 200, .program_state = UINT16_MAX, STANDS, .result = DB_RESULT_INDETERMINATE });
 }
 
+/* It stands within the window of its target, for as long as is asked for. */
+static void a_move_is_there_when_it_has_settled(void **state)
+{
+	const struct db_follow_config settling = { .window = 5.0,
+		                                   .settling = 100 * MS,
+		                                   .patience = 200 * MS };
+	struct db_feedback feedback = { .status = DB_STATUS_ONLINE,
+		                        .state = DB_AXIS_STANDSTILL,
+		                        .has_target = true,
+		                        .target = 1000 };
+	static const struct {
+		int ms;
+		int32_t position;
+		bool moves;
+		enum db_result result;
+	} samples[] = {
+		{ 10, 1005, true, DB_RESULT_PENDING },   { 20, 1005, false, DB_RESULT_PENDING },
+		{ 119, 1005, false, DB_RESULT_PENDING }, { 125, 1006, false, DB_RESULT_PENDING },
+		{ 130, 995, false, DB_RESULT_PENDING },  { 140, 995, true, DB_RESULT_PENDING },
+		{ 150, 995, false, DB_RESULT_PENDING },  { 249, 995, false, DB_RESULT_PENDING },
+		{ 250, 995, false, DB_RESULT_OK },
+	};
+	struct db_follow follow;
+
+	(void)state;
+	begin(&follow, DB_CMD_MOVE_ABSOLUTE, NULL, true, 1000 * MS);
+	for (size_t i = 0; i < sizeof samples / sizeof samples[0]; i++) {
+		feedback.taken = (1000 + samples[i].ms) * MS;
+		feedback.position = samples[i].position;
+		feedback.status = DB_STATUS_ONLINE | (samples[i].moves ? DB_STATUS_MOVING : 0);
+		assert_int_equal(db_follow_check(&follow, &settling, &feedback, feedback.taken),
+		                 samples[i].result);
+	}
+}
+
+/* Of a drive that does not tell its target it is the drive's own bit that says so. */
+static void without_a_target_the_drive_says_that_it_is_there(void **state)
+{
+	struct db_feedback feedback = { .status = DB_STATUS_ONLINE, .state = DB_AXIS_STANDSTILL };
+	struct db_follow follow;
+
+	(void)state;
+	begin(&follow, DB_CMD_MOVE_RELATIVE, NULL, true, 1000 * MS);
+	feedback.taken = 1010 * MS;
+	assert_int_equal(db_follow_check(&follow, &config, &feedback, 1010 * MS),
+	                 DB_RESULT_PENDING);
+	assert_int_equal(db_follow_check(&follow, &config, &feedback, 1209 * MS),
+	                 DB_RESULT_PENDING);
+	feedback.status |= DB_STATUS_AT_TARGET;
+	assert_int_equal(db_follow_check(&follow, &config, &feedback, 1209 * MS), DB_RESULT_OK);
+	begin(&follow, DB_CMD_MOVE_RELATIVE, NULL, true, 1000 * MS);
+	feedback.status = DB_STATUS_ONLINE;
+	assert_int_equal(db_follow_check(&follow, &config, &feedback, 1010 * MS),
+	                 DB_RESULT_PENDING);
+	assert_int_equal(db_follow_check(&follow, &config, &feedback, 1210 * MS), DB_RESULT_FAILED);
+}
+
+/* It has moved, or it was too short for that to be seen. */
+static void a_shake_ends_when_it_stands(void **state)
+{
+	static const enum db_command shakes[] = { DB_CMD_SHAKE_START, DB_CMD_SHAKE_START_TIME };
+
+	(void)state;
+	for (size_t i = 0; i < 2; i++) {
+		EXPECT(shakes[i], 0, { 10, STANDS, PENDING }, { 50, RUNS, PENDING },
+		       { 5000, RUNS, PENDING }, { 5010, STANDS, .result = DB_RESULT_OK });
+		EXPECT(shakes[i], 0, { 10, STANDS, PENDING }, { 199, STANDS, PENDING },
+		       { 200, STANDS, .result = DB_RESULT_OK });
+		EXPECT(shakes[i], 0, { 10, RUNS, PENDING },
+		       { 20, .state = DB_AXIS_DISABLED, .result = DB_RESULT_CANCELLED });
+	}
+}
+
+/* In between it may stand, or move in a way that its state does not call homing. */
+static void homing_goes_on_while_either_shows(void **state)
+{
+	struct db_feedback feedback = { .taken = 10 * MS };
+	struct db_follow follow;
+
+	(void)state;
+	begin(&follow, DB_CMD_HOME, NULL, true, MS);
+	feedback.status = DB_STATUS_ONLINE | DB_STATUS_HOMED;
+	feedback.state = DB_AXIS_HOMING;
+	assert_int_equal(db_follow_check(&follow, &config, &feedback, 10 * MS), DB_RESULT_PENDING);
+	feedback.status |= DB_STATUS_MOVING;
+	feedback.state = DB_AXIS_DISCRETE_MOTION;
+	assert_int_equal(db_follow_check(&follow, &config, &feedback, 10 * MS), DB_RESULT_PENDING);
+	feedback.status = DB_STATUS_ONLINE | DB_STATUS_HOMED;
+	feedback.state = DB_AXIS_STANDSTILL;
+	assert_int_equal(db_follow_check(&follow, &config, &feedback, 10 * MS), DB_RESULT_OK);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -243,8 +335,12 @@ int main(void)
 		cmocka_unit_test(what_goes_on_for_ever_and_stands_has_failed),
 		cmocka_unit_test(what_was_taken_without_proof_and_never_begins_has_failed),
 		cmocka_unit_test(homing_may_end_late),
+		cmocka_unit_test(homing_goes_on_while_either_shows),
 		cmocka_unit_test(a_program_ends_when_it_is_idle),
 		cmocka_unit_test(a_delayed_program_is_waited_for),
+		cmocka_unit_test(a_move_is_there_when_it_has_settled),
+		cmocka_unit_test(without_a_target_the_drive_says_that_it_is_there),
+		cmocka_unit_test(a_shake_ends_when_it_stands),
 	};
 
 	return cmocka_run_group_tests_name("axis/follow", tests, NULL, NULL);

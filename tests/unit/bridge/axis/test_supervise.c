@@ -141,6 +141,103 @@ static void the_way_back_is_free(void **state)
 	assert_true(axis.position > 2000.0);
 }
 
+/* It was stopped there, and something sets it off again. */
+static void what_starts_again_is_stopped_again(void **state)
+{
+	struct db_supervise supervise = { .active = false };
+	struct db_feedback feedback = { .position = 990, .velocity = 300.0f };
+	db_time now = 10 * MS;
+
+	(void)state;
+	db_supervise_begin(&supervise, 0);
+	for (unsigned i = 0; i < 3; i++) {
+		feedback.taken = now += 20 * MS;
+		feedback.status = DB_STATUS_ONLINE | DB_STATUS_MOVING;
+		assert_int_equal(db_supervise_check(&supervise, &CONFIG, &feedback, now),
+		                 DB_LIMIT_MAX_POSITION);
+		feedback.taken = now += 20 * MS;
+		assert_int_equal(db_supervise_check(&supervise, &CONFIG, &feedback, now),
+		                 DB_LIMIT_NONE);
+		feedback.status = DB_STATUS_ONLINE;
+		feedback.taken = now += 900 * MS;
+		assert_int_equal(db_supervise_check(&supervise, &CONFIG, &feedback, now),
+		                 DB_LIMIT_NONE);
+		assert_true(supervise.active);
+	}
+	feedback.taken = now += 100 * MS;
+	(void)db_supervise_check(&supervise, &CONFIG, &feedback, now);
+	assert_false(supervise.active);
+}
+
+/* By the next check it is as much faster as since the last one. */
+static void a_drive_that_gets_faster_is_stopped_sooner(void **state)
+{
+	struct db_feedback feedback = { .status = DB_STATUS_ONLINE | DB_STATUS_MOVING,
+		                        .taken = 10 * MS,
+		                        .position = 900,
+		                        .velocity = 100.0f };
+	struct db_supervise supervise = { .active = false };
+
+	(void)state;
+	db_supervise_begin(&supervise, 0);
+	assert_int_equal(db_supervise_check(&supervise, &CONFIG, &feedback, 10 * MS),
+	                 DB_LIMIT_NONE);
+	feedback.taken = 30 * MS;
+	feedback.position = 950;
+	feedback.velocity = 600.0f;
+	assert_int_equal(db_supervise_check(&supervise, &CONFIG, &feedback, 30 * MS),
+	                 DB_LIMIT_MAX_POSITION);
+	/* At this speed all the time it would be in time later, and so would one that brakes. */
+	for (unsigned i = 0; i < 2; i++) {
+		db_supervise_begin(&supervise, 0);
+		supervise.last_taken = 0;
+		feedback.taken = 10 * MS;
+		feedback.velocity = i == 0 ? 600.0f : 1000.0f;
+		feedback.position = 900;
+		supervise.last_speed = feedback.velocity;
+		assert_int_equal(db_supervise_check(&supervise, &CONFIG, &feedback, 10 * MS),
+		                 DB_LIMIT_NONE);
+		feedback.taken = 30 * MS;
+		feedback.position = 950;
+		feedback.velocity = 600.0f;
+		assert_int_equal(db_supervise_check(&supervise, &CONFIG, &feedback, 30 * MS),
+		                 DB_LIMIT_NONE);
+	}
+}
+
+/* From the first stop of a motion that moves, to where it stands. */
+static void only_a_moving_motion_is_measured(void **state)
+{
+	struct db_feedback feedback = { .status = DB_STATUS_ONLINE | DB_STATUS_MOVING,
+		                        .taken = 10 * MS,
+		                        .position = 100,
+		                        .velocity = 100.0f };
+	struct db_supervise supervise = { .active = false };
+
+	(void)state;
+	db_supervise_stop(&supervise, &CONFIG, &feedback, 10 * MS);
+	assert_false(supervise.measuring);
+	db_supervise_begin(&supervise, 0);
+	feedback.velocity = 0.0f;
+	db_supervise_stop(&supervise, &CONFIG, &feedback, 10 * MS);
+	assert_false(supervise.measuring);
+	feedback.velocity = 100.0f;
+	db_supervise_stop(&supervise, &CONFIG, &feedback, 10 * MS);
+	assert_true(supervise.measuring);
+	/* Another stop while it brakes. */
+	feedback.position = 120;
+	feedback.velocity = 50.0f;
+	db_supervise_stop(&supervise, &CONFIG, &feedback, 10 * MS);
+	feedback.status = DB_STATUS_ONLINE;
+	feedback.position = 150;
+	feedback.velocity = 0.0f;
+	feedback.taken = 500 * MS;
+	(void)db_supervise_check(&supervise, &CONFIG, &feedback, 500 * MS);
+	assert_false(supervise.measuring);
+	/* 50 counts from 100 counts/s. */
+	assert_true(fabs(supervise.measured - 50.0 / 10000.0) < 1e-9);
+}
+
 static void only_motions_without_a_target_are_watched(void **state)
 {
 	(void)state;
@@ -160,6 +257,9 @@ int main(void)
 		cmocka_unit_test(a_jog_does_not_pass_a_limit),
 		cmocka_unit_test(brakes_are_measured),
 		cmocka_unit_test(the_way_back_is_free),
+		cmocka_unit_test(what_starts_again_is_stopped_again),
+		cmocka_unit_test(a_drive_that_gets_faster_is_stopped_sooner),
+		cmocka_unit_test(only_a_moving_motion_is_measured),
 		cmocka_unit_test(only_motions_without_a_target_are_watched),
 	};
 

@@ -89,7 +89,6 @@ static void every_cause_has_a_name_and_says_what_to_do(void **state)
 {
 	const struct db_trouble_about about = { .drive = "feeder",
 		                                .bus = "press",
-		                                .place = "/dev/ttyS1",
 		                                .address = 7,
 		                                .error = DB_ERROR_VOLTAGE,
 		                                .port_advice = "; is it plugged in?",
@@ -146,9 +145,18 @@ static void advice_names_what_it_is_about(void **state)
 		text,
 		"bus press is out of service for a scan of control, user anna; it comes back when "
 		"that has ended");
+	db_trouble_advice(DB_TROUBLE_NOT_UNDERSTOOD, &about, text);
+	assert_non_null(strstr(text, "another drive has address 7"));
+	assert_string_equal(db_trouble_fault_advice(NULL, 5), "see the drive's manual");
+	assert_string_equal(db_trouble_fault_advice(NULL, DB_ERROR_UNEXPLAINED_FAULT + 1),
+	                    "see the drive's manual");
+	assert_string_equal(db_trouble_fault_advice(NULL, UINT16_MAX), "see the drive's manual");
 	about.late_ms = 40;
 	db_trouble_advice(DB_TROUBLE_LATE, &about, text);
 	assert_non_null(strstr(text, "drive-latency-ms of bus press to 60"));
+	about.late_ms = 1;
+	db_trouble_advice(DB_TROUBLE_LATE, &about, text);
+	assert_non_null(strstr(text, "press to 1"));
 	about.late_ms = 0;
 	db_trouble_advice(DB_TROUBLE_LATE, &about, text);
 	assert_null(strstr(text, "press to"));
@@ -164,8 +172,12 @@ static void a_long_name_is_cut_and_harms_nothing(void **state)
 	memset(name, 'x', sizeof name - 1);
 	name[sizeof name - 1] = '\0';
 	for (unsigned cause = 0; cause <= DB_TROUBLE_COUNT; cause++) {
-		db_trouble_advice((enum db_trouble_cause)cause, &about, text);
-		assert_true(strlen(text) < DB_TROUBLE_ADVICE_MAX);
+		/* Wherever in the text it ends. */
+		for (const char *rest = name; *rest; rest++) {
+			about.drive = about.bus = rest;
+			db_trouble_advice((enum db_trouble_cause)cause, &about, text);
+			assert_true(strlen(text) < DB_TROUBLE_ADVICE_MAX);
+		}
 	}
 }
 

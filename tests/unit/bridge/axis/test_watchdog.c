@@ -22,6 +22,10 @@ static void it_sleeps_until_something_moves(void **state)
 	db_watchdog_arm(&watchdog, 1000 * MS);
 	assert_int_equal(db_watchdog_deadline(&watchdog), 1500 * MS);
 	assert_int_equal(db_watchdog_remaining_ms(&watchdog, 1100 * MS), 400);
+	/* 0 is when there is nothing to wait for. */
+	assert_int_equal(db_watchdog_remaining_ms(&watchdog, 1499 * MS), 1);
+	assert_int_equal(db_watchdog_remaining_ms(&watchdog, 1500 * MS - 1), 1);
+	assert_int_equal(db_watchdog_remaining_ms(&watchdog, 1500 * MS), 0);
 }
 
 /* Clients whose addresses are their numbers. */

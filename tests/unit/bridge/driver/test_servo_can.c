@@ -696,6 +696,38 @@ static void modes_change_only_at_rest(void **unused)
 	drop(f);
 }
 
+/* Nothing was sent yet that could move it. */
+static void a_move_whose_first_read_is_lost_was_not_begun(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY, velocity(10)), "145#00");
+	assert_string_equal(lost(f), "=timeout");
+	drop(f);
+}
+
+/* What the codec cuts out of the bus, by its id alone. */
+static void parts_of_an_answer_are_told_apart(void **unused)
+{
+	static const struct {
+		const char *text;
+		uint32_t part;
+	} cases[] = { { "165#00000000", 0x160 }, { "185#00000000", 0x180 },
+		      { "1A5#00000000", 0x1A0 }, { "1C5#00000000", 0 },
+		      { "006#01", 0 },           { "145#00", 0 } };
+	struct fixture *f = make_on(ON | STILL);
+
+	(void)unused;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct db_can_frame frame = frame_of(cases[i].text);
+
+		assert_int_equal(driver->part(&f->bus, (const uint8_t *)&frame, sizeof frame),
+		                 cases[i].part);
+	}
+	drop(f);
+}
+
 static void the_mode_counts_when_acknowledged(void **unused)
 {
 	struct fixture *f = make_on(ON | STILL);
@@ -2360,6 +2392,13 @@ static void what_the_check_tells(void **unused)
 	option(f, "command-word-length", 3);
 	assert_int_equal(check_config(f).errors, 1);
 	set_words(f);
+	/* Half of a frame. */
+	option(f, "position-slot-ack", 9);
+	assert_non_null(strstr(check_config(f).text, "position-slot-base is missing"));
+	option(f, "position-slot-ack", NAN);
+	option(f, "move-frame-at", 0);
+	assert_non_null(strstr(check_config(f).text, "move-frame-base is missing"));
+	option(f, "move-frame-at", NAN);
 	option(f, "command-word-base", 0x100);
 	assert_int_equal(check_config(f).errors, 1);
 	set_words(f);
@@ -2512,6 +2551,8 @@ int main(void)
 		cmocka_unit_test(current_has_its_own_mode),
 		cmocka_unit_test(torque_direction_goes_with_every_mode),
 		cmocka_unit_test(modes_change_only_at_rest),
+		cmocka_unit_test(a_move_whose_first_read_is_lost_was_not_begun),
+		cmocka_unit_test(parts_of_an_answer_are_told_apart),
 		cmocka_unit_test(the_mode_counts_when_acknowledged),
 		cmocka_unit_test(without_power_nothing_is_staged),
 		cmocka_unit_test(a_bridge_that_may_not_change_modes),

@@ -398,6 +398,13 @@ static void every_command_in_bytes(void **state)
 	assert_string_equal(confirm(f, 0, STANDS), "00080388#0601 0008039E#0102");
 	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_S6), "=ok");
 	drop(f);
+	/* From the first port on. */
+	f = make(0, 0);
+	assert_string_equal(command(f, DB_CMD_SET_OUTPUTS,
+	                            (struct db_args){ .output_mask = 1, .output_levels = 1 }),
+	                    "00080388#0101 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_S1), "=ok");
+	drop(f);
 }
 
 static void standard_frames(void **state)
@@ -1385,6 +1392,9 @@ static void reports_take_the_place_of_polls(void **state)
 	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now));
 	assert_true(report(f, frame_of(0x00080202, STANDS, 0, 4)));
 	assert_int_equal(feedback(f).position, 77);
+	/* Half of the next one is none: it would be of another moment. */
+	assert_false(report(f, frame_of(0x00080202, RUNS, 0, 4)));
+	assert_false(feedback(f).status & DB_STATUS_MOVING);
 	assert_false(db_driver_vsmd_can.wants_poll(f->device, f->now + 100 * MS));
 	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now + 151 * MS));
 	drop(f);

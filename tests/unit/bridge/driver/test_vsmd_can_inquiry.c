@@ -136,11 +136,36 @@ static void whether_it_stands_and_what_it_is_told_may_be_padded(void **state)
 	assert_string_equal(ask(DB_INQUIRY_SET_ADDRESS, 5), "00080300#00000005 0008039F#0001");
 }
 
+static bool can_ask(bool extended, enum db_inquiry_kind kind, unsigned address, unsigned value)
+{
+	const struct vsmd_can_style form = { .extended = extended, .host = 1, .output_base = 1 };
+	uint8_t bytes[DB_REQUEST_MAX];
+	struct db_exchange exchange = { .request = bytes, .request_size = sizeof bytes };
+	const struct db_inquiry inquiry = { .kind = kind, .address = address, .value = value };
+
+	return vsmd_can_inquire(&form, &inquiry, &exchange);
+}
+
+/* Addresses that a frame has no room for belong to another drive in it. */
+static void no_drive_is_asked_for_another(void **state)
+{
+	(void)state;
+	assert_false(can_ask(true, DB_INQUIRY_THERE, 0, 0));
+	assert_true(can_ask(true, DB_INQUIRY_THERE, VSMD_CAN_DRIVE_MAX, 0));
+	assert_false(can_ask(true, DB_INQUIRY_THERE, VSMD_CAN_DRIVE_MAX + 1, 0));
+	assert_true(can_ask(false, DB_INQUIRY_THERE, VSMD_CAN_STD_DRIVE_MAX, 0));
+	assert_false(can_ask(false, DB_INQUIRY_THERE, VSMD_CAN_STD_DRIVE_MAX + 1, 0));
+	/* Nor is a drive given a number that none can have. */
+	assert_true(can_ask(true, DB_INQUIRY_SET_ADDRESS, 1, 5));
+	assert_true(can_ask(true, DB_INQUIRY_SAVE, 1, 0));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_drive_is_asked_for_its_identity_or_its_data),
 		cmocka_unit_test(an_identity_comes_in_any_form),
+		cmocka_unit_test(no_drive_is_asked_for_another),
 		cmocka_unit_test(whether_it_stands_and_what_it_is_told_may_be_padded),
 	};
 

@@ -287,6 +287,18 @@ static void one_wrong_answer_is_refuted_by_the_next(void **state)
 	assert_int_equal(seen(&f).restarts, 0);
 }
 
+/* A drive that was told to home by something else begins to count at its origin: no restart. */
+static void homing_by_itself_is_none(void **state)
+{
+	struct fixture f;
+
+	(void)state;
+	make(&f, 5000, STANDS);
+	status(&f, 0, HOMED);
+	assert_nothing(&f);
+	assert_true(is_homed(&f));
+}
+
 static void a_handshake_lapses_without_a_restart(void **state)
 {
 	struct fixture f;
@@ -306,6 +318,27 @@ static void a_handshake_lapses_without_a_restart(void **state)
 	assert_int_equal(seen(&late).restarts, 0);
 }
 
+/* What is written and not saved is lost with the power. */
+static void settings_are_unsaved_until_they_are_saved(void **state)
+{
+	struct db_setting setting = { .param = VSMD_SPD, .value.f = 100.0f };
+	const struct db_request request = { .settings = &setting, .setting_count = 1 };
+	struct fixture f;
+
+	(void)state;
+	make(&f, 5000, STANDS);
+	assert_false(seen(&f).status & DB_STATUS_PARAMS_UNSAVED);
+	vsmd_take_settings(&f.axis, &request);
+	assert_true(f.axis.plate.values[VSMD_SPD].f > 99.0f);
+	assert_true(seen(&f).status & DB_STATUS_PARAMS_UNSAVED);
+	assert_true(seen(&f).status & DB_STATUS_ENABLED);
+	setting.value.f = 6400.0f;
+	vsmd_take_settings(&f.axis, &request);
+	assert_false(seen(&f).status & DB_STATUS_PARAMS_UNSAVED);
+	status(&f, 5000, OFF);
+	assert_false(seen(&f).status & DB_STATUS_ENABLED);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -316,6 +349,8 @@ int main(void)
 		cmocka_unit_test(two_signs_are_a_restart_at_once),
 		cmocka_unit_test(one_sign_is_a_doubt),
 		cmocka_unit_test(one_wrong_answer_is_refuted_by_the_next),
+		cmocka_unit_test(settings_are_unsaved_until_they_are_saved),
+		cmocka_unit_test(homing_by_itself_is_none),
 		cmocka_unit_test(a_handshake_lapses_without_a_restart),
 	};
 

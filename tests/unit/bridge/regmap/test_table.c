@@ -288,6 +288,41 @@ static void areas_are_in_order(void **state)
 	}
 }
 
+/* The first pages are among the areas of all families; those of later ones have their own. */
+static void each_page_of_parameters_is_an_area(void **state)
+{
+	static const struct {
+		unsigned page;
+		bool has_area;
+		unsigned first;
+		unsigned size;
+	} pages[] = {
+		{ 0, false, 200, 0 },
+		{ 2, false, 600, 0 },
+		{ 3, true, 800, DB_PARAM_PAGE },
+		{ DB_PARAM_LARGE, true, DB_PARAM_LARGE_BASE, DB_PARAM_LARGE_PAGE },
+		{ DB_PARAM_LARGE + 2, true, DB_PARAM_LARGE_BASE + 2 * DB_PARAM_LARGE_PAGE,
+		  DB_PARAM_LARGE_PAGE },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof pages / sizeof pages[0]; i++) {
+		struct db_driver family = everything;
+		struct db_area area;
+
+		family.param_page = (uint8_t)pages[i].page;
+		assert_int_equal(db_param_first(&family), pages[i].first);
+		assert_int_equal(db_param_area(&family, &area), pages[i].has_area);
+		if (!pages[i].has_area)
+			continue;
+		assert_int_equal(area.first, pages[i].first);
+		assert_int_equal(area.last, pages[i].first + pages[i].size - 1);
+		/* One without parameters has none. */
+		family.param_count = 0;
+		assert_false(db_param_area(&family, &area));
+	}
+}
+
 static void only_what_exists_has_registers(void **state)
 {
 	struct db_index index;
@@ -418,6 +453,7 @@ int main(void)
 		cmocka_unit_test(finding_stops_at_holes_and_ends),
 		cmocka_unit_test(touching_goes_across_holes_of_an_area),
 		cmocka_unit_test(areas_are_in_order),
+		cmocka_unit_test(each_page_of_parameters_is_an_area),
 		cmocka_unit_test(only_what_exists_has_registers),
 		cmocka_unit_test(names_that_others_rely_on),
 		cmocka_unit_test(every_command_has_one_row),

@@ -1,9 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "codec/vsmd.h"
+#include "drivebridge/trouble.h"
 #include "drivebridge/version.h"
 #include "fakes/nameplate.h"
 #include "fakes/registers.h"
+#include "regmap/image.h"
+#include "regmap/table.h"
 
+#include <errno.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -1102,6 +1106,8 @@ static void gateway(void **state)
 	fake.now += 7000 * MS;
 	assert_int_equal(fake_get(&fake, 255, DB_TABLE_INPUT, 0, 28, values), 0);
 	assert_int_equal(values[0], DB_VERSION_MAJOR);
+	assert_int_equal(values[1], DB_VERSION_MINOR);
+	assert_int_equal(values[2], DB_VERSION_PATCH);
 	assert_int_equal(values[3], 2);
 	assert_int_equal(values[4], 3);
 	assert_int_equal(values[5], 3);
@@ -1141,7 +1147,15 @@ static void identification(void **state)
 	assert_true(running);
 	assert_string_equal(text, "drivebridge " DB_VERSION " unit 1 feeder VSMD113");
 	length = db_registers_backend.server_id(fake.registers, 1, small, sizeof small, &running);
-	assert_true(length <= sizeof small);
+	assert_true(length < sizeof small);
+	assert_int_equal(db_registers_backend.server_id(fake.registers, 1, small, 0, &running), 0);
+	/* One byte is for the end of the text. */
+	length = strlen("drivebridge " DB_VERSION " gateway");
+	assert_int_equal(db_registers_backend.server_id(fake.registers, 0, text, length, &running),
+	                 length - 1);
+	assert_int_equal(
+		db_registers_backend.server_id(fake.registers, 0, text, length + 1, &running),
+		length);
 	length = db_registers_backend.server_id(fake.registers, 0, text, sizeof text, &running);
 	text[length] = '\0';
 	assert_string_equal(text, "drivebridge " DB_VERSION " gateway");
@@ -1214,6 +1228,7 @@ static void drives_that_stay_keep_everything(void **state)
 	assert_int_equal(unit_of(&fake, 1), 0);
 	db_registers_apply(fake.registers, change);
 	assert_int_equal(fake.answered, 0);
+	assert_int_equal(fake_get1(&fake, 1, 56), 1);
 	/* The write that was pending ends, and its id is known. */
 	complete_last(&fake, DB_RESULT_OK);
 	assert_int_equal(fake.answered, 1);
@@ -1419,6 +1434,304 @@ static void who_may_not_write_any_more_loses_control(void **state)
 	fake_registers_close(&fake);
 }
 
+/* An exact interval is still one. */
+static void data_are_useless_after_ten_intervals(void **state)
+{
+	struct db_snapshot snapshot;
+
+	FAKE();
+	snapshot = usual(&fake);
+	snapshot.feedback.taken = fake.now;
+	snapshot.stats.poll_interval_us = 500 * 1000;
+	db_axis_publish(fake.axes[0], &snapshot);
+	fake.now += 5000 * MS;
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 12, 2), 0);
+	fake.now += 1;
+	assert_int_equal(try_get(&fake, DB_TABLE_HOLDING, 12, 2), NO_ANSWER);
+	fake_registers_close(&fake);
+}
+
+/* Three rounds over all the drives of their bus, where those take longer than a second. */
+static void a_slow_line_has_old_data(void **state)
+{
+	struct db_snapshot snapshot;
+	db_time round;
+
+	FAKE();
+	fake.buses[1].baud = 300;
+	fake_registers_open(&fake);
+	round = 2 * fake.buses[1].driver->poll_time(&fake.buses[1]);
+	assert_true(3 * round > 1500 * MS);
+	snapshot = usual(&fake);
+	snapshot.feedback.taken = fake.now;
+	db_axis_publish(fake.axes[1], &snapshot);
+	fake.now += 3 * round;
+	assert_int_equal(fake_get1(&fake, 2, 0), DB_AXIS_STANDSTILL);
+	fake.now += 1;
+	assert_int_equal(fake_get1(&fake, 2, 0), DB_AXIS_OFFLINE);
+	fake_registers_close(&fake);
+}
+
+/* What its own list says. */
+static void what_is_configured_is_shown(void **state)
+{
+	uint16_t values[10];
+
+	FAKE();
+	assert_int_equal(fake_get1(&fake, 1, 1020), 1);
+	assert_int_equal(fake_get1(&fake, 1, 1021), 5);
+	assert_int_equal(fake_get1(&fake, 3, 1020), 2);
+	assert_int_equal(fake_get1(&fake, 3, 1021), 7);
+	assert_int_equal(fake_get2(&fake, 1, 1030), 0x44200000); /* 640 */
+	assert_int_equal(fake_get(&fake, 1, DB_TABLE_HOLDING, 1022, 8, values), 0);
+	assert_int_equal(values[0], 'm' << 8 | 'm');
+	for (unsigned i = 1; i < 8; i++)
+		assert_int_equal(values[i], 0);
+	fake_registers_close(&fake);
+}
+
+static void lines_and_buses_show_their_state(void **state)
+{
+	FAKE();
+	fake.bus_stats[0].last_error = 5;
+	assert_int_equal(fake_get1(&fake, 0, 101), 5);
+	assert_int_equal(fake_get1(&fake, 0, 440), 0);
+	fake.bus_stats[0].port.up = true;
+	assert_int_equal(fake_get1(&fake, 0, 440), 1);
+	fake.bus_stats[0].port.error = ENETRESET;
+	assert_int_equal(fake_get1(&fake, 0, 440), 3);
+	assert_int_equal(fake_get1(&fake, 0, 441), ENETRESET);
+	fake.bus_stats[0].port.error = EBUSY;
+	fake.bus_stats[0].port.error_passive = true;
+	assert_int_equal(fake_get1(&fake, 0, 440), 5);
+	fake.bus_stats[0].port.error_warning = true;
+	assert_int_equal(fake_get1(&fake, 0, 440), 13);
+	fake.bus_stats[0].up = false;
+	assert_int_equal(fake_get1(&fake, 0, 440), 12);
+	assert_int_equal(fake_get1(&fake, 0, 100), 0);
+	fake_registers_close(&fake);
+}
+
+/* Since when it is, by what the cause is. */
+static void trouble_is_as_old_as_its_cause(void **state)
+{
+	static const enum db_trouble_cause silences[] = { DB_TROUBLE_NO_ANSWER,
+		                                          DB_TROUBLE_NOT_UNDERSTOOD,
+		                                          DB_TROUBLE_LATE, DB_TROUBLE_DEAF };
+	struct db_snapshot snapshot;
+
+	FAKE();
+	snapshot = usual(&fake);
+	assert_int_equal(fake_get1(&fake, 1, 92), DB_TROUBLE_NONE);
+	assert_int_equal(fake_get2(&fake, 1, 94), 0);
+	/* What the bus has seen. */
+	for (size_t i = 0; i < sizeof silences / sizeof silences[0]; i++) {
+		snapshot.feedback.status = DB_STATUS_BUS_UP;
+		snapshot.trouble.cause = (uint16_t)silences[i];
+		snapshot.trouble.since = fake.now - 70 * MS;
+		db_axis_publish(fake.axes[0], &snapshot);
+		assert_int_equal(fake_get1(&fake, 1, 92), silences[i]);
+		assert_int_equal(fake_get2(&fake, 1, 94), 70);
+	}
+	/* A drive that must stand and is not seen to. */
+	snapshot = usual(&fake);
+	snapshot.must_stand.cause = DB_STAND_CLIENT;
+	snapshot.must_stand.since = fake.now - 1500 * MS;
+	db_axis_publish(fake.axes[0], &snapshot);
+	assert_int_equal(fake_get1(&fake, 1, 92), DB_TROUBLE_MUST_STAND);
+	assert_int_equal(fake_get2(&fake, 1, 94), 1500);
+	assert_int_equal(fake_get1(&fake, 1, 79), DB_STAND_CLIENT);
+	assert_int_equal(fake_get2(&fake, 1, 80), 1500);
+	/* What only shows in the data is as old as those. */
+	snapshot = usual(&fake);
+	snapshot.feedback.status |= DB_STATUS_WARNING;
+	db_axis_publish(fake.axes[0], &snapshot);
+	assert_int_equal(fake_get1(&fake, 1, 92), DB_TROUBLE_WARNING);
+	assert_int_equal(fake_get2(&fake, 1, 94), 10);
+	/* 0 is no trouble: one that has just begun is 1 ms old. */
+	snapshot.must_stand.cause = DB_STAND_HOLD;
+	snapshot.must_stand.since = fake.now;
+	snapshot.feedback.taken = fake.now;
+	db_axis_publish(fake.axes[0], &snapshot);
+	assert_int_equal(fake_get2(&fake, 1, 94), 1);
+	assert_int_equal(fake_get2(&fake, 1, 80), 1);
+	fake_registers_close(&fake);
+}
+
+static void a_latch_is_trouble_since_it_tripped(void **state)
+{
+	struct db_snapshot snapshot;
+
+	FAKE();
+	move_with_watchdog(&fake, DB_FEED_HEARTBEAT);
+	fake.now += 1000 * MS;
+	db_registers_expire(fake.registers, fake.now);
+	fake.now += 300 * MS;
+	snapshot = usual(&fake);
+	db_axis_publish(fake.axes[0], &snapshot);
+	assert_int_equal(fake_get1(&fake, 1, 92), DB_TROUBLE_WATCHDOG);
+	assert_int_equal(fake_get2(&fake, 1, 94), 300);
+	assert_int_equal(fake_get1(&fake, 1, 1), DB_ERROR_CLIENT_LOSS);
+	assert_true(fake_get2(&fake, 1, 2) & DB_STATUS_LATCHED);
+	fake_registers_close(&fake);
+}
+
+/* Who did what, of a parameter with its register. */
+static void the_history_names_clients_and_registers(void **state)
+{
+	FAKE();
+	assert_int_equal(intrude(&fake, 202, 1, 5), DB_WRITE_LATER);
+	assert_int_equal(fake_get1(&fake, 1, 3010), DB_CMD_NONE);
+	assert_int_equal(fake_get1(&fake, 1, 3020), 202);
+	assert_int_equal(fake_get2(&fake, 1, 3006), 0xC0A80A05);
+	assert_int_equal(fake_get1(&fake, 1, 3008), 50001);
+	assert_int_equal(fake_get2(&fake, 1, 3022), 5);
+	complete_last(&fake, DB_RESULT_OK);
+	/* By its other name it is the same register. */
+	assert_int_equal(intrude(&fake, 32, 2, 0x42C8, 0), DB_WRITE_LATER);
+	assert_int_equal(fake_get1(&fake, 1, 3020), 206);
+	/* The older one has moved on by one place. */
+	assert_int_equal(fake_get1(&fake, 1, 3020 + 24), 202);
+	db_registers_stand(fake.registers, 0, DB_CMD_STOP, DB_STAND_FAULT, fake.now);
+	assert_int_equal(fake_get1(&fake, 1, 3010), DB_CMD_STOP);
+	assert_int_equal(fake_get1(&fake, 1, 3008), 0);
+	assert_int_equal(fake_get2(&fake, 1, 3006), 0);
+	assert_int_equal(fake_get2(&fake, 1, 3004), 3);
+	/* There are no more. */
+	assert_int_equal(fake_get2(&fake, 1, 3004 + 72), 0);
+	fake_registers_close(&fake);
+}
+
+/* Of an earlier run, if it is still the same drive. */
+static void recalled_entries_are_those_of_the_same_drive(void **state)
+{
+	const struct db_recalled right = {
+		.drive = "feeder",
+		.bus = "line",
+		.node = 5,
+		.entry = { .timestamp_us = 9,
+		           .command = DB_CMD_MOVE_ABSOLUTE,
+		           .result = DB_RESULT_OK },
+		.args = { .target_position = 12 },
+	};
+	struct db_recalled other = right;
+
+	FAKE();
+	fake.buses[0].name = (char *)"line";
+	fake.buses[1].name = (char *)"other";
+	other.drive = "press";
+	db_registers_recall(fake.registers, &other);
+	other = right;
+	other.bus = "other";
+	db_registers_recall(fake.registers, &other);
+	other = right;
+	other.node = 6;
+	db_registers_recall(fake.registers, &other);
+	other = right;
+	other.axis = 1;
+	db_registers_recall(fake.registers, &other);
+	assert_int_equal(fake_get2(&fake, 1, 3004), 0);
+	db_registers_recall(fake.registers, &right);
+	assert_int_equal(fake_get2(&fake, 1, 3004), 1);
+	assert_int_equal(fake_get1(&fake, 1, 3010), DB_CMD_MOVE_ABSOLUTE);
+	assert_int_equal(fake_get2(&fake, 1, 3014), 12);
+	/* A parameter by its name, in the type that it has now. */
+	other = right;
+	other.entry.command = DB_CMD_NONE;
+	other.param = "acc";
+	other.value = 2.0;
+	db_registers_recall(fake.registers, &other);
+	assert_int_equal(fake_get1(&fake, 1, 3020), 206);
+	assert_int_equal(fake_get2(&fake, 1, 3022), 0x40000000);
+	other.param = "gone";
+	db_registers_recall(fake.registers, &other);
+	assert_int_equal(fake_get1(&fake, 1, 3020), 0);
+	fake_registers_close(&fake);
+}
+
+static void a_watchdog_has_its_limits(void **state)
+{
+	FAKE();
+	assert_int_equal(
+		fake_put(&fake, 1, 46, 2, DB_WATCHDOG_MAX_MS >> 16, DB_WATCHDOG_MAX_MS & 0xFFFF),
+		0);
+	assert_int_equal(fake_get2(&fake, 1, 46), DB_WATCHDOG_MAX_MS);
+	assert_int_equal(fake_put(&fake, 1, 46, 2, (DB_WATCHDOG_MAX_MS + 1) >> 16,
+	                          (DB_WATCHDOG_MAX_MS + 1) & 0xFFFF),
+	                 ILLEGAL_VALUE);
+	assert_int_equal(fake_get1(&fake, 1, 67), 0);
+	assert_int_equal(fake_put(&fake, 1, 46, 2, 0, 0), 0);
+	/* One that would stop nothing is none. */
+	fake.drives[0].on_client_loss = DB_ON_LOSS_NONE;
+	fake_registers_open(&fake);
+	assert_int_equal(fake_put(&fake, 1, 46, 2, 0, 1000), ILLEGAL_FUNCTION);
+	assert_int_equal(fake_get1(&fake, 1, 24), DB_RESULT_UNSUPPORTED);
+	assert_int_equal(fake_put(&fake, 1, 46, 2, 0, 0), 0);
+	assert_int_equal(fake_get2(&fake, 1, 46), 0);
+	fake_registers_close(&fake);
+}
+
+/* A push button: the motion goes on while the counter does. */
+static void a_held_motion_lives_by_its_counter(void **state)
+{
+	FAKE();
+	assert_int_equal(fake_put(&fake, 1, 104, 2, 0x42C8, 0), 0);
+	assert_int_equal(fake_put(&fake, 1, 134, 2, 99, 1), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, 1, 134, 2, 1001, 1), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, 1, 134, 2, 300, 1), 0);
+	assert_int_equal(fake_put(&fake, 1, 101, 1, DB_CMD_MOVE_VELOCITY), DB_WRITE_LATER);
+	complete_last(&fake, DB_RESULT_OK);
+	for (uint16_t beat = 2; beat < 5; beat++) {
+		fake.now += 200 * MS;
+		assert_int_equal(fake_put(&fake, 1, 135, 1, beat), 0);
+		db_registers_expire(fake.registers, fake.now);
+		assert_int_equal(fake.submitted, 1);
+	}
+	/* Other registers of the block, and the same value again, are no beats. */
+	fake.now += 200 * MS;
+	assert_int_equal(fake_put(&fake, 1, 135, 1, 4), 0);
+	assert_int_equal(fake_put(&fake, 1, 102, 2, 0, 7), 0);
+	fake.now += 100 * MS;
+	db_registers_expire(fake.registers, fake.now);
+	assert_int_equal(fake.submitted, 2);
+	assert_int_equal(fake_last_request(&fake)->command, DB_CMD_STOP);
+	assert_int_equal(fake_last_request(&fake)->cause, DB_STAND_HOLD);
+	assert_int_equal(fake.holds_lost, 1);
+	fake_registers_close(&fake);
+}
+
+/* FC 22 with a mask that changes nothing, and the like: only a stop has an effect. */
+static void a_register_that_stays_as_it_is(void **state)
+{
+	static const struct {
+		uint8_t unit;
+		uint16_t address;
+		uint16_t value;
+		int answer;
+	} cases[] = {
+		{ 1, 999, 0, ILLEGAL_ADDRESS },
+		{ 1, 0, 0, ILLEGAL_ADDRESS },
+		{ 1, 102, 0, ILLEGAL_VALUE },
+		{ 1, 101, DB_CMD_HOME, 0 },
+		{ 1, 202, 5, 0 },
+		{ 0, 60, 1, 0 },
+		{ 0, 999, 1, ILLEGAL_ADDRESS },
+		{ 0, 0, 1, ILLEGAL_ADDRESS },
+		{ 1, 101, DB_CMD_STOP, DB_WRITE_LATER },
+	};
+
+	FAKE();
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		assert_int_equal(fake.submitted, 0);
+		assert_int_equal(db_registers_backend.write_same(fake.registers, &fake_client,
+		                                                 cases[i].unit, cases[i].address,
+		                                                 cases[i].value, FAKE_TOKEN),
+		                 cases[i].answer);
+	}
+	assert_int_equal(fake_last_request(&fake)->command, DB_CMD_STOP);
+	fake_registers_close(&fake);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -1472,6 +1785,17 @@ int main(void)
 		cmocka_unit_test(a_changed_drive_begins_anew),
 		cmocka_unit_test(what_was_prepared_can_be_forgotten),
 		cmocka_unit_test(who_may_not_write_any_more_loses_control),
+		cmocka_unit_test(data_are_useless_after_ten_intervals),
+		cmocka_unit_test(a_slow_line_has_old_data),
+		cmocka_unit_test(what_is_configured_is_shown),
+		cmocka_unit_test(lines_and_buses_show_their_state),
+		cmocka_unit_test(trouble_is_as_old_as_its_cause),
+		cmocka_unit_test(a_latch_is_trouble_since_it_tripped),
+		cmocka_unit_test(the_history_names_clients_and_registers),
+		cmocka_unit_test(recalled_entries_are_those_of_the_same_drive),
+		cmocka_unit_test(a_watchdog_has_its_limits),
+		cmocka_unit_test(a_held_motion_lives_by_its_counter),
+		cmocka_unit_test(a_register_that_stays_as_it_is),
 	};
 
 	return cmocka_run_group_tests_name("view", tests, NULL, NULL);

@@ -524,6 +524,52 @@ static void the_command_follows_its_parameters(void **state)
 	fake_registers_close(&fake);
 }
 
+/* Other requests of the drive end meanwhile; only its own parameters let the command go. */
+static void the_command_waits_for_its_own_parameters(void **state)
+{
+	const struct db_write_token other = { 2, FAKE_TOKEN.sequence };
+	const uint16_t one = 1;
+
+	FAKE();
+	assert_int_equal(db_registers_backend.write(fake.registers, &fake_client, NEUTRAL,
+	                                            DB_TABLE_HOLDING, 202, 1, &one, other),
+	                 DB_WRITE_LATER);
+	assert_int_equal(put_both(&fake, 0x0301), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 2);
+	fake_complete(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(fake.submitted, 2);
+	assert_int_equal(fake.answered, 1);
+	fake_complete(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(fake.submitted, 3);
+	assert_int_equal(fake_last_request(&fake)->command, DB_CMD_MOVE_ABSOLUTE);
+	fake_complete(&fake, 2, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 2);
+	/* It goes once. */
+	assert_int_equal(db_registers_backend.write(fake.registers, &fake_client, NEUTRAL,
+	                                            DB_TABLE_HOLDING, 202, 1, &one, other),
+	                 DB_WRITE_LATER);
+	fake_complete(&fake, 3, DB_RESULT_OK);
+	assert_int_equal(fake.submitted, 4);
+	fake_registers_close(&fake);
+}
+
+/* The stop of a write that ends in the middle of a value is carried out, and nothing else. */
+static void half_a_value_is_refused_and_a_stop_is_not(void **state)
+{
+	FAKE();
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 2, 0x0301, 5), ILLEGAL_VALUE);
+	assert_int_equal(fake.submitted, 0);
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 2, 0x0401, 5), DB_WRITE_LATER);
+	assert_int_equal(fake_last_request(&fake)->command, DB_CMD_QUICK_STOP);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0), 0);
+	assert_int_equal(fake_get1(&fake, VENDOR, 1), 0);
+	/* So is one beside a value that is wrong. */
+	assert_int_equal(fake_put(&fake, VENDOR, 0, 5, 0x0400, 5, 0, 0, 0x7FC0), DB_WRITE_LATER);
+	assert_int_equal(fake_last_request(&fake)->command, DB_CMD_STOP);
+	assert_int_equal(fake.submitted, 2);
+	fake_registers_close(&fake);
+}
+
 static void refused_parameters_hold_the_command_back(void **state)
 {
 	FAKE();
@@ -621,6 +667,50 @@ static void accepted_writes_are_chained_too(void **state)
 
 /* --- one drive, two units ------------------------------------------------------------------------------------ */
 
+/* FC 22 with a mask that changes nothing, and the like: only a stop has an effect. */
+static void a_register_that_stays_as_it_is(void **state)
+{
+	FAKE();
+	assert_int_equal(db_registers_backend.write_same(fake.registers, &fake_client, VENDOR, 0x47,
+	                                                 0, FAKE_TOKEN),
+	                 ILLEGAL_ADDRESS);
+	assert_int_equal(db_registers_backend.write_same(fake.registers, &fake_client, VENDOR, 0x01,
+	                                                 0, FAKE_TOKEN),
+	                 ILLEGAL_VALUE);
+	assert_int_equal(db_registers_backend.write_same(fake.registers, &fake_client, VENDOR, 0x1F,
+	                                                 5, FAKE_TOKEN),
+	                 0);
+	assert_int_equal(fake.submitted, 0);
+	assert_int_equal(db_registers_backend.write_same(fake.registers, &fake_client, VENDOR, 0,
+	                                                 0x0400, FAKE_TOKEN),
+	                 DB_WRITE_LATER);
+	assert_int_equal(fake_last_request(&fake)->command, DB_CMD_STOP);
+	fake_registers_close(&fake);
+}
+
+/* As of the neutral layout: a role without parameters may stop all the same. */
+static void a_role_without_parameters_writes_none(void **state)
+{
+	const struct db_role_config role = { .write.all = true };
+	const struct db_client operates = { .id = 2, .port = 1, .may_write = true, .role = &role };
+	const uint16_t five = 5;
+	const uint16_t both[] = { 0x0400, 0, 0, 0, 0x45C8 }; /* stop, pos, spd */
+
+	FAKE();
+	assert_int_equal(db_registers_backend.write(fake.registers, &operates, VENDOR,
+	                                            DB_TABLE_HOLDING, 0x1F, 1, &five, FAKE_TOKEN),
+	                 0x01);
+	assert_int_equal(fake.submitted, 0);
+	assert_int_equal(fake.refused_by_role, 1);
+	assert_int_equal(db_registers_backend.write(fake.registers, &operates, VENDOR,
+	                                            DB_TABLE_HOLDING, 0, 5, both, FAKE_TOKEN),
+	                 DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(fake_last_request(&fake)->command, DB_CMD_STOP);
+	assert_int_equal(fake_get1(&fake, VENDOR, 0), 0);
+	fake_registers_close(&fake);
+}
+
 static void units(void **state)
 {
 	uint16_t values[2];
@@ -697,12 +787,16 @@ int main(void)
 		cmocka_unit_test(parameter_writes),
 		cmocka_unit_test(parameters_out_of_range),
 		cmocka_unit_test(the_command_follows_its_parameters),
+		cmocka_unit_test(the_command_waits_for_its_own_parameters),
+		cmocka_unit_test(half_a_value_is_refused_and_a_stop_is_not),
 		cmocka_unit_test(refused_parameters_hold_the_command_back),
 		cmocka_unit_test(a_stop_in_between_ends_the_chain),
 		cmocka_unit_test(a_stop_goes_first),
 		cmocka_unit_test(a_slow_chain_goes_on_unattended),
 		cmocka_unit_test(a_failed_writers_command_is_dropped),
 		cmocka_unit_test(accepted_writes_are_chained_too),
+		cmocka_unit_test(a_register_that_stays_as_it_is),
+		cmocka_unit_test(a_role_without_parameters_writes_none),
 		cmocka_unit_test(units),
 		cmocka_unit_test(layout_of_the_only_unit),
 		cmocka_unit_test(the_watchdog_stops_and_latches),

@@ -37,6 +37,28 @@ static void every_drive_is_polled_once_a_cycle(void **state)
 	assert_int_equal(stats.overruns, 0);
 	assert_int_equal(stats.online, 3);
 	assert_in_range(stats.cycle_us, 6000, 6500);
+	assert_in_range(stats.cycle_max_us, stats.cycle_us, 30000);
+}
+
+/* Each question is answered twice, from different places: neither can be believed. */
+static void two_drives_at_one_address_are_told(void **state)
+{
+	struct world *world = *state;
+	unsigned told = 0;
+
+	start_bus(world);
+	world->told_count = 0;
+	world->sim[1].has_twin = true;
+	fake_pass(world->bus, 3000 * MS);
+	for (size_t i = 0; i < world->told_count; i++) {
+		assert_int_equal(world->told[i].address, 2);
+		told += world->told[i].event == DB_EVENT_DRIVE_DOUBLED;
+	}
+	assert_int_equal(told, 1);
+	/* What it says itself is what is shown, and the others go on. */
+	assert_int_equal(fake_feedback(world->bus, 1).position, world->sim[1].status.position);
+	assert_true(status_of(world, 0) & DB_STATUS_ONLINE);
+	assert_true(fake_stats(world->bus).stray_frames > 0);
 }
 
 static void a_cycle_that_does_not_fit_overruns_and_stays_fair(void **state)
@@ -350,6 +372,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		TEST_OF_LINE(drives_come_online_and_report_their_parameters),
 		TEST_OF_LINE(every_drive_is_polled_once_a_cycle),
+		TEST_OF_LINE(two_drives_at_one_address_are_told),
 		TEST_OF_LINE(a_cycle_that_does_not_fit_overruns_and_stays_fair),
 		TEST_OF_LINE(a_dead_drive_costs_little),
 		TEST_OF_LINE(a_stop_overtakes_and_cancels),

@@ -31,6 +31,7 @@ struct drive {
 	enum fault fault; /* of the next request that `fault_verb` matches */
 	enum vsmd_verb fault_verb;
 	unsigned executed[VSMD_VERB_COUNT];
+	bool has_twin; /* another drive tells its status behind it at the same address, from elsewhere */
 };
 
 struct world {
@@ -118,6 +119,7 @@ static inline db_time on_send(void *context, const uint8_t *bytes, size_t length
 	struct drive *drive;
 	enum fault fault = FAULT_NONE;
 	db_time now = world->bus->now;
+	size_t answered;
 	db_time latency;
 
 	if (world->quiet_since != 0 && now - world->quiet_since < world->least_gap)
@@ -155,8 +157,14 @@ static inline db_time on_send(void *context, const uint8_t *bytes, size_t length
 		return now;
 	}
 	latency = drive->latency > 0 ? drive->latency : 2 * MS;
-	fake_answer_after(world->bus, latency, answer,
-	                  reply(drive, (uint8_t)command.id, &command, answer));
+	answered = reply(drive, (uint8_t)command.id, &command, answer);
+	if (drive->has_twin && command.verb == VSMD_STS) {
+		struct drive twin = *drive;
+
+		twin.status.position += 1000;
+		answered += reply(&twin, (uint8_t)command.id, &command, answer + answered);
+	}
+	fake_answer_after(world->bus, latency, answer, answered);
 	world->quiet_since = now + latency;
 	drive->deaf_until = now + latency + drive->deaf;
 	return now;
