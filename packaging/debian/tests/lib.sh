@@ -63,8 +63,9 @@ is_at() {
 	[ "$(read_i32 "$1" "$2" position)" = "$3" ]
 }
 
+# With its parameters: until then a motion is refused where max-velocity is given, because its speed is not known.
 is_online() {
-	[ "$(read_u16 "$1" "$2" axis_state)" -ne 0 ]
+	[ $(($(read_i32 "$1" "$2" status) & 4096)) -ne 0 ]
 }
 
 # move_and_check PORT UNIT: enable, go to 70000, be there, disable.
