@@ -32,15 +32,16 @@
 /* One page at a time. */
 enum reading { READING_NOTHING, READING_ASKED, READING_DONE };
 
-/* What a record was about whose end comes later: of each drive the latest ones, unless there are
- * more drives than places. */
+/* What a record was about whose end comes later: of each drive the latest ones. There are 247
+ * drives at most, and few have so many commands under way. */
 struct begun {
 	uint64_t number; /* 0: none; a greater one is newer */
 	char drive[64];
 	char what[64];
 	char who[160];
 };
-#define BEGUN_MAX 256
+#define BEGUN_MAX 512
+#define BEGUN_OF_DRIVE 4
 
 /* Where the last page of a reader ended: the next one goes on there. */
 struct reader_place {
@@ -322,39 +323,33 @@ static const char *text_of(const json_t *object, const char *key)
 	return text ? text : "";
 }
 
-static unsigned count_begun(const struct db_audit *audit, const char *drive)
+/* The oldest record of this drive if it has as many as a drive may have; else a free place; else
+ * the oldest of all. */
+static struct begun *find_begun_place(struct db_audit *audit, const char *drive)
 {
+	struct begun *oldest = &audit->begun[0];
+	struct begun *of_drive = NULL;
+	struct begun *unused = NULL;
 	unsigned count = 0;
-
-	for (size_t i = 0; i < BEGUN_MAX; i++)
-		count += audit->begun[i].number != 0 && strcmp(audit->begun[i].drive, drive) == 0;
-	return count;
-}
-
-/* A free place, or that of the oldest record of the drive that has most of them. */
-static struct begun *find_begun_place(struct db_audit *audit)
-{
-	struct begun *chosen = &audit->begun[0];
-	unsigned most = 0;
 
 	for (size_t i = 0; i < BEGUN_MAX; i++) {
 		struct begun *place = &audit->begun[i];
-		unsigned count;
 
-		if (place->number == 0)
-			return place;
-		if (most > 0 && strcmp(place->drive, chosen->drive) == 0) {
-			if (place->number < chosen->number)
-				chosen = place;
+		if (place->number == 0) {
+			unused = place;
 			continue;
 		}
-		count = count_begun(audit, place->drive);
-		if (count > most) {
-			most = count;
-			chosen = place;
-		}
+		if (place->number < oldest->number)
+			oldest = place;
+		if (strcmp(place->drive, drive) != 0)
+			continue;
+		count++;
+		if (!of_drive || place->number < of_drive->number)
+			of_drive = place;
 	}
-	return chosen;
+	if (of_drive && count >= BEGUN_OF_DRIVE)
+		return of_drive;
+	return unused ? unused : oldest;
 }
 
 /* Who it was, to be freed. An end also gets what it ends, which was read shortly before. */
@@ -368,7 +363,7 @@ static char *name_who(struct db_audit *audit, uint64_t number, json_t *object)
 
 		if (strcmp(text_of(object, "result"), db_result_name(DB_RESULT_PENDING)) != 0)
 			return who;
-		place = find_begun_place(audit);
+		place = find_begun_place(audit, text_of(object, "drive"));
 		place->number = number;
 		snprintf(place->drive, sizeof(place->drive), "%s", text_of(object, "drive"));
 		snprintf(place->what, sizeof(place->what), "%s",

@@ -23,7 +23,7 @@ static uint64_t hash_text(uint64_t value, const char *text)
 	return hash(value, text ? text : "", text ? strlen(text) + 1 : 1);
 }
 
-/* The place behind those of clients: what all of them were denied. */
+/* The place after those of the clients: what all clients together were denied. */
 #define DENIED DB_FLOODS_MAX
 
 #define HASH_BEGIN 14695981039346656037u

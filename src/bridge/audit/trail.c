@@ -491,7 +491,7 @@ void db_trail_find(struct db_trail *trail, uint64_t number, uint64_t since_us,
 		json_t *head = read_head(trail, trail->segments[i]);
 		json_int_t first = json_integer_value(json_object_get(head, "first"));
 		json_int_t time = json_integer_value(json_object_get(head, "time_us"));
-		/* Before a clock that was set back there may be later times than behind it. */
+		/* When the clock was set back, an earlier file has later times than this one. */
 		bool later = !head || (since_us > 0 && time < before) ||
 		             ((uint64_t)first > number && (uint64_t)time > since_us);
 

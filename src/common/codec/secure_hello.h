@@ -31,8 +31,9 @@ struct db_secure_client {
 	char name[DB_SECURE_NAME_MAX + 1];
 	/* Visible ASCII, see db_secure_role_is_good(); "": it has none. */
 	char role[DB_SECURE_ROLE_MAX + 1];
-	/* So long ago, in ms, the last bytes of a client came that has closed its side since. They
-	 * follow the hello at once, and are no sign of life. 0: the client is there. */
+	/* 0: the client is connected. Otherwise it has closed its side, and its last bytes, which
+	 * follow this hello at once, arrived this number of ms ago: they are carried out, but are
+	 * no sign of life. */
 	uint32_t waited_ms;
 };
 

@@ -422,7 +422,7 @@ static void on_broker_connected(void *context)
 		                         topic_of_drive(publisher, "+", "alive").text, 0);
 		return;
 	}
-	/* Who publishes without a name can only stop, and hears why. */
+	/* Topics without a name are received, too: their senders may only stop, and are told so. */
 	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "stop/+").text,
 	                         1);
 	db_mqtt_broker_subscribe(publisher->broker,

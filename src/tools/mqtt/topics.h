@@ -16,7 +16,7 @@
  *   PREFIX/GATEWAY/drive/DRIVE/command       to this program
  *   PREFIX/GATEWAY/drive/DRIVE/stop          to this program, with any text
  *   PREFIX/GATEWAY/drive/DRIVE/alive         to this program
- *   PREFIX/GATEWAY/drive/DRIVE/command/USER  likewise, and stop/USER and alive/USER: whose it is
+ *   PREFIX/GATEWAY/drive/DRIVE/command/USER  the same of this user; also stop/USER and alive/USER
  *   PREFIX/GATEWAY/drive/DRIVE/result        the results of commands
  *
  * Pure.

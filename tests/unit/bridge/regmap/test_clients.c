@@ -172,6 +172,34 @@ static void parameters_need_a_permission_of_their_own(void **state)
 	fake_registers_close(&fake);
 }
 
+/* sync_start and raw frames reach every drive of the bus, now or when a staged command is started. */
+static void what_reaches_the_bus_needs_all_of_its_drives(void **state)
+{
+	static const uint16_t commands[] = { DB_CMD_SYNC_START, DB_CMD_RAW_FRAME };
+	static const uint16_t addresses[] = { 101, 124 };
+	const struct db_role_config one = { .write.names = "press\0", .parameters = true };
+	const struct db_role_config both = { .write.names = "press\0saw\0", .parameters = true };
+	struct db_client client = with_role(&one);
+
+	FAKE();
+	for (size_t i = 0; i < 4; i++) {
+		uint16_t command = commands[i / 2];
+		uint16_t address = addresses[i % 2];
+
+		client.role = &one;
+		assert_int_equal(write1(&fake, &client, 2, address, command), ILLEGAL_FUNCTION);
+		assert_int_equal(fake.refused_by_role, i + 1);
+		assert_int_equal(fake.record.kind, DB_AUDIT_DENIED);
+		assert_string_equal(fake.record.drive, "press");
+		assert_non_null(strstr(fake.record.text, "every drive of the bus"));
+		/* feeder is on another bus. What is wrong with it now is not the role. */
+		client.role = &both;
+		(void)write1(&fake, &client, 2, address, command);
+		assert_int_equal(fake.refused_by_role, i + 1);
+	}
+	fake_registers_close(&fake);
+}
+
 /* A stop beside something that is not permitted is carried out all the same. */
 static void a_stop_is_a_stop_beside_what_is_not_permitted(void **state)
 {
@@ -464,6 +492,7 @@ int main(void)
 		cmocka_unit_test(a_role_commands_its_own_drives),
 		cmocka_unit_test(a_role_sees_its_own_drives),
 		cmocka_unit_test(parameters_need_a_permission_of_their_own),
+		cmocka_unit_test(what_reaches_the_bus_needs_all_of_its_drives),
 		cmocka_unit_test(a_stop_is_a_stop_beside_what_is_not_permitted),
 		cmocka_unit_test(claims_and_the_gateway_need_a_permission_of_their_own),
 		cmocka_unit_test(writes_that_no_drive_was_asked_for_are_on_record),
