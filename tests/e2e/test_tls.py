@@ -3,6 +3,7 @@
 out, what a flood of strangers costs a client that is in, and what happens when one of the programs ends."""
 
 import os
+import select
 import signal
 import socket
 import ssl
@@ -630,6 +631,35 @@ def test_half_greetings_cost_nothing(make_tls, plant):
     for stranger in strangers:
         assert is_closed(stranger)
         stranger.close()
+
+
+def test_a_full_queue_of_connections_is_waited_for(make_tls, plant, tmp_path):
+    """Whoever fills the queue of the service's socket does not keep a PLC out that comes just then."""
+    path = tmp_path / "full"
+    with socket.socket(socket.AF_UNIX) as service, socket.socket(socket.AF_UNIX) as filler:
+        service.bind(str(path))
+        service.listen(0)
+        filler.connect(str(path))
+        tlsd = make_tls({"service": {"socket": path}})
+        client = tlsd.connect(plant.plc)
+        client.socket.settimeout(0.05)
+        with pytest.raises(TimeoutError):
+            client.socket.recv(1)
+        client.socket.settimeout(20)
+        request = struct.pack(">HHHB", 1, 0, 1 + len(READ), 1) + READ
+        client.socket.sendall(request)
+        # Also drivebridge-tls itself has a connection, with its status.
+        got = {}
+        deadline = time.monotonic() + 20
+        while not any(data.endswith(request) for data in got.values()):
+            assert time.monotonic() < deadline
+            for ready in select.select([service, *got], [], [], 1)[0]:
+                if ready is service:
+                    got[service.accept()[0]] = b""
+                else:
+                    got[ready] += ready.recv(4096)
+        for taken in got:
+            taken.close()
 
 
 def test_sixty_clients_beside_a_plc(make_tls, plant):

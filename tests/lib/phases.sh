@@ -4,9 +4,6 @@
 # The phases of tests/run and what they share. A step that fails is counted and the rest still runs.
 
 VENV=build/venv
-TOTAL_PASSED=0
-TOTAL_FAILED=0
-FAILURES=()
 
 # The library of OPC UA, which Debian 12 does not have: CMakePresets.json knows the folder.
 need_open62541() {
@@ -71,8 +68,13 @@ step() {
 }
 
 # configure_and_build PRESET [TARGET]. A preset links 200 programs, most of them tests: mold takes a tenth of ld's time.
+# Phases that run side by side and need the same build wait for each other.
 configure_and_build() {
-	cmake --preset "$1" -DCMAKE_EXE_LINKER_FLAGS=-fuse-ld=mold && cmake --build --preset "$1" --target "${2:-all}" -- -k 0 -j "$JOBS"
+	(
+		flock 9
+		cmake --preset "$1" -DCMAKE_EXE_LINKER_FLAGS=-fuse-ld=mold &&
+			cmake --build --preset "$1" --target "${2:-all}" -- -k 0 -j "$JOBS"
+	) 9>"build/logs/$1.lock"
 }
 
 # need_build PRESET [TARGET]: a build that the phase needs. Only its failure counts.
@@ -421,24 +423,89 @@ in_kernel() {
 		-l "build/logs/$name-messages.log" -- "$@"
 }
 
+# run_phase NAME: its result is kept for finish().
 run_phase() {
 	local started=$SECONDS
 
 	PHASE=$1
 	PASSED=0
 	FAILED=0
+	FAILURES=()
 	say "$PHASE"
 	"phase_$PHASE"
 	printf '%s: %d passed, %d failed (%d s)\n' "$PHASE" $PASSED $FAILED $((SECONDS - started))
-	TOTAL_PASSED=$((TOTAL_PASSED + PASSED))
-	TOTAL_FAILED=$((TOTAL_FAILED + FAILED))
+	printf '%s\n' "$PASSED $FAILED" "${FAILURES[@]}" >"build/logs/$PHASE.result"
 }
 
-finish() {
-	if [ ${#FAILURES[@]} -gt 0 ]; then
-		say "failed"
-		printf '%s\n' "${FAILURES[@]}"
+# These compute and do not look at the clock: they get the time that the others leave.
+COMPUTING=(compilers style docs fuzz)
+
+# run_computing NAME...
+run_computing() {
+	local phase
+
+	chrt --idle --pid 0 $BASHPID 2>/dev/null || renice -n 19 -p $BASHPID >/dev/null || true
+	for phase; do
+		run_phase "$phase"
+		# The build that the threads wait for is made before the style is looked at.
+		if [ "$phase" = compilers ] && [ -n "$BUILD_FOR_THREADS" ]; then
+			quietly build-tsan configure_and_build tsan threaded || true
+		fi
+	done
+}
+
+# run_side_by_side PHASE...
+run_side_by_side() {
+	local phase timed=() computing=()
+
+	BUILD_FOR_THREADS=
+	for phase; do
+		case " ${COMPUTING[*]} " in
+		*" $phase "*) computing+=("$phase") ;;
+		*) timed+=("$phase") ;;
+		esac
+		[ "$phase" != threads ] || BUILD_FOR_THREADS=yes
+	done
+	# The build of the unit tests is what most others need: nothing runs beside it.
+	if [ "${timed[0]-}" = unit ]; then
+		run_phase unit
+		timed=("${timed[@]:1}")
 	fi
-	printf '%d passed, %d failed\n' $TOTAL_PASSED $TOTAL_FAILED
-	[ $TOTAL_FAILED -eq 0 ]
+	COMPUTING_PID=
+	if [ ${#computing[@]} -gt 0 ]; then
+		# In a process group of its own, which ends with this script.
+		set -m
+		run_computing "${computing[@]}" >build/logs/computing.log 2>&1 </dev/null &
+		COMPUTING_PID=$!
+		set +m
+		trap 'kill -- -$COMPUTING_PID 2>/dev/null || true' EXIT
+	fi
+	for phase in "${timed[@]}"; do
+		run_phase "$phase"
+	done
+	if [ -n "$COMPUTING_PID" ]; then
+		wait $COMPUTING_PID || true
+		cat build/logs/computing.log
+		trap - EXIT
+	fi
+}
+
+# finish PHASE...: what all of them saw. A phase without a result has failed.
+finish() {
+	local phase numbers failures=() passed=0 failed=0 lines
+
+	for phase; do
+		lines=("0 1" "$phase: it broke off")
+		[ ! -s "build/logs/$phase.result" ] || mapfile -t lines <"build/logs/$phase.result"
+		read -r -a numbers <<<"${lines[0]}"
+		passed=$((passed + numbers[0]))
+		failed=$((failed + numbers[1]))
+		failures+=("${lines[@]:1}")
+	done
+	if [ ${#failures[@]} -gt 0 ]; then
+		say "failed"
+		printf '%s\n' "${failures[@]}"
+	fi
+	printf '%d passed, %d failed\n' "$passed" "$failed"
+	[ "$failed" -eq 0 ]
 }

@@ -22,6 +22,9 @@
 #define FLUSH_S 1
 /* A loss of power costs the records of this time at most. */
 #define SYNC_EVERY DB_NS_PER_S
+/* A folder that could not be used at the start is tried again: a disk may be mounted late, or
+ * repaired. */
+#define OPEN_EVERY (10 * DB_NS_PER_S)
 /* Read at the start, for histories. */
 #define PAST_BYTES (1024 * 1024)
 /* Read for a page. */
@@ -58,8 +61,11 @@ struct db_audit {
 	sem_t wake;
 
 	/* The thread's own. */
-	struct db_trail *trail; /* null: only the journal */
+	char *folder;           /* null: only the journal */
+	struct db_trail *trail; /* null: not open */
+	db_time open_at;        /* DB_TIME_NEVER: it is open, or there is no folder */
 	db_time sync_at;        /* DB_TIME_NEVER: nothing to be done */
+	uint64_t kept_above;    /* the files have records from the next number on */
 	uint64_t unkept;        /* records that the files do not have */
 	bool failing;           /* which was logged */
 	bool unsynced;          /* the disk did not take the latest ones for good */
@@ -279,7 +285,7 @@ static void write_record(struct db_audit *audit, const struct db_audit_entry *en
 
 	if (!object)
 		return;
-	if (audit->trail)
+	if (audit->trail && entry->number > audit->kept_above)
 		keep(audit, entry, object);
 	/* The end of what succeeded says nothing that the journal needs. */
 	if (entry->kind != DB_AUDIT_END || db_record_is_refused(object)) {
@@ -554,6 +560,81 @@ static void serve_reader(struct db_audit *audit)
 	pthread_mutex_unlock(&audit->lock);
 }
 
+/* --- opening ---------------------------------------------------------------------------------- */
+
+static void tell_damage(struct db_audit *audit, const struct db_trail_found *found, db_time now)
+{
+	struct db_audit_entry entry = { .kind = DB_AUDIT_TRAIL, .time_us = wall_us() };
+	char text[96];
+
+	if (found->cut > 0) {
+		snprintf(text, sizeof(text), "a torn record of %llu bytes at the end was cut off",
+		         (unsigned long long)found->cut);
+		entry.text = text;
+		db_log(&audit->log, now, DB_EVENT_AUDIT_UNKEPT, NULL, "the audit trail: %s", text);
+		(void)db_audit_post(audit, &entry, now);
+	}
+	if (found->fresh_key || found->wrong_end) {
+		entry.text =
+			found->fresh_key ?
+				"the key was missing: what is before cannot be verified any "
+				"more" :
+				"the last record does not fit: it or the key was changed while "
+				"the service did not run";
+		db_log(&audit->log, now, DB_EVENT_AUDIT_UNKEPT, NULL, "the audit trail: %s",
+		       entry.text);
+		(void)db_audit_post(audit, &entry, now);
+	}
+}
+
+/* Returns whether the trail is open now. Records get numbers without it, too; what has one by now
+ * is only in the journal, and the files' next number is above both. */
+static bool open_trail(struct db_audit *audit, struct db_trail_found *found, db_time now)
+{
+	struct db_trail *trail;
+	bool first = audit->open_at == 0;
+	uint64_t bytes;
+	int error;
+
+	pthread_mutex_lock(&audit->lock);
+	bytes = (uint64_t)audit->state.mib * MIB;
+	pthread_mutex_unlock(&audit->lock);
+	error = db_trail_open(audit->folder, bytes, &trail, found);
+	if (error != 0) {
+		audit->open_at = now + OPEN_EVERY;
+		if (first)
+			db_log(&audit->log, now, DB_EVENT_AUDIT_UNKEPT, NULL,
+			       "there is no audit trail in %s: %s; records are only in the "
+			       "journal",
+			       audit->folder, strerror(-error));
+	} else {
+		audit->open_at = DB_TIME_NEVER;
+		audit->sync_at = now;
+		audit->trail = trail;
+	}
+	pthread_mutex_lock(&audit->lock);
+	snprintf(audit->state.trouble, sizeof(audit->state.trouble), "%s",
+	         error == 0 ? "" : strerror(-error));
+	if (error == 0) {
+		audit->state.kept = true;
+		audit->unkept = audit->state.newest;
+		if (audit->state.newest < db_trail_newest(trail))
+			audit->state.newest = db_trail_newest(trail);
+		/* The record of what is missing takes one number. */
+		if (audit->unkept > 0)
+			audit->state.newest++;
+		audit->state.lost += (uint32_t)audit->unkept;
+		audit->kept_above = audit->state.newest;
+	}
+	pthread_mutex_unlock(&audit->lock);
+	if (error == 0 && !first)
+		db_log(&audit->log, now, DB_EVENT_AUDIT_KEPT, NULL,
+		       "the audit trail in %s is written from now on; %llu records are only in "
+		       "the journal",
+		       audit->folder, (unsigned long long)audit->unkept);
+	return error == 0;
+}
+
 /* --- the thread ------------------------------------------------------------------------------- */
 
 /* A size that is less than before costs files, and the disk may take its time. */
@@ -600,6 +681,7 @@ static void *run(void *context)
 {
 	struct db_audit *audit = context;
 	struct db_audit_taken taken;
+	struct db_trail_found found;
 	bool ending = false;
 	db_time next = 0;
 
@@ -608,6 +690,8 @@ static void *run(void *context)
 
 		if (audit->sync_at < next)
 			next = audit->sync_at;
+		if (audit->open_at < next)
+			next = audit->open_at;
 		time.tv_sec = (time_t)(next / DB_NS_PER_S);
 		time.tv_nsec = (long)(next % DB_NS_PER_S);
 		if (next == DB_TIME_NEVER)
@@ -615,7 +699,9 @@ static void *run(void *context)
 		else
 			sem_clockwait(&audit->wake, CLOCK_MONOTONIC, &time);
 		change_size(audit);
-		/* Who reads the trail waits for some records at most. */
+		if (now_ns() >= audit->open_at && open_trail(audit, &found, now_ns()))
+			tell_damage(audit, &found, now_ns());
+		/* A reader waits for some records at most. */
 		for (unsigned i = 0; i < WRITTEN_AT_ONCE; i++) {
 			if (!next_record(audit, &taken, &next, &ending))
 				break;
@@ -648,47 +734,6 @@ static void pass_on(void *context, const struct db_lines *lines, json_t *object,
 		setup->past(setup->context, &entry);
 }
 
-static void open_trail(struct db_audit *audit, const struct db_audit_setup *setup, db_time now)
-{
-	struct db_trail_found found;
-	int error = db_trail_open(setup->folder, (uint64_t)audit->state.mib * MIB, &audit->trail,
-	                          &found);
-	struct db_audit_entry entry = { .kind = DB_AUDIT_TRAIL, .time_us = wall_us() };
-	char text[96];
-
-	if (error != 0) {
-		db_log(&audit->log, now, DB_EVENT_AUDIT_UNKEPT, NULL,
-		       "there is no audit trail in %s: %s; records are only in the journal",
-		       setup->folder, strerror(-error));
-		snprintf(audit->state.trouble, sizeof(audit->state.trouble), "%s",
-		         strerror(-error));
-		return;
-	}
-	audit->sync_at = now_ns();
-	audit->state.kept = true;
-	audit->state.newest = db_trail_newest(audit->trail);
-	if (setup->past && setup->on)
-		db_trail_read_tail(audit->trail, PAST_BYTES, pass_on, (void *)(uintptr_t)setup);
-	if (found.cut > 0) {
-		snprintf(text, sizeof(text), "a torn record of %llu bytes at the end was cut off",
-		         (unsigned long long)found.cut);
-		entry.text = text;
-		db_log(&audit->log, now, DB_EVENT_AUDIT_UNKEPT, NULL, "the audit trail: %s", text);
-		(void)db_audit_post(audit, &entry, now);
-	}
-	if (found.fresh_key || found.wrong_end) {
-		entry.text =
-			found.fresh_key ?
-				"the key was missing: what is before cannot be verified any "
-				"more" :
-				"the last record does not fit: it or the key was changed while "
-				"the service did not run";
-		db_log(&audit->log, now, DB_EVENT_AUDIT_UNKEPT, NULL, "the audit trail: %s",
-		       entry.text);
-		(void)db_audit_post(audit, &entry, now);
-	}
-}
-
 static int init_lock(pthread_mutex_t *lock)
 {
 	pthread_mutexattr_t attributes;
@@ -706,6 +751,7 @@ static int init_lock(pthread_mutex_t *lock)
 static void release(struct db_audit *audit)
 {
 	db_trail_free(audit->trail);
+	free(audit->folder);
 	sem_destroy(&audit->wake);
 	pthread_mutex_destroy(&audit->lock);
 	free(audit);
@@ -714,6 +760,7 @@ static void release(struct db_audit *audit)
 int db_audit_new(const struct db_audit_setup *setup, db_time now, struct db_audit **audit)
 {
 	struct db_audit *made = calloc(1, sizeof(*made));
+	struct db_trail_found found;
 	int error;
 
 	if (!made)
@@ -726,14 +773,25 @@ int db_audit_new(const struct db_audit_setup *setup, db_time now, struct db_audi
 	sem_init(&made->wake, 0, 0);
 	made->log = setup->log;
 	made->sync_at = DB_TIME_NEVER;
+	made->open_at = DB_TIME_NEVER;
 	made->state.on = setup->on;
 	made->state.mib = setup->mib;
-	if (setup->folder)
-		open_trail(made, setup, now);
-	error = pthread_create(&made->thread, NULL, run, made);
+	if (setup->folder) {
+		made->open_at = 0;
+		made->folder = strdup(setup->folder);
+		error = made->folder ? 0 : -ENOMEM;
+	}
+	if (made->folder && open_trail(made, &found, now)) {
+		if (setup->past && setup->on)
+			db_trail_read_tail(made->trail, PAST_BYTES, pass_on,
+			                   (void *)(uintptr_t)setup);
+		tell_damage(made, &found, now);
+	}
+	if (error == 0)
+		error = -pthread_create(&made->thread, NULL, run, made);
 	if (error != 0) {
 		release(made);
-		return -error;
+		return error;
 	}
 	pthread_setname_np(made->thread, "audit");
 	*audit = made;

@@ -18,8 +18,10 @@
 /* Time for a whole greeting; and for the service's last answers to who has closed its side. */
 #define GREETING_TIME (5 * DB_NS_PER_S)
 #define FAREWELL_TIME (5 * DB_NS_PER_S)
-/* So long the service may take less than the client sends. */
+/* The service may take less than the client sends for this time, or leave its connection waiting. */
 #define BEHIND_TIME (500 * DB_NS_PER_MS)
+/* Between two tries to connect, where the service's queue of connections is full. */
+#define CONNECT_EVERY_US 10000
 /* So long the last bytes of a client may wait here. */
 #define LATE_MS 100
 /* The least that the kernel has: what waits there is older than it looks. */
@@ -30,7 +32,7 @@
 #define KEEPALIVE_S 10
 #define KEEPALIVE_PROBES 3
 
-enum state { GREETING, OPEN };
+enum state { GREETING, CONNECTING, OPEN };
 
 /* Bytes in one direction. */
 struct chunk {
@@ -48,6 +50,7 @@ struct db_tls_peer {
 	gnutls_session_t session;
 	sd_event_source *io;
 	sd_event_source *service_io;
+	sd_event_source *connect; /* the next try */
 	db_time begun;
 	db_time behind; /* since when the service takes less than it sends; 0: it does not */
 	db_time parted; /* since when it has closed its side; 0 */
@@ -138,6 +141,7 @@ void db_tls_peer_free(struct db_tls_peer *peer)
 		return;
 	sd_event_source_disable_unref(peer->io);
 	sd_event_source_disable_unref(peer->service_io);
+	sd_event_source_disable_unref(peer->connect);
 	if (peer->session)
 		gnutls_deinit(peer->session);
 	if (peer->service >= 0)
@@ -207,13 +211,14 @@ static void fill(struct chunk *chunk, ssize_t size)
 }
 
 /* A socket to the service, with who the client is on its way, and its first bytes, which become
- * empty; -1: the service is not there. */
+ * empty. -1: the service is not there, or has no room (EAGAIN). */
 static int connect_service(const struct db_tls_peer *peer, struct chunk *first, uint32_t waited_ms)
 {
 	struct sockaddr_un name = { .sun_family = AF_UNIX };
 	struct db_secure_hello hello = { .kind = DB_SECURE_CLIENT, .client = peer->client };
 	uint8_t bytes[DB_SECURE_HELLO_SIZE + CHUNK];
 	size_t size = DB_SECURE_HELLO_SIZE + first->end - first->begin;
+	int error = EPIPE;
 	int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
 
 	(void)snprintf(name.sun_path, sizeof(name.sun_path), "%s", peer->peers->socket);
@@ -226,10 +231,12 @@ static int connect_service(const struct db_tls_peer *peer, struct chunk *first, 
 		return -1;
 	set_option(fd, SOL_SOCKET, SO_SNDBUF, SERVICE_BUFFER);
 	/* In one piece: the service looks at what has come with the hello. */
-	if (connect(fd, (const struct sockaddr *)&name, sizeof(name)) == 0 &&
-	    send(fd, bytes, size, MSG_NOSIGNAL) == (ssize_t)size)
+	if (connect(fd, (const struct sockaddr *)&name, sizeof(name)) != 0)
+		error = errno;
+	else if (send(fd, bytes, size, MSG_NOSIGNAL) == (ssize_t)size)
 		return fd;
 	close(fd);
+	errno = error;
 	return -1;
 }
 
@@ -368,12 +375,30 @@ static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data
 	return 0;
 }
 
-bool db_tls_peer_open(struct db_tls_peer *peer, db_time now)
+/* Returns whether it is connected now, or will be. */
+static bool connect_peer(struct db_tls_peer *peer, db_time now);
+
+static int on_connect_again(sd_event_source *source, uint64_t time, void *data)
 {
+	struct db_tls_peer *peer = data;
+
+	(void)source;
+	(void)time;
+	if (!connect_peer(peer, db_client_now()))
+		peer->peers->ended(peer->peers->context, peer, "drivebridged is not there");
+	return 0;
+}
+
+static bool connect_peer(struct db_tls_peer *peer, db_time now)
+{
+	peer->connect = sd_event_source_disable_unref(peer->connect);
 	peer->service = connect_service(peer, &peer->up, 0);
-	peer->io = sd_event_source_disable_unref(peer->io);
-	if (peer->service < 0 ||
-	    sd_event_add_io(peer->peers->loop, &peer->io, peer->fd, EPOLLIN, on_bytes, peer) < 0 ||
+	if (peer->service < 0)
+		return errno == EAGAIN &&
+		       sd_event_add_time_relative(peer->peers->loop, &peer->connect,
+		                                  CLOCK_MONOTONIC, CONNECT_EVERY_US, 1000,
+		                                  on_connect_again, peer) >= 0;
+	if (sd_event_add_io(peer->peers->loop, &peer->io, peer->fd, EPOLLIN, on_bytes, peer) < 0 ||
 	    sd_event_add_io(peer->peers->loop, &peer->service_io, peer->service, EPOLLIN, on_bytes,
 	                    peer) < 0)
 		return false;
@@ -382,6 +407,14 @@ bool db_tls_peer_open(struct db_tls_peer *peer, db_time now)
 	/* Its first request may have come with the end of its greeting, and make no event. */
 	(void)on_bytes(peer->io, peer->fd, 0, peer);
 	return true;
+}
+
+bool db_tls_peer_open(struct db_tls_peer *peer, db_time now)
+{
+	peer->io = sd_event_source_disable_unref(peer->io);
+	peer->state = CONNECTING;
+	peer->begun = now;
+	return connect_peer(peer, now);
 }
 
 /* --- what is known of it ---------------------------------------------------------------------- */
@@ -420,6 +453,8 @@ db_time db_tls_peer_deadline(const struct db_tls_peer *peer)
 
 	if (peer->state == GREETING)
 		return peer->begun + GREETING_TIME;
+	if (peer->state == CONNECTING)
+		return peer->begun + BEHIND_TIME;
 	return parted < behind ? parted : behind;
 }
 
@@ -427,6 +462,8 @@ const char *db_tls_peer_overdue(const struct db_tls_peer *peer)
 {
 	if (peer->state == GREETING)
 		return "its greeting was not finished in time";
+	if (peer->state == CONNECTING)
+		return "drivebridged has too many new connections";
 	return peer->behind == 0 ? "it has closed its side" :
 	                           "it sends more than the service takes";
 }

@@ -49,7 +49,8 @@ enum db_tls_greeting {
 /* Goes on with the greeting as far as its bytes allow. */
 enum db_tls_greeting db_tls_peer_greet(struct db_tls_peer *peer, char why[DB_TLS_WHY]);
 
-/* Connects it with the service. False: that is not there; free it. */
+/* Connects it with the service, within half a second where that has many new connections. False: it
+ * is not there; free it. */
 bool db_tls_peer_open(struct db_tls_peer *peer, db_time now);
 
 /* Whether its certificate is still good, by the trust of now. False: `why` says why not. */

@@ -6,6 +6,7 @@
 #include "drivebridge/result.h"
 #include "log/log_private.h"
 
+#include <fcntl.h>
 #include <inttypes.h>
 #include <pthread.h>
 #include <setjmp.h>
@@ -65,12 +66,12 @@ static void take_past(void *context, const struct db_audit_entry *entry)
 		snprintf(past->param, sizeof(past->param), "%s", entry->values[0].name);
 }
 
-static struct db_audit *open_audit(struct past *past)
+static struct db_audit *open_audit_in(const char *path, struct past *past)
 {
 	struct db_audit *audit = NULL;
 	const struct db_audit_setup setup = {
 		.log = { .log = logged, .level = DB_LOG_INFO },
-		.folder = folder,
+		.folder = path,
 		.on = true,
 		.mib = 1,
 		.past = past ? take_past : NULL,
@@ -79,6 +80,11 @@ static struct db_audit *open_audit(struct past *past)
 
 	assert_int_equal(db_audit_new(&setup, NOW, &audit), 0);
 	return audit;
+}
+
+static struct db_audit *open_audit(struct past *past)
+{
+	return open_audit_in(folder, past);
 }
 
 static struct db_audit_entry command_of(const char *drive, int32_t position)
@@ -191,6 +197,54 @@ static void test_posted_is_read(void **state)
 	assert_int_equal(checked, 4);
 	json_decref(records);
 	db_audit_free(audit);
+}
+
+/* A disk that is mounted late: the files go on with their numbers and say what they lack. The time
+ * of this test is long before the thread's, so that the next try is due at once. */
+static void test_a_folder_that_comes_later(void **state)
+{
+	struct db_audit *audit = open_audit(NULL);
+	struct db_audit_entry entry = command_of("feeder", 6400);
+	struct db_audit_state now_state;
+	char elsewhere[sizeof(folder) + 8];
+	uint64_t checked;
+	json_t *records;
+
+	(void)state;
+	for (unsigned i = 0; i < 5; i++)
+		(void)db_audit_post(audit, &entry, NOW);
+	assert_true(db_audit_free(audit));
+	snprintf(elsewhere, sizeof(elsewhere), "%s.away", folder);
+	assert_int_equal(rename(folder, elsewhere), 0);
+	assert_int_equal(close(open(folder, O_CREAT | O_WRONLY, 0600)), 0);
+	audit = open_audit(NULL);
+	db_audit_state(audit, &now_state);
+	assert_false(now_state.kept);
+	assert_string_not_equal(now_state.trouble, "");
+	assert_int_equal(db_audit_post(audit, &entry, NOW), 1);
+	assert_int_equal(db_audit_post(audit, &entry, NOW), 2);
+	assert_int_equal(unlink(folder), 0);
+	assert_int_equal(rename(elsewhere, folder), 0);
+	for (unsigned i = 0; i < 10000 && !now_state.kept; i++) {
+		usleep(1000);
+		/* Wakes the thread. */
+		db_audit_change(audit, true, 1);
+		db_audit_state(audit, &now_state);
+	}
+	assert_true(now_state.kept);
+	assert_string_equal(now_state.trouble, "");
+	/* 6 is the record of what is missing. */
+	assert_int_equal(now_state.newest, 6);
+	entry.drive = "lift";
+	assert_int_equal(db_audit_post(audit, &entry, NOW), 7);
+	records = read_records(audit, (struct db_audit_query){ .from = 6 }, &checked);
+	assert_int_equal(json_array_size(records), 2);
+	assert_string_equal(text_of(records, 0, "kind"), "lost");
+	assert_int_equal(json_integer_value(json_object_get(json_array_get(records, 0), "count")),
+	                 2);
+	assert_string_equal(text_of(records, 1, "drive"), "lift");
+	json_decref(records);
+	assert_true(db_audit_free(audit));
 }
 
 /* However much else happens until a long motion ends, its end says whose it was. */
@@ -456,6 +510,7 @@ int main(void)
 #define TEST(name) cmocka_unit_test_setup_teardown(name, begin, end)
 	const struct CMUnitTest tests[] = {
 		TEST(test_posted_is_read),
+		TEST(test_a_folder_that_comes_later),
 		TEST(test_a_long_motion_has_an_owner),
 		TEST(test_past_is_told),
 		TEST(test_clients_are_found_again),
