@@ -5,6 +5,7 @@
 #include "web/admit.h"
 #include "web/call.h"
 #include "web/commission.h"
+#include "web/door.h"
 #include "web/login.h"
 #include "web/metrics.h"
 #include "web/overview.h"
@@ -39,9 +40,6 @@
 /* A connection without traffic in either direction for this time is closed. */
 #define CONNECTION_SILENT_S 10U
 
-/* Most bytes in the kernel for a browser that does not read: they get old there. */
-#define UNSENT_MAX (32 * 1024)
-
 /* Most bytes read of a body that is refused; then the connection is closed. */
 #define HEARD_MAX ((size_t)64 * 1024)
 
@@ -50,6 +48,10 @@
 #define RUNS_AT_ONCE 1
 #define PAUSE_US 2000
 #define PAUSE_ACCURACY_US 1
+/* Strangers that come all the time cost a quarter of a processor: after a run nothing is done for
+ * three times as long as it took. */
+#define REST_FACTOR 3
+#define REST_MAX DB_NS_PER_MS
 
 #define READ_WITHIN (10 * DB_NS_PER_S)
 /* Drives that are moved by a held button are stopped before this program ends, if possible, within
@@ -293,20 +295,23 @@ static void close_connection(void *connection)
 		(void)shutdown(info->connect_fd, SHUT_RDWR);
 }
 
-static enum MHD_Result admit(void *data, const struct sockaddr *peer, socklen_t size)
+/* What it may not take stays with the door. */
+static bool take_connection(void *data, int fd, const struct sockaddr *peer, socklen_t size)
 {
 	struct db_web_server *server = data;
 	struct db_web_connection *leaver;
 	struct db_web_address address;
 
-	(void)size;
 	if (!db_web_address_of(peer, &address) ||
 	    !db_web_connections_admit(server->connections, &address, is_counted(server, &address),
 	                              db_client_now(), &leaver))
-		return MHD_NO;
+		return false;
 	if (leaver)
 		close_connection(leaver->handle);
-	return MHD_YES;
+	/* It closes the descriptor if it cannot take it. */
+	(void)MHD_add_connection(server->daemon, fd, peer, size);
+	db_web_server_wake(server);
+	return true;
 }
 
 static void count_connection(void *data, struct MHD_Connection *connection, void **context,
@@ -349,9 +354,13 @@ static void run_later(struct db_web_server *server, uint64_t us)
 static void run_daemon(struct db_web_server *server)
 {
 	MHD_UNSIGNED_LONG_LONG wait;
+	db_time begun = db_client_now();
+	db_time rest;
 
-	server->ran = db_client_now();
 	(void)MHD_run(server->daemon);
+	server->ran = db_client_now();
+	rest = REST_FACTOR * (server->ran - begun);
+	server->rest = rest < REST_MAX ? rest : REST_MAX;
 	/* Longer waits are whole seconds, for which the tick is often enough. */
 	if (MHD_get_timeout(server->daemon, &wait) != MHD_YES || wait != 0)
 		return;
@@ -371,13 +380,15 @@ static int on_ready(sd_event_source *source, int fd, uint32_t events, void *data
 	(void)fd;
 	(void)events;
 	server->runs = 0;
-	/* Each run costs time for each unfinished greeting: strangers that come all the time must
-	 * not cause one for each of them. */
-	if (db_web_connections_crowd(server->connections) &&
-	    db_client_now() - server->ran < PAUSE_US * DB_NS_PER_US / 2) {
-		(void)sd_event_source_set_enabled(server->ready, SD_EVENT_OFF);
-		run_later(server, PAUSE_US / 2);
-		return 0;
+	/* Each run costs time for each unfinished greeting. */
+	if (db_web_connections_crowd(server->connections)) {
+		db_time rested = db_client_now() - server->ran;
+
+		if (rested < server->rest) {
+			(void)sd_event_source_set_enabled(server->ready, SD_EVENT_OFF);
+			run_later(server, (uint64_t)(server->rest - rested) / DB_NS_PER_US + 1);
+			return 0;
+		}
 	}
 	run_daemon(server);
 	return 0;
@@ -470,6 +481,7 @@ static int on_tick(sd_event_source *source, uint64_t us, void *data)
 	answer_late(server, now);
 	run_daemon(server);
 	db_web_connections_tick(server->connections, close_connection);
+	db_web_door_tick(server->door, now);
 	if (server->tls)
 		db_web_tls_tick(server->tls);
 	(void)sd_event_source_set_time_relative(source, TICK_US);
@@ -527,41 +539,6 @@ static void on_token(void *data, const char *token)
 
 /* --- life ------------------------------------------------------------------------------------- */
 
-/* -1 with an error in the log. */
-static int listen_for_browsers(const struct db_web_config *config)
-{
-	struct sockaddr_storage endpoint;
-	struct db_web_address address;
-	char text[DB_WEB_ADDRESS_TEXT];
-	socklen_t size = 0;
-	int unsent = UNSENT_MAX;
-	int on = 1;
-	int fd;
-
-	(void)db_web_endpoint_parse(config->listen, &endpoint, &size);
-	fd = socket(endpoint.ss_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-	if (fd < 0 || setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof(on)) != 0 ||
-	    setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &unsent, sizeof(unsent)) != 0 ||
-	    bind(fd, (struct sockaddr *)&endpoint, size) != 0 || listen(fd, 128) != 0) {
-		db_client_log(DB_CLIENT_ERROR, "cannot listen on %s: %s", config->listen,
-		              strerror(errno));
-		if (fd >= 0)
-			(void)close(fd);
-		return -1;
-	}
-	size = sizeof(endpoint);
-	(void)getsockname(fd, (struct sockaddr *)&endpoint, &size);
-	(void)db_web_address_of((struct sockaddr *)&endpoint, &address);
-	db_web_address_write(&address, text);
-	db_client_log(DB_CLIENT_NOTICE, "drivebridge-webd " DB_VERSION " at %s://%s%s%s:%u/",
-	              config->tls ? "https" : "http", endpoint.ss_family == AF_INET6 ? "[" : "",
-	              text, endpoint.ss_family == AF_INET6 ? "]" : "",
-	              ntohs(endpoint.ss_family == AF_INET6 ?
-	                            ((struct sockaddr_in6 *)&endpoint)->sin6_port :
-	                            ((struct sockaddr_in *)&endpoint)->sin_port));
-	return fd;
-}
-
 static void log_daemon(void *data, const char *format, va_list arguments)
 	__attribute__((format(printf, 2, 0)));
 
@@ -582,7 +559,6 @@ static bool start_daemon(struct db_web_server *server)
 {
 	const struct db_web_config *config = server->config;
 	const struct db_certificate_pair *pair = config->tls ? db_web_tls_pair(server->tls) : NULL;
-	int fd = listen_for_browsers(config);
 	struct MHD_OptionItem tls[] = {
 		{ MHD_OPTION_HTTPS_MEM_CERT, 0, pair ? pair->certificate.bytes : NULL },
 		{ MHD_OPTION_HTTPS_MEM_KEY, 0, pair ? pair->key.bytes : NULL },
@@ -592,13 +568,11 @@ static bool start_daemon(struct db_web_server *server)
 	struct MHD_OptionItem none[] = { { MHD_OPTION_END, 0, NULL } };
 	const union MHD_DaemonInfo *info;
 
-	if (fd < 0)
-		return false;
 	server->daemon = MHD_start_daemon(
-		MHD_USE_EPOLL | MHD_ALLOW_SUSPEND_RESUME | MHD_USE_ERROR_LOG |
-			(config->tls ? MHD_USE_TLS : 0U),
-		0, admit, server, handle_request, server, MHD_OPTION_EXTERNAL_LOGGER, log_daemon,
-		server, MHD_OPTION_LISTEN_SOCKET, fd, MHD_OPTION_CONNECTION_LIMIT,
+		MHD_USE_EPOLL | MHD_USE_NO_LISTEN_SOCKET | MHD_ALLOW_SUSPEND_RESUME |
+			MHD_USE_ERROR_LOG | (config->tls ? MHD_USE_TLS : 0U),
+		0, NULL, NULL, handle_request, server, MHD_OPTION_EXTERNAL_LOGGER, log_daemon,
+		server, MHD_OPTION_CONNECTION_LIMIT,
 		config->connections + DB_WEB_CONNECTIONS_LEAVING,
 		MHD_OPTION_CONNECTION_MEMORY_LIMIT, CONNECTION_MEMORY,
 		MHD_OPTION_CONNECTION_TIMEOUT, CONNECTION_SILENT_S, MHD_OPTION_NOTIFY_COMPLETED,
@@ -607,12 +581,14 @@ static bool start_daemon(struct db_web_server *server)
 		MHD_OPTION_END);
 	if (!server->daemon) {
 		db_client_log(DB_CLIENT_ERROR, "the server cannot be started");
-		(void)close(fd);
 		return false;
 	}
 	info = MHD_get_daemon_info(server->daemon, MHD_DAEMON_INFO_EPOLL_FD);
-	return info && sd_event_add_io(server->loop, &server->ready, info->epoll_fd, EPOLLIN,
-	                               on_ready, server) >= 0;
+	if (!info || sd_event_add_io(server->loop, &server->ready, info->epoll_fd, EPOLLIN,
+	                             on_ready, server) < 0)
+		return false;
+	server->door = db_web_door_new(server->loop, config, take_connection, server);
+	return server->door;
 }
 
 static bool start(struct db_web_server *server)
@@ -671,6 +647,7 @@ static void stop_daemon(struct db_web_server *server)
 {
 	if (!server->daemon)
 		return;
+	db_web_door_free(server->door);
 	db_web_stream_end(server, NULL, "Stopping", "this server is being stopped");
 	db_web_trail_end(server->trail);
 	for (struct db_web_request *request = server->requests; request; request = request->next) {

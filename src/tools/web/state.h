@@ -42,12 +42,14 @@ struct db_web_counts {
 struct db_web_server {
 	sd_event *loop;
 	const struct db_web_config *config;
+	struct db_web_door *door;
 	struct MHD_Daemon *daemon;
 	struct db_web_tls *tls; /* NULL: there is none */
 	sd_event_source *ready; /* the daemon's epoll */
 	sd_event_source *turn;  /* the daemon has to run without an event of its epoll */
 	sd_event_source *pause; /* the same, but not at once */
-	db_time ran;            /* when the daemon ran last */
+	db_time ran;            /* when the daemon's last run ended */
+	db_time rest;           /* from then on, before the next run for strangers */
 	unsigned runs;          /* in a row, for no other reason than that the daemon asks for it */
 	sd_event_source *tick;
 	sd_event_source *hashed;
