@@ -51,10 +51,14 @@ with open(sys.argv[1], "a", buffering=1) as notes:
 
 
 class Watcher:
-    """The process that notes when it was not run in time, or when a byte took long through a pty: a thread of the
-    kernel carries that, which waits for a processor like everybody."""
+    """The notes of a process that notes when it was not run in time, or when a byte took long through a pty: a thread
+    of the kernel carries that, which waits for a processor like everybody. One process watches for all workers."""
 
-    def __init__(self):
+    def __init__(self, notes=None):
+        self.process = None
+        if notes:
+            self.notes = open(notes, encoding="ascii")
+            return
         # In memory: a disk that is slow holds up who writes, and that is no stall.
         self.notes = tempfile.NamedTemporaryFile("r", prefix="drivebridge-stalls-",
                                                  dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
@@ -82,21 +86,22 @@ class Watcher:
                 return
 
     def close(self):
-        self.process.terminate()
-        self.process.wait()
+        if self.process:
+            self.process.terminate()
+            self.process.wait()
         self.notes.close()
 
 
-def runs_tests(config):
-    """Not so for the process that hands tests to workers."""
-    return hasattr(config, "workerinput") or not getattr(config.option, "numprocesses", None)
-
-
 def pytest_configure(config):
-    config.stall_watcher = None
-    if runs_tests(config):
+    # Workers inherit it.
+    if not hasattr(config, "workerinput"):
         os.nice(NICENESS)
-        config.stall_watcher = Watcher()
+    config.stall_watcher = Watcher(getattr(config, "workerinput", {}).get("stalls"))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node):
+    node.workerinput["stalls"] = node.config.stall_watcher.notes.name
 
 
 def pytest_unconfigure(config):
