@@ -20,9 +20,34 @@ struct announcement {
 	char device[192]; /* unique for the drive, in the characters that an identifier may have */
 };
 
+/* What is shown and pressed while this program has a connection to the service; and values of the
+ * drive while they are known. */
+enum available { WITH_GATEWAY, WITH_DRIVE };
+
+static json_t *list_availability(const struct announcement *announcement, enum available available)
+{
+	const struct db_mqtt_config *config = announcement->config;
+	const char *drive = db_mqtt_picture_name(announcement->picture);
+	json_t *list = json_pack(
+		"[{s:s, s:s}]", "topic",
+		db_mqtt_topic_of_gateway(config->prefix, config->gateway, "status").text,
+		"value_template", "{{ 'online' if value == 'online' else 'offline' }}");
+
+	if (available == WITH_DRIVE)
+		(void)json_array_append_new(
+			list,
+			json_pack("{s:s, s:s}", "topic",
+		                  db_mqtt_topic_of_drive(config->prefix, config->gateway, drive,
+		                                         "state")
+		                          .text,
+		                  "value_template",
+		                  "{{ 'offline' if value_json.quality == 'bad' else 'online' }}"));
+	return list;
+}
+
 /* Takes the document's own members over and adds the common ones. */
 static void put_document(const struct announcement *announcement, const char *component,
-                         const char *name, json_t *document)
+                         const char *name, enum available available, json_t *document)
 {
 	const struct db_mqtt_config *config = announcement->config;
 	const char *drive = db_mqtt_picture_name(announcement->picture);
@@ -33,13 +58,12 @@ static void put_document(const struct announcement *announcement, const char *co
 	(void)snprintf(topic, sizeof(topic), "%s/%s/%s/%s/config", config->discovery_prefix,
 	               component, announcement->device, name);
 	(void)snprintf(id, sizeof(id), "%s_%s", announcement->device, name);
-	common = json_pack(
-		"{s:s, s:s, s:s, s:s, s:{s:[s], s:s, s:s}, s:{s:s, s:s}}", "name", name,
-		"unique_id", id, "availability_topic",
-		db_mqtt_topic_of_gateway(config->prefix, config->gateway, "status").text,
-		"availability_template", "{{ 'online' if value == 'online' else 'offline' }}",
-		"device", "identifiers", announcement->device, "name", drive, "model",
-		"drivebridge", "origin", "name", "drivebridge-mqtt", "sw_version", DB_VERSION);
+	common = json_pack("{s:s, s:s, s:o, s:s, s:{s:[s], s:s, s:s}, s:{s:s, s:s}}", "name", name,
+	                   "unique_id", id, "availability",
+	                   list_availability(announcement, available), "availability_mode", "all",
+	                   "device", "identifiers", announcement->device, "name", drive, "model",
+	                   "drivebridge", "origin", "name", "drivebridge-mqtt", "sw_version",
+	                   DB_VERSION);
 	if (common && document && json_object_update(document, common) == 0)
 		text = db_mqtt_picture_dump(document);
 	if (text)
@@ -50,27 +74,127 @@ static void put_document(const struct announcement *announcement, const char *co
 	free(text);
 }
 
+/* Home Assistant's classes of values, by unit, with its words for these. It refuses a class with a
+ * unit that it does not know there: mm/s has none. */
+static const struct {
+	const char *unit;
+	const char *class;
+	const char *word;
+} classes[] = {
+	{ "mm", "distance", "mm" },      { "cm", "distance", "cm" },  { "m", "distance", "m" },
+	{ "in", "distance", "in" },      { "m/s", "speed", "m/s" },   { "A", "current", "A" },
+	{ "mA", "current", "mA" },       { "V", "voltage", "V" },     { "mV", "voltage", "mV" },
+	{ "degC", "temperature", "°C" }, { "Hz", "frequency", "Hz" }, { "ms", "duration", "ms" },
+	{ "s", "duration", "s" },        { "W", "power", "W" },
+};
+
+static void put_unit(json_t *document, const char *unit)
+{
+	const char *word = unit;
+
+	for (size_t i = 0; i < sizeof(classes) / sizeof(classes[0]); i++) {
+		if (strcmp(unit, classes[i].unit) != 0)
+			continue;
+		word = classes[i].word;
+		(void)json_object_set_new(document, "device_class", json_string(classes[i].class));
+	}
+	(void)json_object_set_new(document, "unit_of_measurement", json_string(word));
+}
+
+/* The words that a value may be, in the order of their numbers; NULL unless each of its numbers has
+ * one: Home Assistant refuses others. */
+static json_t *list_words(const json_t *reg)
+{
+	const json_t *codes = json_object_get(reg, "codes");
+	double max = json_number_value(json_object_get(reg, "max"));
+	json_t *words = json_array();
+	char number[16];
+
+	for (unsigned i = 0; (double)i <= max && i <= json_object_size(codes); i++) {
+		const char *word;
+
+		(void)snprintf(number, sizeof(number), "%u", i);
+		word = json_string_value(json_object_get(codes, number));
+		if (word)
+			(void)json_array_append_new(words, json_string(word));
+	}
+	if (max > 0.0 && (double)json_array_size(words) == max + 1.0)
+		return words;
+	json_decref(words);
+	return NULL;
+}
+
+/* Each bit with a name as a sensor that is on or off. */
+static void put_bits(const struct announcement *announcement, const char *name, const char *topic,
+                     json_t *codes)
+{
+	static const struct {
+		const char *bit;
+		const char *class;
+	} meanings[] = {
+		{ "online", "connectivity" }, { "bus_up", "connectivity" },
+		{ "moving", "moving" },       { "error_stop", "problem" },
+		{ "warning", "problem" },     { "latched", "problem" },
+	};
+	const char *key;
+	const json_t *code;
+
+	json_object_foreach(codes, key, code)
+	{
+		const char *bit = json_string_value(code);
+		char value[256], title[128];
+		json_t *document;
+
+		/* "None" means unknown. */
+		(void)snprintf(value, sizeof(value),
+		               "{%% set bits = value_json['values']['%s'] %%}"
+		               "{{ 'None' if bits is none else 'ON' if '%s' in bits else 'OFF' }}",
+		               name, bit);
+		(void)snprintf(title, sizeof(title), "%s_%s", name, bit);
+		document = json_pack("{s:s, s:s}", "state_topic", topic, "value_template", value);
+		for (size_t i = 0; i < sizeof(meanings) / sizeof(meanings[0]); i++) {
+			if (strcmp(name, "status") == 0 && strcmp(bit, meanings[i].bit) == 0)
+				(void)json_object_set_new(document, "device_class",
+				                          json_string(meanings[i].class));
+		}
+		put_document(announcement, "binary_sensor", title, WITH_GATEWAY, document);
+	}
+}
+
 static void put_value(const struct announcement *announcement, const char *name, const json_t *reg)
 {
 	const struct db_mqtt_config *config = announcement->config;
 	const char *drive = db_mqtt_picture_name(announcement->picture);
+	struct db_mqtt_topic topic = db_mqtt_topic_of_drive(config->prefix, config->gateway, drive,
+	                                                    "state");
 	const char *type = json_string_value(json_object_get(reg, "type"));
 	const char *unit = json_string_value(json_object_get(reg, "unit"));
-	bool bits = type && strncmp(type, "bits", 4) == 0 && json_object_get(reg, "codes");
+	json_t *codes = json_object_get(reg, "codes");
+	bool bits = type && strncmp(type, "bits", 4) == 0 && codes;
+	bool number = type && strcmp(type, "text") != 0 && !codes;
 	char value[128];
-	json_t *document;
+	json_t *document, *words;
 
 	/* With `value_json.values` the template language would take the object's method of that
 	 * name. */
 	(void)snprintf(value, sizeof(value), "{{ value_json['values']['%s']%s }}", name,
 	               bits ? " | join(', ')" : "");
-	document = json_pack(
-		"{s:s, s:s}", "state_topic",
-		db_mqtt_topic_of_drive(config->prefix, config->gateway, drive, "state").text,
-		"value_template", value);
+	document = json_pack("{s:s, s:s}", "state_topic", topic.text, "value_template", value);
 	if (unit && unit[0])
-		(void)json_object_set_new(document, "unit_of_measurement", json_string(unit));
-	put_document(announcement, "sensor", name, document);
+		put_unit(document, unit);
+	words = codes && !bits ? list_words(reg) : NULL;
+	if (words) {
+		(void)json_object_set_new(document, "device_class", json_string("enum"));
+		(void)json_object_set_new(document, "options", words);
+	}
+	/* Home Assistant keeps statistics of it. A moment is no measurement. */
+	if (number && strcmp(type, "u64") != 0)
+		(void)json_object_set_new(document, "state_class", json_string("measurement"));
+	/* A word may be the service's own, such as Offline. */
+	put_document(announcement, "sensor", name, codes ? WITH_GATEWAY : WITH_DRIVE, document);
+	/* What a drive can do does not change. */
+	if (bits && strcmp(name, "capabilities") != 0)
+		put_bits(announcement, name, topic.text, codes);
 }
 
 static bool is_allowed(const struct db_mqtt_config *config, const char *drive, const char *command,
@@ -104,7 +228,8 @@ static void put_button(const struct announcement *announcement, const char *comm
 	               "{\"id\":\"{{ utcnow().timestamp() }}\",\"time\":\"{{ utcnow().isoformat() "
 	               "}}\",\"command\":\"%s\"}",
 	               command);
-	put_document(announcement, "button", command,
+	/* A stop counts for a drive that does not answer, too. */
+	put_document(announcement, "button", command, WITH_GATEWAY,
 	             json_pack("{s:s, s:s}", "command_topic",
 	                       db_mqtt_topic_of_drive(config->prefix, config->gateway, drive,
 	                                              stops ? "stop" : "command")
