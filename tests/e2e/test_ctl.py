@@ -231,6 +231,21 @@ def test_what_is_refused_says_why_and_ends_with_1(plant):
     assert "did you mean feeder?" in ctl(plant, "run", "feder", "enable", status=2)
 
 
+def test_a_drive_without_power_is_said_to_have_none(plant):
+    said = ctl(plant, "move", "feeder", "10mm", status=1)
+    assert said == "drivebridgectl: refused: the drive refuses it\nfeeder is disabled: drivebridgectl enable feeder\n"
+    ctl(plant, "enable", "feeder")
+    assert ctl(plant, "run", "feeder", "move_relative", status=1) == \
+        "drivebridgectl: target_position: move_relative needs it\n"
+
+
+def test_run_lists_what_a_drive_can_be_told(plant):
+    lines = ctl(plant, "run", "feeder").splitlines()
+    assert "move_absolute target_position target_velocity" in lines and max(map(len, lines)) <= 80
+    (told,) = objects(plant, "run", "feeder")
+    assert {"stop", "save_parameters"} <= {command["name"] for command in told["commands"]}
+
+
 def test_who_does_not_wait_feeds_nothing(plant):
     ctl(plant, "run", "feeder", "enable")
     ctl(plant, "run", "--no-wait", "feeder", "move_velocity", "target_velocity=3200")
