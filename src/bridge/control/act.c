@@ -402,7 +402,7 @@ static bool take_arguments(const struct db_call *call, const struct db_name_list
 			    !db_named_is_argument(entry, row->args[i]) ||
 			    json_object_get(arguments, entry->name))
 				continue;
-			(void)snprintf(reason, sizeof(reason), "%s needs it", row->name);
+			snprintf(reason, sizeof(reason), "%s needs it", row->name);
 			db_session_fail_value(call->session, entry->name, reason);
 			return false;
 		}
