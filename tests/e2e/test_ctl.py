@@ -90,6 +90,13 @@ def test_show_has_values_with_names_and_parameters(plant):
     assert "history1_command" in ctl(plant, "show", "--all", "feeder")
 
 
+def test_codes_of_another_register_have_its_words(plant):
+    ctl(plant, "enable", "feeder")
+    ctl(plant, "set", "feeder", "spd=3200")
+    assert ctl(plant, "get", "feeder", "result_command", "write_result") == \
+        "result_command = enable\nwrite_result = ok\n"
+
+
 def test_get_gives_what_modbus_gives(plant):
     assert ctl(plant, "get", "feeder", "spd") == "6400 pulses/s\n"
     assert ctl(plant, "get", "feeder", "unit_name", "watchdog_ms") == \
