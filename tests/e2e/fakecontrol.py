@@ -46,7 +46,7 @@ class Fake:
         self.calls = []
         self.values = {"axis_state": 2, "error": 0, "status": 3, "age_ms": 12, "position": 100,
                        "velocity": 0.0}
-        # What is wrong by name: cause, need, advice.
+        # What is wrong by name: cause, need, advice, and detail where there is one.
         self.troubles = {}
         self.answers = {
             "Describe": {
@@ -63,7 +63,7 @@ class Fake:
             "Troubles": lambda parameters: {
                 "drives": [self.trouble("drive", name) for name in parameters["drives"] or ["feeder", "lift"]],
                 "buses": [self.trouble("bus", "line")], "configuration": self.trouble("configuration", ""),
-                "well": not any(need in ("look", "act") for _, need, _ in self.troubles.values())},
+                "well": not any(trouble[1] in ("look", "act") for trouble in self.troubles.values())},
             "Write": {"result": "ok"},
             "Run": {"result": "ok"},
             "Clock": {"token": "8f3a2c71-123456"},
@@ -75,8 +75,8 @@ class Fake:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def trouble(self, kind, name):
-        cause, need, advice = self.troubles.get(name, ("none", "nothing", ""))
-        return {kind: name, "cause": cause, "need": need, "detail": "", "since_us": 0, "advice": advice, "event": None}
+        cause, need, advice, *detail = self.troubles.get(name, ("none", "nothing", ""))
+        return {kind: name, "cause": cause, "need": need, "detail": detail[0] if detail else "", "since_us": 0, "advice": advice, "event": None}
 
     def _accept(self):
         while True:

@@ -90,6 +90,13 @@ def test_show_has_values_with_names_and_parameters(plant):
     assert "history1_command" in ctl(plant, "show", "--all", "feeder")
 
 
+def test_codes_of_another_register_have_its_words(plant):
+    ctl(plant, "enable", "feeder")
+    ctl(plant, "set", "feeder", "spd=3200")
+    assert ctl(plant, "get", "feeder", "result_command", "write_result") == \
+        "result_command = enable\nwrite_result = ok\n"
+
+
 def test_get_gives_what_modbus_gives(plant):
     assert ctl(plant, "get", "feeder", "spd") == "6400 pulses/s\n"
     assert ctl(plant, "get", "feeder", "unit_name", "watchdog_ms") == \
@@ -229,6 +236,21 @@ def test_what_is_refused_says_why_and_ends_with_1(plant):
     assert error["parameters"]["result"] == "limit"
     assert "did you mean move_relative" in ctl(plant, "run", "feeder", "move_relativ", status=2)
     assert "did you mean feeder?" in ctl(plant, "run", "feder", "enable", status=2)
+
+
+def test_a_drive_without_power_is_said_to_have_none(plant):
+    said = ctl(plant, "move", "feeder", "10mm", status=1)
+    assert said == "drivebridgectl: refused: the drive refuses it\nfeeder is disabled: drivebridgectl enable feeder\n"
+    ctl(plant, "enable", "feeder")
+    assert ctl(plant, "run", "feeder", "move_relative", status=1) == \
+        "drivebridgectl: target_position: move_relative needs it\n"
+
+
+def test_run_lists_what_a_drive_can_be_told(plant):
+    lines = ctl(plant, "run", "feeder").splitlines()
+    assert "move_absolute target_position target_velocity" in lines and max(map(len, lines)) <= 80
+    (told,) = objects(plant, "run", "feeder")
+    assert {"stop", "save_parameters"} <= {command["name"] for command in told["commands"]}
 
 
 def test_who_does_not_wait_feeds_nothing(plant):

@@ -187,6 +187,23 @@ def test_a_hint_is_no_fault(fake):
     assert lines[1].endswith("  save_parameters") and lines[-1] == "no faults, 2 hints"
 
 
+def test_the_trouble_of_a_bus_is_said_once(fake):
+    """Also where nobody says how wide the output may be."""
+    scan = "control, user root, drivebridgectl (process 24382)"
+    for name in ("line", "feeder", "lift"):
+        fake.troubles[name] = ("aside", "look", f"bus line is out of service for a scan of {scan}", scan)
+    lines = ctl(fake, "status", status=1).splitlines()
+    assert [line.split("  ")[-1] for line in lines[1:3]] == ["wait: bus is scanned"] * 2
+    assert lines[3:] == ["", f"bus line: aside: bus line is out of service for a scan of {scan}", "1 to look at"]
+
+
+def test_hints_about_the_gateway_are_counted(fake):
+    fake.answers["Describe"].update(restart_needed="/usr/sbin/drivebridged", audit_trouble="Read-only file system")
+    lines = ctl(fake, "status").splitlines()
+    assert lines[-3].startswith("an upgrade has replaced") and lines[-2].startswith("the audit trail cannot be written")
+    assert lines[-1] == "no faults, 2 hints"
+
+
 def test_status_fits_the_terminal(fake, terminal):
     fake.troubles["feeder"] = ("watchdog", "act", "its client fell silent; when the client is back: drivebridgectl run feeder clear_fault")
     text = terminal("status", env={"NO_COLOR": "1"}).ends(1).replace("\r", "")

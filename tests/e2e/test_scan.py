@@ -133,7 +133,7 @@ def test_a_bus_is_set_aside_only_when_its_drives_stand(make_bridge):
         assert (one["cause"], one["need"], one["detail"]) == ("aside", "look", whose), one
         assert f"bus line is out of service for a scan of {whose}; " in one["advice"]
         assert f"is out of service for a scan of {whose}: " in one["event"]["text"]
-    assert f"bus line: aside ({whose}): " in run(bridge, "status").stdout
+    assert f"bus line: aside: bus line is out of service for a scan of {whose}; " in run(bridge, "status").stdout
     process.send_signal(signal.SIGINT)
     told, _ = process.communicate(timeout=20)
     assert process.returncode == 1 and "interrupted" in told

@@ -5,6 +5,7 @@ the clock: it is that of a kernel of its own."""
 import re
 import time
 
+import pytest
 from bridgelib import eventually, find_program
 from kernellib import run
 from opcualib import (  # noqa: F401
@@ -38,6 +39,67 @@ def test_stamps_follow_a_clock_that_is_set(link, make_bridge):
         # "Within a second", and what a kernel with one processor and all of this takes.
         assert time.monotonic() - began < 3
     assert drive.read("age_ms") < 1000
+
+
+YEAR_1971 = 365 * 24 * 3600
+
+
+@pytest.fixture
+def clock_of_1971():
+    """As after a boot without a battery; set right again afterwards."""
+    now, began = time.time(), time.monotonic()
+    time.clock_settime(time.CLOCK_REALTIME, YEAR_1971)
+    yield lambda: time.clock_settime(time.CLOCK_REALTIME, now + time.monotonic() - began)
+    time.clock_settime(time.CLOCK_REALTIME, now + time.monotonic() - began)
+
+
+@pytest.fixture
+def state(tmp_path, monkeypatch):
+    """systemd's StateDirectory."""
+    folder = tmp_path / "state"
+    folder.mkdir()
+    monkeypatch.setenv("STATE_DIRECTORY", str(folder))
+    return folder
+
+
+def ctl(bridge, *words):
+    return run(find_program("drivebridgectl"), "--socket", bridge.control_path, *words).stdout
+
+
+def test_what_was_done_in_1971_is_on_record(link, make_bridge, state, clock_of_1971):
+    """The trail goes on over the step, and a restart after it."""
+    del state
+    bridge = make_bridge(interface=link.name)
+    assert bridge.drive().command("enable") == 0
+    assert abs(bridge.drive().read("timestamp_us") / 1e6 - YEAR_1971) < 3600
+    clock_of_1971()
+    assert bridge.drive().command("move_absolute", target_position=100) == 0
+    eventually(lambda: age_of_stamp(bridge.drive()) < 1, what="stamps of now")
+    eventually(lambda: "move_absolute" in ctl(bridge, "audit"), what="the record of the move")
+    bridge.stop_bridge()
+    bridge.start_bridge()
+    told = ctl(bridge, "audit")
+    assert re.search(r" 1971-01-01 .* enable ", told) and "move_absolute" in told, told
+    ctl(bridge, "audit", "verify")
+
+
+def test_a_state_folder_that_cannot_be_written_is_no_fault(link, make_bridge, state, clock_of_1971):
+    """On a read-only root drives are moved all the same, and status says what is missing."""
+    run("mount", "-t", "tmpfs", "-o", "ro", "none", state)
+    try:
+        bridge = make_bridge(interface=link.name)
+        assert bridge.drive().command("enable") == 0
+        clock_of_1971()
+        assert bridge.drive().command("move_absolute", target_position=100) == 0
+        assert bridge.told("cannot store the last good configuration: Read-only file system")
+        told = ctl(bridge, "status")
+        assert "the audit trail cannot be written: Read-only file system" in told
+        assert told.endswith("no faults, 1 hint\n")
+        bridge.stop_bridge()
+        bridge.start_bridge()
+        assert bridge.drive().command("enable") == 0
+    finally:
+        run("umount", "-l", state)
 
 
 def sessions_of(bridge):

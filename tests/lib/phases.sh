@@ -423,16 +423,38 @@ in_kernel() {
 		-l "build/logs/$name-messages.log" -- "$@"
 }
 
+<<<<<<< HEAD
 # run_phase NAME: its result is kept for finish().
+=======
+# Every half minute, how far the phase is: the end of the log that was written last.
+show_progress() {
+	local started=$SECONDS newest line nap=
+
+	trap 'kill "$nap" 2>/dev/null; exit' TERM
+	while kill -0 $$ 2>/dev/null; do
+		sleep "${PROGRESS_SECONDS:-30}" &
+		nap=$!
+		wait "$nap" || true
+		newest=$(find build/logs -maxdepth 1 -name "$PHASE-*.log" -printf '%T@ %p\n' | sort -n | tail -n 1 | cut -d ' ' -f 2)
+		line=$(tail -c 400 "${newest:-/dev/null}" | tr -cd '[:print:]\n' | grep . | tail -n 1 | cut -c 1-70) || true
+		printf '   %d s  %s\n' $((SECONDS - started)) "$line"
+	done
+}
+
+>>>>>>> ten
 run_phase() {
-	local started=$SECONDS
+	local started=$SECONDS progress
 
 	PHASE=$1
 	PASSED=0
 	FAILED=0
 	FAILURES=()
 	say "$PHASE"
+	show_progress &
+	progress=$!
 	"phase_$PHASE"
+	kill "$progress"
+	wait "$progress" 2>/dev/null || true
 	printf '%s: %d passed, %d failed (%d s)\n' "$PHASE" $PASSED $FAILED $((SECONDS - started))
 	printf '%s\n' "$PASSED $FAILED" "${FAILURES[@]}" >"build/logs/$PHASE.result"
 }

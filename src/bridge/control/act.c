@@ -374,12 +374,12 @@ static bool take_arguments(const struct db_call *call, const struct db_name_list
                            struct db_args *args)
 {
 	const char *name;
+	char reason[DB_REASON_MAX];
 	json_t *value;
 
 	json_object_foreach(arguments, name, value)
 	{
 		const struct db_entry *entry = list ? db_name_list_find(list, name) : NULL;
-		char reason[DB_REASON_MAX];
 		double number;
 
 		if (!entry || !has_argument(row, entry)) {
@@ -402,7 +402,8 @@ static bool take_arguments(const struct db_call *call, const struct db_name_list
 			    !db_named_is_argument(entry, row->args[i]) ||
 			    json_object_get(arguments, entry->name))
 				continue;
-			db_session_fail_value(call->session, entry->name, "it is missing");
+			snprintf(reason, sizeof(reason), "%s needs it", row->name);
+			db_session_fail_value(call->session, entry->name, reason);
 			return false;
 		}
 	}

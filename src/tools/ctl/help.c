@@ -5,6 +5,8 @@
 #include <string.h>
 
 #define INDENT 8
+/* Where the words about a command begin in the list of all. */
+#define COLUMN 36
 
 static void print_usage(FILE *out, const struct db_ctl_command *command)
 {
@@ -19,6 +21,17 @@ static void print_option(FILE *out, const struct db_ctl_option *option)
 	db_ctl_wrap(out, DB_CTL_WIDTH, INDENT, INDENT, option->description);
 }
 
+/* One line: of the description what is before its first semicolon. */
+static void print_in_short(FILE *out, const struct db_ctl_command *command)
+{
+	char usage[64];
+
+	(void)snprintf(usage, sizeof(usage), "%s%s%s", command->name,
+	               command->arguments[0] ? " " : "", command->arguments);
+	(void)fprintf(out, "  %-*s%.*s\n", COLUMN - 2, usage,
+	              (int)strcspn(command->description, ";"), command->description);
+}
+
 void db_ctl_print_help(FILE *out)
 {
 	int task = -1;
@@ -29,15 +42,14 @@ void db_ctl_print_help(FILE *out)
 			continue;
 		if ((int)command->task != task) {
 			task = (int)command->task;
-			(void)fprintf(out, "\n%s, such as\n    drivebridgectl %s\n\n",
+			(void)fprintf(out, "\n%s, such as: drivebridgectl %s\n\n",
 			              db_ctl_tasks[task].title, db_ctl_tasks[task].example);
 		}
-		(void)fputs("  ", out);
-		print_usage(out, command);
-		db_ctl_wrap(out, DB_CTL_WIDTH, INDENT, INDENT, command->description);
+		print_in_short(out, command);
 	}
-	(void)fputs("\nOptions of all commands; drivebridgectl help COMMAND has the others\n\n",
-	            out);
+	(void)fputs(
+		"\ndrivebridgectl help COMMAND has all about one, and its options. Options of all:\n\n",
+		out);
 	for (const struct db_ctl_option *option = db_ctl_options; option->name; option++) {
 		if (!option->commands)
 			print_option(out, option);

@@ -32,10 +32,18 @@ static const char *name_of(const json_t *registers, const json_t *values, const 
 
 void db_ctl_judge(const json_t *record, struct db_ctl_judgement *judgement)
 {
+	const char *cause = db_client_text(record, "cause");
+	const char *detail = db_client_text(record, "detail");
+	const char *advice = db_client_text(record, "advice");
+
 	judgement->need = db_client_trouble_need(record);
-	db_client_trouble_words(record, judgement->why);
-	(void)snprintf(judgement->next, sizeof(judgement->next), "%s",
-	               db_client_text(record, "advice"));
+	(void)snprintf(judgement->cause, sizeof(judgement->cause), "%s",
+	               strcmp(cause, "none") == 0 ? "" : cause);
+	if (strcmp(cause, "fault") != 0 && detail[0] && strstr(advice, detail))
+		(void)snprintf(judgement->why, sizeof(judgement->why), "%s", cause);
+	else
+		db_client_trouble_words(record, judgement->why);
+	(void)snprintf(judgement->next, sizeof(judgement->next), "%s", advice);
 }
 
 void db_ctl_fit_drives(struct db_ctl_grid *grid, unsigned width)
@@ -78,10 +86,10 @@ static void add_quantity(struct db_ctl_grid *grid, const json_t *drive, const js
 
 /* Short advice by the name of the service's cause. Other causes, such as errors of a family, are
  * shown by their own names. */
-static const char *say_need(const char *why)
+static const char *say_need(const struct db_ctl_judgement *judgement)
 {
 	static const struct {
-		const char *why;
+		const char *cause;
 		const char *words;
 	} needs[] = {
 		{ "port", "check adapter" },
@@ -101,10 +109,10 @@ static const char *say_need(const char *why)
 	};
 
 	for (size_t i = 0; i < sizeof(needs) / sizeof(needs[0]); i++) {
-		if (strcmp(needs[i].why, why) == 0)
+		if (strcmp(needs[i].cause, judgement->cause) == 0)
 			return needs[i].words;
 	}
-	return why;
+	return judgement->why;
 }
 
 void db_ctl_add_drive(struct db_ctl_grid *grid, const json_t *drive, const json_t *registers,
@@ -131,7 +139,7 @@ void db_ctl_add_drive(struct db_ctl_grid *grid, const json_t *drive, const json_
 		db_ctl_grid_add(grid, colours[judgement->need], "%lld s", (long long)ms / 1000);
 	else
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld ms", (long long)ms);
-	db_ctl_grid_add(grid, colours[judgement->need], "%s", say_need(judgement->why));
+	db_ctl_grid_add(grid, colours[judgement->need], "%s", say_need(judgement));
 }
 
 json_t *db_ctl_read_families(struct db_ctl *ctl, enum db_ctl_status *status)

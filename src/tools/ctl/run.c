@@ -15,6 +15,7 @@ struct running {
 	const char *command;
 	enum db_ctl_status status;
 	bool ended;
+	bool refused; /* by the drive */
 };
 
 /* The command's arguments, from the drive's registers, as an array that the caller frees. */
@@ -46,6 +47,8 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	running->ended = true;
 	if (error) {
 		running->status = db_ctl_fail(running->ctl, error);
+		running->refused = strcmp(db_words_text(error->parameters, "result"), "refused") ==
+		                   0;
 		return;
 	}
 	/* Unproven: the drive has accepted it, and its protocol cannot show more. */
@@ -101,6 +104,81 @@ static enum db_ctl_status wait_for_end(struct db_ctl *ctl, struct running *runni
 	return running->status;
 }
 
+/* A drive does not say why it refuses a motion. That its motor has no power is the usual reason. */
+static void say_that_it_is_disabled(struct db_ctl *ctl, const struct running *running,
+                                    const json_t *registers)
+{
+	static const char *const motions[] = { "move", "home", "jog", "shake_start",
+		                               "start_program" };
+	struct db_client_error error = { .parameters = NULL };
+	const char *state = NULL;
+	json_t *answer = NULL;
+	bool moves = false;
+
+	for (size_t i = 0; i < sizeof(motions) / sizeof(motions[0]); i++)
+		moves = moves || strncmp(running->command, motions[i], strlen(motions[i])) == 0;
+	if (!moves || ctl->json)
+		return;
+	if (db_client_call(
+		    ctl->client, "Read",
+		    json_pack("{s:s, s:[s]}", "drive", running->drive, "names", "axis_state"),
+		    DB_CTL_TIMEOUT_MS, &answer, &error) == 0)
+		state = db_words_code_name(
+			db_words_look_up(registers, "axis_state"),
+			json_integer_value(
+				json_object_get(json_object_get(answer, "values"), "axis_state")));
+	if (state && strcmp(state, "Disabled") == 0)
+		(void)fprintf(stderr, "%s is disabled: drivebridgectl enable %s\n", running->drive,
+		              running->drive);
+	db_client_error_clear(&error);
+	json_decref(answer);
+}
+
+/* What `run` can be told for this drive, in the form of the help. */
+static void print_commands(const struct db_ctl *ctl, const json_t *commands)
+{
+	size_t i;
+	size_t at;
+	const json_t *command;
+	const json_t *name;
+
+	if (ctl->json) {
+		json_t *object = json_pack("{s:O}", "commands", commands);
+
+		db_ctl_print_json(object);
+		json_decref(object);
+		return;
+	}
+	json_array_foreach(commands, i, command)
+	{
+		char usage[512];
+		size_t length;
+
+		(void)snprintf(usage, sizeof(usage), "%s", db_words_text(command, "name"));
+		json_array_foreach(json_object_get(command, "arguments"), at, name)
+		{
+			length = strlen(usage);
+			(void)snprintf(usage + length, sizeof(usage) - length, " %s",
+			               json_string_value(name));
+		}
+		db_ctl_wrap(stdout, DB_CTL_WIDTH, 0, 4, usage);
+		db_ctl_wrap(stdout, DB_CTL_WIDTH, 8, 8, db_words_text(command, "description"));
+	}
+}
+
+static enum db_ctl_status list_commands(struct db_ctl *ctl, const char *drive)
+{
+	enum db_ctl_status status = DB_CTL_USAGE;
+	json_t *answer = NULL;
+
+	if (db_ctl_find_drive(ctl, drive))
+		answer = db_ctl_call(ctl, "Commands", json_pack("{s:s}", "drive", drive),
+		                     DB_CTL_TIMEOUT_MS, &status);
+	print_commands(ctl, json_object_get(answer, "commands"));
+	json_decref(answer);
+	return status;
+}
+
 /* Runs the command of that name with the arguments after it. */
 static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, const char *name,
                                       int count, char **arguments)
@@ -147,6 +225,8 @@ static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, con
 	else if (values)
 		status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
 		                         "the service has closed the connection");
+	if (running.refused)
+		say_that_it_is_disabled(ctl, &running, registers);
 	json_decref(values);
 	json_decref(taken);
 	json_decref(registers);
@@ -156,6 +236,8 @@ static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, con
 
 enum db_ctl_status db_ctl_run(struct db_ctl *ctl, int count, char **arguments)
 {
+	if (count == 1)
+		return list_commands(ctl, arguments[0]);
 	return run_command(ctl, arguments[0], arguments[1], count - 2, arguments + 2);
 }
 

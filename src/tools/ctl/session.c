@@ -116,6 +116,30 @@ json_t *db_ctl_find_unit(const struct db_ctl *ctl, const char *name)
 	return unit ? unit : db_ctl_find_drive(ctl, name);
 }
 
+/* A register whose description has "codes as in NAME" gets those of the register of that name. */
+static void copy_codes(json_t *registers)
+{
+	static const char words[] = "codes as in ";
+	size_t i;
+	json_t *reg;
+
+	json_array_foreach(registers, i, reg)
+	{
+		const char *at = strstr(db_words_text(reg, "description"), words);
+		char name[64];
+		json_t *codes;
+
+		if (!at || json_object_get(reg, "codes"))
+			continue;
+		at += strlen(words);
+		(void)snprintf(name, sizeof(name), "%.*s",
+		               (int)strspn(at, "abcdefghijklmnopqrstuvwxyz0123456789_"), at);
+		codes = json_object_get(db_words_look_up(registers, name), "codes");
+		if (codes)
+			(void)json_object_set(reg, "codes", codes);
+	}
+}
+
 json_t *db_ctl_read_registers(struct db_ctl *ctl, const char *drive, enum db_ctl_status *status)
 {
 	json_t *answer = db_ctl_call(ctl, "Registers", json_pack("{s:s}", "drive", drive),
@@ -126,6 +150,7 @@ json_t *db_ctl_read_registers(struct db_ctl *ctl, const char *drive, enum db_ctl
 	if (*status == DB_CTL_OK && !registers)
 		*status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_BAD_ANSWER,
 		                          "the service does not say which registers there are");
+	copy_codes(registers);
 	return registers;
 }
 

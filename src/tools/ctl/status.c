@@ -212,16 +212,27 @@ static void print_sum(const struct db_ctl *ctl, const struct sum *sum)
 	(void)printf("%s\n", db_ctl_colour_end(ctl->colour, colour));
 }
 
-/* The number of each need in words. */
-static struct sum add_up(const struct db_ctl *ctl, const struct row *rows, size_t count,
-                         const struct db_client_troubles *troubles)
+/* True if the drive has the trouble of its bus, which is printed and counted once. */
+static bool has_trouble_of_bus(const struct row *row, const struct db_client_troubles *troubles)
 {
-	struct sum sum = { .count = { 0 } };
+	const json_t *bus = json_object_get(troubles->buses, db_words_text(row->drive, "bus"));
+
+	return row->judgement.need != DB_CLIENT_FINE &&
+	       strcmp(db_client_text(bus, "cause"), row->judgement.cause) == 0;
+}
+
+/* The number of each need; `hints` of the gateway itself are among them. */
+static struct sum add_up(const struct db_ctl *ctl, const struct row *rows, size_t count,
+                         const struct db_client_troubles *troubles, size_t hints)
+{
+	struct sum sum = { .count = { [DB_CLIENT_HINT] = hints } };
 	size_t i;
 	const json_t *bus;
 
-	for (size_t at = 0; at < count; at++)
-		sum.count[rows[at].judgement.need]++;
+	for (size_t at = 0; at < count; at++) {
+		if (!has_trouble_of_bus(&rows[at], troubles))
+			sum.count[rows[at].judgement.need]++;
+	}
 	json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
 	{
 		const json_t *trouble = json_object_get(troubles->buses,
@@ -233,30 +244,41 @@ static struct sum add_up(const struct db_ctl *ctl, const struct row *rows, size_
 	return sum;
 }
 
-/* A hint: the running configuration continues, and only people know when the machine may stop. */
-static void print_restart(const struct db_ctl *ctl)
+/* What follows prints hints about the gateway and returns how many. */
+
+/* The running configuration continues, and only people know when the machine may stop. */
+static size_t print_restart(const struct db_ctl *ctl)
 {
 	const char *path = db_words_text(ctl->description, "restart_needed");
+	char text[1024];
 
-	if (path[0])
-		(void)printf("an upgrade has replaced %s: systemctl restart drivebridge when the "
-		             "machine may stand still\n",
-		             path);
+	if (!path[0])
+		return 0;
+	(void)snprintf(text, sizeof(text),
+	               "an upgrade has replaced %s: systemctl restart drivebridge when the "
+	               "machine may stand still",
+	               path);
+	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
+	return 1;
 }
 
-/* A hint: drives and clients do not notice. */
-static void print_audit(const struct db_ctl *ctl)
+/* Drives and clients do not notice. */
+static size_t print_audit(const struct db_ctl *ctl)
 {
 	const char *trouble = db_words_text(ctl->description, "audit_trouble");
+	char text[1024];
 
-	if (trouble[0])
-		(void)printf("the audit trail cannot be written: %s; its records are only in the "
-		             "journal\n",
-		             trouble);
+	if (!trouble[0])
+		return 0;
+	(void)snprintf(text, sizeof(text),
+	               "the audit trail cannot be written: %s; its records are only in the journal",
+	               trouble);
+	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
+	return 1;
 }
 
-/* A hint: people have this long to renew it. */
-static void print_certificates(const struct db_ctl *ctl)
+/* People have this long to renew them. */
+static size_t print_certificates(const struct db_ctl *ctl)
 {
 	static const struct {
 		const char *name;
@@ -268,6 +290,7 @@ static void print_certificates(const struct db_ctl *ctl)
 	};
 	const json_t *secure = json_object_get(ctl->description, "secure");
 	time_t now = time(NULL);
+	size_t hints = 0;
 
 	for (size_t i = 0; i < sizeof(ends) / sizeof(ends[0]); i++) {
 		time_t moment = (time_t)json_integer_value(json_object_get(secure, ends[i].name));
@@ -279,7 +302,9 @@ static void print_certificates(const struct db_ctl *ctl)
 		    strftime(date, sizeof(date), "%Y-%m-%d %H:%M UTC", &parts) == 0)
 			continue;
 		(void)printf("%s on %s: see drivebridge-tls(8)\n", ends[i].what, date);
+		hints++;
 	}
+	return hints;
 }
 
 static void print_learnt(const struct db_ctl *ctl, const struct row *rows, size_t count)
@@ -304,6 +329,7 @@ static void print_for_people(const struct db_ctl *ctl, const struct row *rows, s
 {
 	struct db_ctl_grid *grid = db_ctl_grid_new(DB_CTL_DRIVE_COLUMNS);
 	struct db_ctl_judgement judgement;
+	size_t hints;
 	size_t i;
 	const json_t *bus;
 
@@ -326,9 +352,9 @@ static void print_for_people(const struct db_ctl *ctl, const struct row *rows, s
 			"this service is older than drivebridgectl and does not say what is wrong: "
 			"restart it as soon as the drives may stop");
 	print_configuration(ctl, troubles->configuration);
-	print_restart(ctl);
-	print_audit(ctl);
-	print_certificates(ctl);
+	hints = print_restart(ctl);
+	hints += print_audit(ctl);
+	hints += print_certificates(ctl);
 	json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
 	{
 		const char *name = db_words_text(bus, "name");
@@ -339,12 +365,14 @@ static void print_for_people(const struct db_ctl *ctl, const struct row *rows, s
 		print_record(trouble);
 	}
 	for (size_t at = 0; at < count; at++) {
+		if (has_trouble_of_bus(&rows[at], troubles))
+			continue;
 		print_advice(ctl, "", db_words_text(rows[at].drive, "name"), &rows[at].judgement);
 		print_record(rows[at].trouble);
 	}
 	print_learnt(ctl, rows, count);
 	if (troubles->told && count > 0) {
-		struct sum sum = add_up(ctl, rows, count, troubles);
+		struct sum sum = add_up(ctl, rows, count, troubles, hints);
 
 		print_sum(ctl, &sum);
 	}

@@ -44,7 +44,9 @@ struct db_ctl_command {
 	int max; /* -1: any number */
 	bool connects;
 	enum db_ctl_task task;
-	const char *description; /* NULL: not shown to people */
+	const char *
+		description; /* what is before the first semicolon is one line of the help; NULL: not
+	                            shown to people */
 	db_ctl_function *function;
 };
 

@@ -59,7 +59,7 @@ static void test_the_help_fits_and_has_every_command(void **state)
 	for (const char *line = text; *line; line += strcspn(line, "\n") + 1)
 		assert_in_range(strcspn(line, "\n"), 0, 80);
 	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
-		(void)snprintf(usage, sizeof(usage), "\n  %s%s%s\n", command->name,
+		(void)snprintf(usage, sizeof(usage), "\n  %s%s%s ", command->name,
 		               command->arguments[0] ? " " : "", command->arguments);
 		if (command->description)
 			assert_non_null(strstr(text, usage));
@@ -101,7 +101,7 @@ static struct db_ctl_grid *make_plant(const char *bus)
 	                          "mm");
 	json_t *values = json_pack("{s:i, s:f, s:f}", "age_ms", 12, "position_units", -10000.0,
 	                           "velocity_units", 1000.0);
-	const struct db_ctl_judgement judgement = { .need = DB_CLIENT_ACT, .why = "watchdog" };
+	const struct db_ctl_judgement judgement = { .need = DB_CLIENT_ACT, .cause = "watchdog" };
 
 	db_ctl_add_heads(grid);
 	db_ctl_add_drive(grid, drive, NULL, values, &judgement);
