@@ -30,7 +30,8 @@ struct db_role_config;
 struct db_client {
 	uint32_t id; /* number of this connection: unique while it lasts; none of those above */
 	/* IPv6, or IPv4 v4-mapped; of a session: db_client_address_of_session(); of a user of this
-	 * machine: db_client_address_of_user(); over TLS: db_client_address_of_certificate() */
+	 * machine: db_client_address_of_user(); over TLS: db_client_address_of_certificate(); on a
+	 * serial line: db_client_address_of_line() */
 	uint8_t address[16];
 	uint16_t port; /* not 0; for a session a number of its own, within 16 bits */
 	bool may_write;
@@ -78,12 +79,19 @@ void db_client_address_of_certificate(const uint8_t network[16], uint32_t certif
 /* False: it is no such client's address. */
 bool db_client_certificate_of_address(const uint8_t address[16], uint32_t *certificate);
 
+/* The client on a serial line, which is whoever sends requests there: known by the line's name, of
+ * at most this length. */
+#define DB_CLIENT_LINE_NAME_MAX 15
+void db_client_address_of_line(const char *name, uint8_t address[16]);
+/* False: it is no line's address. */
+bool db_client_line_of_address(const uint8_t address[16], char name[DB_CLIENT_LINE_NAME_MAX + 1]);
+
 /* True if both are one client for ids, claims of control and watchdogs: the same address; or the
  * same certificate, wherever it comes from. */
 bool db_client_same(const uint8_t a[16], const uint8_t b[16]);
 
 /* The address as people write it: "192.168.10.5", "fd00::5"; "127.0.0.1, user 1000"; "control, user
- * 1000"; "192.168.10.5, certificate 3fa9c1b2". */
+ * 1000"; "192.168.10.5, certificate 3fa9c1b2"; "rtu press-plc". */
 void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MAX]);
 
 /* Names of users, terminated: those of this machine, and those for whom a session acts. */

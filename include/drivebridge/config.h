@@ -76,6 +76,33 @@ struct db_role_config {
 	bool control;
 };
 
+/* A serial line on which a PLC reaches drives over Modbus RTU. */
+struct db_rtu_config {
+	char *name;
+	const char *source_file;
+	unsigned source_line;
+	char *device;
+	unsigned baud;               /* default 19200 */
+	enum db_parity parity;       /* default even */
+	unsigned stop_bits;          /* 1 (default) or 2 */
+	enum db_direction direction; /* as of a bus */
+	unsigned rts_before_ms;
+	unsigned rts_after_ms;
+	/* Units that are answered here, a bit each; all others belong to other devices. */
+	uint8_t units[32];
+	bool may_write;  /* allow = read (default) or write */
+	char *role_name; /* the section role that limits it; null: none */
+	const struct db_role_config *role;
+	/* answer-timeout-ms, 20..10000, default 1000: how long the PLC waits for an answer */
+	unsigned answer_timeout_ms;
+	enum db_log_level log; /* default info */
+};
+
+static inline bool db_rtu_has_unit(const struct db_rtu_config *line, unsigned unit)
+{
+	return unit < 256 && (line->units[unit / 8] >> (unit % 8) & 1);
+}
+
 /* What clients of the network without a certificate may still do. */
 enum db_require_secure {
 	DB_SECURE_NOT_REQUIRED,
@@ -98,6 +125,8 @@ struct db_modbus_config {
 	enum db_require_secure require_secure; /* require-secure, default no */
 	struct db_role_config *roles;
 	size_t role_count;
+	struct db_rtu_config *lines;
+	size_t line_count;
 	bool low_word_first; /* word-order = high-first (default) or low-first */
 	unsigned confirm_ms; /* confirm-ms, 1..10000, default 40 or what the buses need */
 	bool accept_writes;  /* write-confirm = confirmed (default) or accepted */

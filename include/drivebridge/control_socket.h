@@ -24,6 +24,7 @@ struct db_scan_foreign;
 struct db_scan_plan;
 struct db_scan_progress;
 struct db_secure_status;
+struct db_server_line;
 struct db_server_stats;
 struct db_trace;
 struct db_trace_keeper;
@@ -38,6 +39,8 @@ struct db_control_socket_ops {
 	void (*server_stats)(void *context, struct db_server_stats *stats);
 	/* As db_server_secure_status(). May be null: there is no secure socket. */
 	bool (*secure_status)(void *context, struct db_secure_status *status);
+	/* As db_server_read_line(). May be null: there are no lines. */
+	bool (*line)(void *context, size_t index, struct db_server_line *line);
 	/* As those for a bus in scan.h, with the bus's name; -ENODEV: there is no such bus. */
 	int (*scan)(void *context, const char *bus, const struct db_scan_plan *plan,
 	            uint32_t *number);

@@ -47,6 +47,8 @@ enum db_event {
 	DB_EVENT_CLIENT_CONNECTED,
 	DB_EVENT_CLIENT_GONE,
 	DB_EVENT_CLIENT_REFUSED,
+	DB_EVENT_LINE_UP,   /* the serial line of a PLC can be heard */
+	DB_EVENT_LINE_LOST, /* its port cannot be opened, or is lost */
 	DB_EVENT_WATCHDOG_TRIPPED,
 	DB_EVENT_HOLD_LOST, /* the holder of a motion is missed, and its drive was stopped */
 	/* a bus */

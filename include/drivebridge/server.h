@@ -35,6 +35,8 @@ enum db_refusal {
 	DB_REFUSED_INSECURE,    /* connection or write: it has no certificate (require-secure) */
 	DB_REFUSED_NO_ROLE,     /* request: its certificate has no role of the configuration */
 	DB_REFUSED_ROLE,        /* request: its role does not allow that */
+	DB_REFUSED_LINE,        /* write: its serial line has allow = read */
+	DB_REFUSED_BROADCAST,   /* request to all units of a serial line: it is no stop */
 	DB_REFUSAL_COUNT
 };
 
@@ -71,6 +73,14 @@ struct db_backend {
 	 * repeats no command either, except a stop. */
 	int (*write_same)(void *context, const struct db_client *client, uint8_t unit,
 	                  uint16_t address, uint16_t value, struct db_write_token token);
+
+	/*
+	 * A write of holding registers to all of these units (a bit each), as if to each drive's
+	 * neutral registers; nobody is answered. A stop is carried out for every drive that the
+	 * client may command. False: it is no stop, and nothing was done.
+	 */
+	bool (*broadcast)(void *context, const struct db_client *client, const uint8_t units[32],
+	                  uint16_t address, uint16_t count, const uint16_t *values);
 
 	/* FC 17: server id text and run indicator of a unit. Returns the text's length (<=
 	 * size). */
@@ -118,7 +128,7 @@ struct db_server_stats {
 	uint32_t timeouts;   /* connections closed for an unfinished frame, or idle */
 };
 
-/* One connection as it is now. */
+/* One connection, or serial line with a PLC, as it is now. */
 struct db_server_client {
 	struct db_client client;
 	uint64_t requests;
@@ -189,7 +199,28 @@ uint16_t db_server_port(const struct db_server *server);
 
 void db_server_stats(const struct db_server *server, struct db_server_stats *stats);
 
-/* The connections that have been there longest, at most `max`. Returns how many. */
+/* A serial line of the configuration, and what came over it since the service began to use it. Counters
+ * go on from 0 when they are full. */
+struct db_server_line {
+	const char *name; /* these two until the next change of the configuration */
+	const char *device;
+	bool up;           /* its port is open */
+	int error;         /* why not, as an errno */
+	uint32_t requests; /* for units of this gateway, and broadcasts */
+	uint32_t answers;  /* sent */
+	uint32_t repeated; /* requests that repeated one in progress, and were not executed again */
+	uint32_t late;     /* answers not sent: the PLC did not wait any longer */
+	uint32_t missed;   /* requests not executed: another one came before they were taken */
+	uint32_t foreign;  /* frames for, or from, other devices */
+	uint32_t bad;      /* bytes that were no frames, such as those with a wrong CRC */
+	uint32_t overruns; /* more bytes without a silence than frames have */
+	uint32_t echoes;   /* frames received that were sent */
+};
+
+/* The line at this index of the configuration; false: there are no more. */
+bool db_server_read_line(const struct db_server *server, size_t index, struct db_server_line *line);
+
+/* The lines, then the connections that have been there longest, at most `max`. Returns how many. */
 size_t db_server_clients(const struct db_server *server, struct db_server_client *clients,
                          size_t max);
 

@@ -57,8 +57,9 @@ enum db_param_trait {
 	DB_PARAM_TOGETHER = 1u << 7, /* written in a set together with its neighbours */
 	/* the drive's present state, such as power: not restored by a set */
 	DB_PARAM_STATE = 1u << 8,
+	DB_PARAM_WRITE_ONLY = 1u << 9, /* the drive never tells its value */
 };
-#define DB_PARAM_TRAIT_COUNT 9
+#define DB_PARAM_TRAIT_COUNT 10
 const char *db_param_trait_name(unsigned bit); /* 1 = "address" ... */
 
 /*

@@ -2,7 +2,7 @@
 # docs/config-keys.csv as the keys' part of drivebridge.conf(5), those of the tools in their own pages.
 
 function title(section) {
-	if (section == "bus" || section == "drive")
+	if (section == "bus" || section == "drive" || section == "role" || section == "modbus-rtu")
 		return "SECTION " section " NAME"
 	return "SECTION " section
 }

@@ -446,3 +446,43 @@ def test_names_are_there_to_be_completed(make_bridge):
     plant = make_bridge(drives=1)
     assert ctl(plant, "names", "buses") == "line\n"
     assert "drive1.position\n" in ctl(plant, "names", "values")
+
+
+# --- Wireshark -------------------------------------------------------------------------------------------------
+
+
+def dissected(path, *fields):
+    """What tshark shows of each packet, with the dissector that the package has."""
+    script = ROOT / "packaging" / "wireshark" / "drivebridge.lua"
+    done = subprocess.run(["tshark", "-X", f"lua_script:{script}", "-r", path, "-T", "fields", "-E", "separator=\t",
+                           *[word for field in fields for word in ("-e", field)]],
+                          capture_output=True, text=True, timeout=60, check=True)
+    assert "Error" not in done.stderr and "error" not in done.stderr, done.stderr
+    return [line.split("\t") for line in done.stdout.splitlines()]
+
+
+def test_wireshark_shows_a_serial_line_in_words(make_bridge, tmp_path):
+    bridge = make_bridge()
+    path = tmp_path / "line.pcapng"
+    bridge.sim.fault("lose-request 1")
+    text = ctl(bridge, "trace", "line", "--duration", "0.4", "--output", path)
+    count = int(re.match(r"(\d+) records in ", text)[1])
+    packets = dissected(path, "drivebridge.direction", "drivebridge.family", "drivebridge.kind", "drivebridge.words",
+                        "drivebridge.bytes", "_ws.col.Info", "drivebridge.malformed")
+    assert len(packets) == count > 5
+    assert {packet[1] for packet in packets} == {"vsmd-serial"} and not any(packet[6:] != [""] for packet in packets)
+    polls = [packet for packet in packets if packet[2] == "poll"]
+    assert polls and all(packet[0] == "1" and packet[3] == "drive1: status?" for packet in polls), polls
+    assert all(bytes.fromhex(packet[4].replace(":", "")).startswith(b"1 sts") for packet in polls)
+    assert all(packet[5] == f"> poll  {packet[3]}" for packet in polls)
+    # What did not come is there, too.
+    assert any(packet[2] == "unanswered" and packet[4] == "" for packet in packets)
+
+
+def test_wireshark_shows_can_in_words(make_can, tmp_path):
+    plant = make_can()
+    path = tmp_path / "can.pcapng"
+    ctl(plant, "trace", "--duration", "0.3", "--output", path)
+    packets = dissected(path, "can.id", "drivebridge_can.words", "_ws.col.Info")
+    assert len(packets) > 3 and all(packet[0] for packet in packets)
+    assert any(packet[1:] == ["poll: drive1: velocity, position and status?"] * 2 for packet in packets), packets

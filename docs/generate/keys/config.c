@@ -46,6 +46,8 @@ static const char *type_of(const struct db_config_key *key)
 		return "networks";
 	case DB_KEY_DRIVES:
 		return "drives";
+	case DB_KEY_UNITS:
+		return "units";
 	case DB_KEY_PROTOCOL:
 		return "family";
 	case DB_KEY_BUS:

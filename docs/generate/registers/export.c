@@ -203,6 +203,10 @@ static const char *type_of(const struct listed *listed)
 
 static const char *access_of(const struct listed *listed)
 {
+	const struct db_param *param = listed->entry.param;
+
+	if (param && (param->traits & DB_PARAM_WRITE_ONLY))
+		return "w";
 	return listed->entry.cell.flags & DB_ROW_WRITABLE ? "rw" : "r";
 }
 
@@ -474,7 +478,8 @@ static const char introduction[] =
 	"- Addresses are those on the wire, from 0. The reference is the number printed in many\n"
 	"  PLC manuals: 40001 is holding register 0.\n"
 	"- Holding registers are read with FC 3 and written with FC 6, 16, 22 and 23. Those with\n"
-	"  access `r` are also input registers (FC 4) at the same address.\n"
+	"  access `r` are also input registers (FC 4) at the same address. The value of those with\n"
+	"  access `w` cannot be read: 02 alone, 0 in a block.\n"
 	"- 32-bit values take two registers and 64-bit values four, high word first unless\n"
 	"  `word-order = low-first`. Text holds two characters in a register, the first in the high\n"
 	"  byte, in both word orders. Half of a 32-bit value can be read but not written (03).\n"

@@ -127,14 +127,17 @@ static void set_who(json_t *object, const struct db_audit_entry *entry)
 	char login[DB_SECURE_NAME_MAX + 1] = "";
 	char text[DB_CLIENT_TEXT_MAX];
 	char digits[2 * sizeof(entry->address) + 1];
+	char line[DB_CLIENT_LINE_NAME_MAX + 1];
 	struct db_client_words words;
 	uint32_t user;
 	bool is_session = db_client_session_of_address(entry->address, &session);
 	bool has_certificate = db_client_certificate_of_address(entry->address, &user);
+	bool is_line = db_client_line_of_address(entry->address, line);
 
 	if (entry->port == 0)
 		return;
-	if (!is_session && !has_certificate && !db_client_user_of_address(entry->address, &user)) {
+	if (!is_session && !has_certificate && !is_line &&
+	    !db_client_user_of_address(entry->address, &user)) {
 		db_client_address(entry->address, text);
 		set_text(object, "address", text);
 		set_number(object, "port", entry->port);
@@ -142,7 +145,7 @@ static void set_who(json_t *object, const struct db_audit_entry *entry)
 	}
 	if (is_session || has_certificate)
 		snprintf(login, sizeof(login), "%s", entry->login ? entry->login : "");
-	else
+	else if (!is_line)
 		db_rights_name(user, login);
 	if (has_certificate)
 		db_client_words_init_certificate(&words, entry->address, login,

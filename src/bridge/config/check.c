@@ -58,6 +58,85 @@ static void check_devices(struct db_load *load)
 	}
 }
 
+/* A line's port against those of the buses, and of the lines before it. */
+static void check_line_device(struct db_load *load, size_t index)
+{
+	const struct db_config *config = load->config;
+	const struct db_rtu_config *line = &config->modbus.lines[index];
+	const char *what = NULL;
+	const char *name = NULL;
+	unsigned place = 0;
+
+	for (size_t i = 0; i < config->bus_count && line->device && !what; i++) {
+		const struct db_bus_config *bus = &config->buses[i];
+
+		if (!bus->device || !same_device(line->device, bus->device))
+			continue;
+		what = "bus";
+		name = bus->name;
+		place = bus->source_line;
+	}
+	for (size_t i = 0; i < index && line->device && !what; i++) {
+		const struct db_rtu_config *other = &config->modbus.lines[i];
+
+		if (!other->device || !same_device(line->device, other->device))
+			continue;
+		what = "line";
+		name = other->name;
+		place = other->source_line;
+	}
+	if (what)
+		db_messages_add_error(&load->messages,
+		                      db_section_find_line(load, "modbus-rtu", line->name,
+		                                           line->source_line, "device"),
+		                      "device = %s is used by %s '%s' on %s already; another port",
+		                      line->device, what, name,
+		                      db_messages_name_line(&load->messages, place).text);
+}
+
+static bool is_there(const struct db_config *config, unsigned unit)
+{
+	if (unit == config->modbus.gateway_unit)
+		return true;
+	for (size_t i = 0; i < config->drive_count; i++) {
+		if (config->drives[i].unit == unit || config->drives[i].vendor_unit == unit)
+			return true;
+	}
+	return false;
+}
+
+/* Whether its PLC waits long enough, and its units are there. Needs times that are filled in. */
+static void check_line(struct db_load *load, const struct db_rtu_config *line)
+{
+	const struct db_modbus_config *modbus = &load->config->modbus;
+	unsigned slowest = modbus->confirm_ms + (unsigned)(db_times_of_line(line) / DB_NS_PER_MS) +
+	                   1;
+
+	if (slowest > line->answer_timeout_ms)
+		db_messages_add_warning(
+			&load->messages,
+			db_section_find_line(load, "modbus-rtu", line->name, line->source_line,
+		                             "answer-timeout-ms"),
+			"answer-timeout-ms = %u: an answer can take %u ms with confirm-ms = %u and "
+			"%u baud, and is not sent then; let the PLC wait longer and say so here, "
+			"or lower confirm-ms",
+			line->answer_timeout_ms, slowest, modbus->confirm_ms, line->baud);
+	for (unsigned unit = 1; unit <= 247; unit++) {
+		/* All of them, or those of drives. */
+		if (db_section_find_line(load, "modbus-rtu", line->name, 0, "units") == 0)
+			return;
+		if (!db_rtu_has_unit(line, unit) || is_there(load->config, unit))
+			continue;
+		db_messages_add_warning(
+			&load->messages,
+			db_section_find_line(load, "modbus-rtu", line->name, line->source_line,
+		                             "units"),
+			"units: unit %u is of no drive, and not gateway-unit: it gets no answer",
+			unit);
+		return;
+	}
+}
+
 /* Checks the second unit of this drive against all units of the other one. */
 static void check_vendor_unit(struct db_load *load, const struct db_drive_config *drive,
                               const struct db_drive_config *other)
@@ -342,6 +421,8 @@ static void check_families(struct db_load *load)
 void db_check(struct db_load *load)
 {
 	check_devices(load);
+	for (size_t i = 0; i < load->config->modbus.line_count; i++)
+		check_line_device(load, i);
 	db_doors_check(load);
 	for (size_t i = 0; i < load->config->drive_count; i++)
 		check_drive(load, i);
@@ -354,4 +435,6 @@ void db_check(struct db_load *load)
 		check_families(load);
 	if (load->messages.errors == 0)
 		db_times_check(load);
+	for (size_t i = 0; load->messages.errors == 0 && i < load->config->modbus.line_count; i++)
+		check_line(load, &load->config->modbus.lines[i]);
 }

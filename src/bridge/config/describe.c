@@ -356,6 +356,33 @@ static void describe_bus(const struct db_config *config, size_t index, FILE *out
 	}
 }
 
+static void describe_plc(const struct db_config *config, const struct db_rtu_config *line,
+                         FILE *out)
+{
+	char units[DB_UNITS_TEXT_MAX];
+
+	db_text_of_units(line->units, "", units);
+	fprintf(out, "modbus-rtu %s\n  %-14s%s, %u baud, 8", line->name, "port", line->device,
+	        line->baud);
+	fprintf(out, "%c%u, direction ", "NEO"[line->parity], line -> stop_bits);
+	put_word(out, "modbus-rtu", "direction", line->direction);
+	if (line->direction != DB_DIRECTION_ADAPTER)
+		fprintf(out, " (%u ms before, %u ms after)", line->rts_before_ms,
+		        line->rts_after_ms);
+	fprintf(out, "\n  %-14s%s\n", "units",
+	        strcmp(units, DB_UNITS_ALL) == 0 ? "of every drive, and gateway-unit" : units);
+	fprintf(out, "  %-14s%s%s%s\n", "its PLC",
+	        line->may_write ? "reads and writes" : "only reads", line->role ? ", as role " : "",
+	        line->role ? line->role->name : "");
+	fprintf(out, "  %-14safter %.0f ms at the latest, none after %u ms\n", "answers",
+	        config->modbus.confirm_ms + db_times_in_ms(db_times_of_line(line)),
+	        line->answer_timeout_ms);
+	fprintf(out,
+	        "  %-14sa stop is carried out for every drive of the units, all else ignored\n",
+	        "broadcasts");
+	put_log(out, "modbus-rtu", line->log);
+}
+
 void db_config_describe(const struct db_config *config, FILE *out)
 {
 	describe_modbus(config, out);
@@ -372,6 +399,8 @@ void db_config_describe(const struct db_config *config, FILE *out)
 	else
 		fprintf(out, "  %-14s%u MiB of files at most\n", "audit trail",
 		        config->control.audit_mib);
+	for (size_t i = 0; i < config->modbus.line_count; i++)
+		describe_plc(config, &config->modbus.lines[i], out);
 	for (size_t i = 0; i < config->bus_count; i++)
 		describe_bus(config, i, out);
 	if (config->drive_count == 0)

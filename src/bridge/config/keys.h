@@ -24,6 +24,7 @@ enum db_config_kind {
 	DB_KEY_LISTEN,    /* ADDRESS:PORT */
 	DB_KEY_NETWORKS,  /* list of ADDRESS or ADDRESS/PREFIX */
 	DB_KEY_DRIVES,    /* one of `words`, all and none, or a list of names of drives */
+	DB_KEY_UNITS,     /* the word all, or a list of unit ids and ranges of them, as bits */
 	DB_KEY_PROTOCOL,  /* name of a family of the driver list, stored as its driver */
 	DB_KEY_TRANSPORT, /* one of `words`, stored as the transport of this name */
 	DB_KEY_BUS,       /* name of a bus section, stored as its index among the buses */
@@ -40,7 +41,8 @@ enum db_config_scope {
 };
 
 struct db_config_key {
-	const char *section; /* "modbus", "control", "role", "bus" or "drive" */
+	const char *section; /* "modbus", "control", "role", "modbus-rtu", "bus" or
+			       * "drive" */
 	const char *name;
 	enum db_config_kind kind;
 	/* As written in a file (lists: separated by spaces). Null: the key must be given; "": the

@@ -15,7 +15,7 @@ const struct db_built_in db_load_built_in = { db_drivers, db_transports };
 static void read_sources(struct db_load *load)
 {
 	static const struct db_reader_rules rules = {
-		.sections = "modbus, control, role NAME, bus NAME or drive NAME",
+		.sections = "modbus, control, role NAME, bus NAME, drive NAME or modbus-rtu NAME",
 	};
 
 	if (!db_reader_read(&load->reader, &rules, &load->messages))
@@ -39,6 +39,14 @@ static void name_places(struct db_config *config, const struct db_messages *mess
 
 		bus->source_file = source->path;
 		bus->source_line -= source->lines_before;
+	}
+	for (size_t i = 0; i < config->modbus.line_count; i++) {
+		struct db_rtu_config *line = &config->modbus.lines[i];
+		const struct db_source *source = db_messages_find_source(messages,
+		                                                         line->source_line);
+
+		line->source_file = source->path;
+		line->source_line -= source->lines_before;
 	}
 	for (size_t i = 0; i < config->drive_count; i++) {
 		struct db_drive_config *drive = &config->drives[i];
@@ -186,6 +194,12 @@ void db_config_free(struct db_config *config)
 		free(config->modbus.roles[i].write.names);
 	}
 	free(config->modbus.roles);
+	for (size_t i = 0; config->modbus.lines && i < config->modbus.line_count; i++) {
+		free(config->modbus.lines[i].name);
+		free(config->modbus.lines[i].device);
+		free(config->modbus.lines[i].role_name);
+	}
+	free(config->modbus.lines);
 	free(config->control.socket);
 	free(config->control.read_group);
 	free(config->control.act_group);

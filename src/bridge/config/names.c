@@ -2,6 +2,7 @@
 #include "config/names.h"
 
 #include "config/keys.h"
+#include "drivebridge/client.h"
 #include "drivebridge/driver.h"
 
 #include <stdio.h>
@@ -9,10 +10,10 @@
 
 #define NAME_MAX_COMPARED 63
 
-static const char *const SECTIONS[] = { "modbus", "control", "role", "bus", "drive" };
+static const char *const SECTIONS[] = { "modbus", "control", "role", "bus", "drive", "modbus-rtu" };
 
 #define SECTION_COUNT (sizeof(SECTIONS) / sizeof(SECTIONS[0]))
-#define SECTION_TEXT "modbus, control, role NAME, bus NAME and drive NAME"
+#define SECTION_TEXT "modbus, control, role NAME, bus NAME, drive NAME and modbus-rtu NAME"
 
 /* --- which families -------------------------------------------------------------------------- */
 
@@ -235,7 +236,8 @@ static bool check_section(const struct db_reader *reader, size_t index,
 {
 	const struct db_reader_section *section = &reader->sections[index];
 	bool titled = strcmp(section->name, "bus") == 0 || strcmp(section->name, "drive") == 0 ||
-	              strcmp(section->name, "role") == 0;
+	              strcmp(section->name, "role") == 0 ||
+	              strcmp(section->name, "modbus-rtu") == 0;
 
 	if (!is_known_section(section->name)) {
 		db_messages_add_error(messages, section->line,
@@ -254,6 +256,15 @@ static bool check_section(const struct db_reader *reader, size_t index,
 			messages, section->line,
 			"'%s' is no name for a %s; 1 to 31 of the characters A-Z a-z 0-9 _ -",
 			section->title, section->name);
+		return false;
+	}
+	/* Its name is its address in histories and the audit trail. */
+	if (strcmp(section->name, "modbus-rtu") == 0 &&
+	    strlen(section->title) > DB_CLIENT_LINE_NAME_MAX) {
+		db_messages_add_error(
+			messages, section->line,
+			"'%s' is too long for the name of a line; at most %d characters",
+			section->title, DB_CLIENT_LINE_NAME_MAX);
 		return false;
 	}
 	for (size_t i = 0; i < index; i++) {
@@ -328,7 +339,8 @@ static bool check_key(const struct db_driver *const *drivers, const struct db_re
 	/* Families have no options that are lists. */
 	known = db_keys_find(section, key->name);
 	if (key->list &&
-	    !(known && (known->kind == DB_KEY_NETWORKS || known->kind == DB_KEY_DRIVES))) {
+	    !(known && (known->kind == DB_KEY_NETWORKS || known->kind == DB_KEY_DRIVES ||
+	                known->kind == DB_KEY_UNITS))) {
 		db_messages_add_error(messages, key->line,
 		                      "%s is a list; '%s' takes one value without braces",
 		                      key->name, key->name);

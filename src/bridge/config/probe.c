@@ -5,6 +5,7 @@
  */
 #include "drivebridge/config.h"
 #include "drivebridge/transport.h"
+#include "transport/serial.h"
 
 #include <errno.h>
 #include <grp.h>
@@ -27,7 +28,8 @@
 struct probe {
 	FILE *out;
 	FILE *errors;
-	char user[64]; /* the user that opens the ports */
+	const char *kind; /* "bus" or "line", for messages */
+	char user[64];    /* the user that opens the ports */
 	uid_t uid;
 	gid_t groups[GROUPS_MAX];
 	int group_count;
@@ -36,8 +38,8 @@ struct probe {
 static void add_warning(const struct probe *probe, const struct db_bus_config *bus,
                         const char *port, const char *what)
 {
-	fprintf(probe->errors, "%s:%u: warning: bus %s: %s %s\n", bus->source_file,
-	        bus->source_line, bus->name, port, what);
+	fprintf(probe->errors, "%s:%u: warning: %s %s: %s %s\n", bus->source_file, bus->source_line,
+	        probe->kind, bus->name, port, what);
 }
 
 /* --- the user --------------------------------------------------------------------------------- */
@@ -149,8 +151,8 @@ static void probe_port(const struct probe *probe, const struct db_bus_config *bu
 	} else if (!may_open(probe, &about)) {
 		warn_closed(probe, bus, &about);
 	} else {
-		fprintf(probe->out, "  bus %s: %s is a serial port, and %s may open it\n",
-		        bus->name, bus->device, probe->user);
+		fprintf(probe->out, "  %s %s: %s is a serial port, and %s may open it\n",
+		        probe->kind, bus->name, bus->device, probe->user);
 	}
 }
 
@@ -186,10 +188,10 @@ static void probe_interface(const struct probe *probe, const struct db_bus_confi
 
 void db_config_probe(const struct db_config *config, FILE *out, FILE *errors)
 {
-	struct probe probe = { .out = out, .errors = errors };
+	struct probe probe = { .out = out, .errors = errors, .kind = "bus" };
 
 	find_user(&probe);
-	if (config->bus_count > 0)
+	if (config->bus_count + config->modbus.line_count > 0)
 		fputs("on this machine\n", out);
 	for (size_t i = 0; i < config->bus_count; i++) {
 		const struct db_bus_config *bus = &config->buses[i];
@@ -198,5 +200,11 @@ void db_config_probe(const struct db_config *config, FILE *out, FILE *errors)
 			probe_interface(&probe, bus);
 		else
 			probe_port(&probe, bus);
+	}
+	probe.kind = "line";
+	for (size_t i = 0; i < config->modbus.line_count; i++) {
+		const struct db_bus_config port = db_serial_port_of_line(&config->modbus.lines[i]);
+
+		probe_port(&probe, &port);
 	}
 }

@@ -135,6 +135,25 @@ static bool same_options(const char *section, const struct db_driver *driver, co
 	return true;
 }
 
+static bool same_line(const struct db_rtu_config *a, const struct db_rtu_config *b)
+{
+	const struct pair pair = { .a = a, .b = b };
+
+	return same_text(a->name, b->name) && same_section("modbus-rtu", &pair);
+}
+
+/* In any order: lists of the same length without two of one name. */
+static bool same_lines(const struct db_modbus_config *a, const struct db_modbus_config *b)
+{
+	size_t same = 0;
+
+	for (size_t i = 0; i < a->line_count; i++) {
+		for (size_t j = 0; j < b->line_count; j++)
+			same += same_line(&a->lines[i], &b->lines[j]);
+	}
+	return a->line_count == b->line_count && same == a->line_count;
+}
+
 bool db_config_same_modbus(const struct db_config *a, const struct db_config *b)
 {
 	const struct pair pair = { .a = &a->modbus, .b = &b->modbus };
@@ -150,7 +169,7 @@ bool db_config_same_modbus(const struct db_config *a, const struct db_config *b)
 		}
 	}
 	return a->modbus.role_count == b->modbus.role_count && same == a->modbus.role_count &&
-	       same_section("modbus", &pair);
+	       same_lines(&a->modbus, &b->modbus) && same_section("modbus", &pair);
 }
 
 bool db_config_same_control(const struct db_config *a, const struct db_config *b)

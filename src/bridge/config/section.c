@@ -323,6 +323,33 @@ static void read_drives(const struct db_section *section, const struct db_config
 	// cppcheck-suppress memleak ; the member has it now
 }
 
+/* --- units ------------------------------------------------------------------------------------ */
+
+/* The preset is the word; a list has ids and ranges. */
+static void read_units(const struct db_section *section, const struct db_config_key *key,
+                       void *member)
+{
+	const struct db_reader_key *given = find_key(section, key->name);
+	const char *text = given ? given->values : key->preset;
+	uint8_t units[DB_UNITS_SIZE] = { 0 };
+	unsigned position;
+
+	if (!given || !given->list) {
+		if (parse_word(section, key, text, &position))
+			(void)db_text_units(DB_UNITS_ALL, units);
+	}
+	for (size_t i = 0; given && given->list && i < given->count; i++) {
+		if (!db_text_units(text, units))
+			db_messages_add_error(
+				&section->load->messages, db_section_line(section, key->name),
+				"%s: '%s' is no unit id; a number from 1 to 247, or a "
+				"range such as \"10-19\"",
+				key->name, text);
+		text += strlen(text) + 1;
+	}
+	memcpy(member, units, sizeof(units));
+}
+
 /* --- all of them ------------------------------------------------------------------------------ */
 
 /* Reads its text into the member of the section's struct, which is zero. */
@@ -361,6 +388,7 @@ static void read_value(const struct db_section *section, const struct db_config_
 		break;
 	case DB_KEY_NETWORKS:
 	case DB_KEY_DRIVES:
+	case DB_KEY_UNITS:
 	case DB_KEY_PROTOCOL:
 	case DB_KEY_TRANSPORT:
 	case DB_KEY_BUS:
@@ -390,6 +418,10 @@ void db_section_read(const struct db_section *section, void *values)
 		}
 		if (key->kind == DB_KEY_DRIVES) {
 			read_drives(section, key, member);
+			continue;
+		}
+		if (key->kind == DB_KEY_UNITS) {
+			read_units(section, key, member);
 			continue;
 		}
 		text = fits ? text_of(section, key) : key->preset;

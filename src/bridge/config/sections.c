@@ -104,6 +104,36 @@ static bool read_role(struct db_load *load, size_t index, struct db_role_config 
 	return role->name;
 }
 
+/* --- serial lines of PLCs --------------------------------------------------------------------- */
+
+/* After the roles. False when out of memory. */
+static bool read_line(struct db_load *load, size_t index, struct db_rtu_config *line)
+{
+	static const uint8_t none[sizeof(line->units)];
+	struct db_section section = db_section_open(load, index);
+	const struct db_modbus_config *modbus = &load->config->modbus;
+
+	line->name = strdup(section.title);
+	line->source_line = section.line;
+	db_section_read(&section, line);
+	for (size_t i = 0; line->role_name && i < modbus->role_count; i++) {
+		if (strcmp(modbus->roles[i].name, line->role_name) == 0)
+			line->role = &modbus->roles[i];
+	}
+	if (line->role_name && !line->role)
+		db_messages_add_error(
+			&load->messages, db_section_line(&section, "role"),
+			"there is no role '%s'; the name of a section \"role %s { ... }\" "
+			"of this file",
+			line->role_name, line->role_name);
+	if (memcmp(line->units, none, sizeof(none)) == 0 && !db_section_misread(&section, "units"))
+		db_messages_add_error(&load->messages, db_section_line(&section, "units"),
+		                      "line '%s' answers no unit; units = {\"1\", \"10-19\"}, for "
+		                      "instance, or all",
+		                      section.title);
+	return line->name;
+}
+
 /* --- bus: family and transport ---------------------------------------------------------------- */
 
 /* Appends to a list in a text, as far as it fits. */
@@ -487,17 +517,20 @@ bool db_sections_read(struct db_load *load)
 	size_t buses = 0;
 	size_t drives = 0;
 	size_t roles = 0;
+	size_t lines = 0;
 
 	for (size_t i = 0; i < count; i++) {
 		buses += is_section(load, i, "bus");
 		drives += is_section(load, i, "drive");
 		roles += is_section(load, i, "role");
+		lines += is_section(load, i, "modbus-rtu");
 	}
 	/* One more than needed: calloc() of nothing may give null. */
 	config->buses = calloc(buses + 1, sizeof(*config->buses));
 	config->drives = calloc(drives + 1, sizeof(*config->drives));
 	config->modbus.roles = calloc(roles + 1, sizeof(*config->modbus.roles));
-	if (!config->buses || !config->drives || !config->modbus.roles)
+	config->modbus.lines = calloc(lines + 1, sizeof(*config->modbus.lines));
+	if (!config->buses || !config->drives || !config->modbus.roles || !config->modbus.lines)
 		return false;
 	read_modbus(load);
 	read_control(load);
@@ -515,6 +548,11 @@ bool db_sections_read(struct db_load *load)
 	for (size_t i = 0; i < count; i++) {
 		if (is_section(load, i, "role") &&
 		    !read_role(load, i, &config->modbus.roles[config->modbus.role_count++]))
+			return false;
+	}
+	for (size_t i = 0; i < count; i++) {
+		if (is_section(load, i, "modbus-rtu") &&
+		    !read_line(load, i, &config->modbus.lines[config->modbus.line_count++]))
 			return false;
 	}
 	return true;

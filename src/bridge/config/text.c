@@ -237,3 +237,58 @@ void db_text_of_cpus(uint64_t cpus, char text[DB_CPUS_TEXT_MAX])
 		cpu = last;
 	}
 }
+
+/* --- units ------------------------------------------------------------------------------------ */
+
+#define UNIT_MIN 1u
+#define UNIT_MAX 247u
+
+bool db_text_units(const char *text, uint8_t units[DB_UNITS_SIZE])
+{
+	size_t length = strcspn(text, "-");
+	char begin[8];
+	unsigned first;
+	unsigned last;
+
+	if (snprintf(begin, sizeof(begin), "%.*s", (int)length, text) >= (int)sizeof(begin) ||
+	    !db_text_number(begin, &first))
+		return false;
+	last = first;
+	if (text[length] == '-' && !db_text_number(text + length + 1, &last))
+		return false;
+	if (first < UNIT_MIN || last > UNIT_MAX || last < first)
+		return false;
+	for (unsigned unit = first; unit <= last; unit++)
+		units[unit / 8] |= (uint8_t)(1u << (unit % 8));
+	return true;
+}
+
+static bool has_unit(const uint8_t units[DB_UNITS_SIZE], unsigned unit)
+{
+	return unit <= UNIT_MAX && (units[unit / 8] >> (unit % 8) & 1);
+}
+
+void db_text_of_units(const uint8_t units[DB_UNITS_SIZE], const char *quote,
+                      char text[DB_UNITS_TEXT_MAX])
+{
+	size_t used = 0;
+
+	text[0] = '\0';
+	for (unsigned unit = UNIT_MIN; unit <= UNIT_MAX; unit++) {
+		unsigned last = unit;
+		int length;
+
+		if (!has_unit(units, unit))
+			continue;
+		while (has_unit(units, last + 1))
+			last++;
+		length = snprintf(text + used, DB_UNITS_TEXT_MAX - used, "%s%s%u",
+		                  used > 0 ? ", " : "", quote, unit);
+		used += (size_t)length;
+		length = last > unit ? snprintf(text + used, DB_UNITS_TEXT_MAX - used, "-%u%s",
+		                                last, quote) :
+		                       snprintf(text + used, DB_UNITS_TEXT_MAX - used, "%s", quote);
+		used += (size_t)length;
+		unit = last;
+	}
+}

@@ -38,6 +38,17 @@ bool db_text_cpus(const char *text, uint64_t *cpus);
 /* In the form that db_text_cpus() reads. */
 void db_text_of_cpus(uint64_t cpus, char text[DB_CPUS_TEXT_MAX]);
 
+#define DB_UNITS_SIZE 32
+#define DB_UNITS_ALL "1-247"
+
+/* "3", "10-19": adds unit ids of a serial line, 1..247, as bits; ranges rise. */
+bool db_text_units(const char *text, uint8_t units[DB_UNITS_SIZE]);
+
+/* "3, 10-19", with quotes around each where `quote` is "\""; the longest has every second one. */
+#define DB_UNITS_TEXT_MAX 1024
+void db_text_of_units(const uint8_t units[DB_UNITS_SIZE], const char *quote,
+                      char text[DB_UNITS_TEXT_MAX]);
+
 enum db_network_error {
 	DB_NETWORK_OK,
 	DB_NETWORK_NO_ADDRESS, /* not a numeric IPv4 or IPv6 address */

@@ -2,10 +2,12 @@
 #include "config/times.h"
 
 #include "drivebridge/driver.h"
+#include "transport/serial.h"
 
 #include <stdio.h>
 
 #define SPEED_TEXT_MAX 32
+#define LINE_FRAME_MAX 256
 
 size_t db_times_drives_on(const struct db_config *config, size_t bus)
 {
@@ -14,6 +16,14 @@ size_t db_times_drives_on(const struct db_config *config, size_t bus)
 	for (size_t i = 0; i < config->drive_count; i++)
 		count += config->drives[i].bus == bus;
 	return count;
+}
+
+int64_t db_times_of_line(const struct db_rtu_config *line)
+{
+	struct db_bus_config port = db_serial_port_of_line(line);
+
+	/* Each side is silent for 3.5 characters before it sends. */
+	return db_serial_wire_time(&port, LINE_FRAME_MAX + 8);
 }
 
 double db_times_in_ms(db_time time)

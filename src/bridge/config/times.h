@@ -13,6 +13,9 @@ size_t db_times_nodes_on(const struct db_config *config, size_t bus);
 /* One transaction on the wire that a command may have to wait for, and its own: nanoseconds. */
 int64_t db_times_confirm(const struct db_bus_config *bus);
 
+/* The longest answer on a serial line of a PLC, with the silences around it: nanoseconds. */
+int64_t db_times_of_line(const struct db_rtu_config *line);
+
 /* In milliseconds, for people. */
 double db_times_in_ms(db_time time);
 

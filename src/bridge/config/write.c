@@ -122,6 +122,7 @@ static void write_value(const struct written *written, const struct db_config_ke
 	const struct db_transport *transport;
 	FILE *out = written->out;
 	char cpus_text[DB_CPUS_TEXT_MAX];
+	char units_text[DB_UNITS_TEXT_MAX];
 	const char *text;
 	unsigned number;
 	uint64_t cpus;
@@ -159,6 +160,10 @@ static void write_value(const struct written *written, const struct db_config_ke
 		break;
 	case DB_KEY_DRIVES:
 		put_drives(out, member);
+		break;
+	case DB_KEY_UNITS:
+		db_text_of_units(member, "\"", units_text);
+		fprintf(out, "{%s}", units_text);
 		break;
 	case DB_KEY_PROTOCOL:
 		/* Only buses have this key, with their drivers; analyzers do not know it. */
@@ -227,6 +232,10 @@ void db_config_write(const struct db_config *config, FILE *out)
 	for (size_t i = 0; i < config->modbus.role_count; i++) {
 		written.section = &config->modbus.roles[i];
 		write_section(&written, "role", config->modbus.roles[i].name, NULL, "");
+	}
+	for (size_t i = 0; i < config->modbus.line_count; i++) {
+		written.section = &config->modbus.lines[i];
+		write_section(&written, "modbus-rtu", config->modbus.lines[i].name, NULL, "");
 	}
 	for (size_t i = 0; i < config->bus_count; i++) {
 		const struct db_bus_config *bus = &config->buses[i];

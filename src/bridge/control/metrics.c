@@ -220,6 +220,58 @@ static void put_modbus(FILE *out, const struct db_server_stats *stats)
 	        "Connections closed for an unfinished frame or idling.", stats->timeouts);
 }
 
+struct line_metric {
+	const char *name;
+	const char *help;
+	size_t offset;
+};
+
+#define LINE_METRIC(n, member, text)                             \
+	{                                                        \
+		n, text, offsetof(struct db_server_line, member) \
+	}
+
+/* Nothing where there is no line. */
+static void put_lines(FILE *out, const struct db_control_socket *control)
+{
+	static const struct line_metric counters[] = {
+		LINE_METRIC("requests", requests,
+		            "Requests for units of the gateway, and broadcasts."),
+		LINE_METRIC("answers", answers, "Answers sent."),
+		LINE_METRIC("repeated", repeated,
+		            "Requests that repeated one in progress, and were not executed again."),
+		LINE_METRIC("late", late, "Answers not sent: the PLC did not wait any longer."),
+		LINE_METRIC("missed", missed,
+		            "Requests not executed: another one came before they were taken."),
+		LINE_METRIC("foreign", foreign, "Frames for, or from, other devices of the line."),
+		LINE_METRIC("bad", bad,
+		            "Bytes that were no frames, such as those with a wrong CRC."),
+		LINE_METRIC("overruns", overruns, "More bytes without a silence than frames have."),
+		LINE_METRIC("echoes", echoes, "Frames received that were sent."),
+	};
+	const struct db_control_socket_ops *ops = control->setup.ops;
+	struct db_server_line line;
+
+	if (!ops->line || !ops->line(control->setup.context, 0, &line))
+		return;
+	put_head(out, "drivebridge_modbus_rtu_up", "gauge",
+	         "Whether the port of the line is open.");
+	for (size_t i = 0; ops->line(control->setup.context, i, &line); i++)
+		fprintf(out, "drivebridge_modbus_rtu_up{line=\"%s\"} %d\n", line.name, line.up);
+	for (size_t m = 0; m < COUNT_OF(counters); m++) {
+		char name[64];
+
+		snprintf(name, sizeof(name), "drivebridge_modbus_rtu_%s_total", counters[m].name);
+		put_head(out, name, "counter", counters[m].help);
+		for (size_t i = 0; ops->line(control->setup.context, i, &line); i++) {
+			uint32_t value;
+
+			memcpy(&value, (const char *)&line + counters[m].offset, sizeof(value));
+			fprintf(out, "%s{line=\"%s\"} %" PRIu32 "\n", name, line.name, value);
+		}
+	}
+}
+
 /* Nothing more where drivebridge-tls is not there. */
 static void put_secure(FILE *out, const struct db_control_socket *control)
 {
@@ -327,6 +379,7 @@ static void put_all(FILE *out, struct db_session *session, struct subject *drive
 	free_subjects(buses, count);
 	control->setup.ops->server_stats(control->setup.context, &modbus);
 	put_modbus(out, &modbus);
+	put_lines(out, control);
 	put_secure(out, control);
 	put_control(out, control);
 }

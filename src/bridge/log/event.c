@@ -51,6 +51,10 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("client-gone", "d2b7d6f9a9dc4fb8b1e89d0d913d687b", INFO, CLIENT, 4),
 	[DB_EVENT_CLIENT_REFUSED] =
 		KIND("client-refused", "2ceb96144aac429996a0d597cdd9743a", WARNING, REFUSAL, 0),
+	[DB_EVENT_LINE_UP] =
+		OUTAGE("line-up", "0979c31275a24b11aa3e9e612c47d3f2", NOTICE, PORT, 6),
+	[DB_EVENT_LINE_LOST] =
+		OUTAGE("line-lost", "eab278e9d81944208a190dbb508ee1f4", ERROR, PORT, 6),
 	[DB_EVENT_WATCHDOG_TRIPPED] =
 		KIND("watchdog-tripped", "f4b126778ab340cabc0126093758deea", ERROR, WATCHDOG, 4),
 	[DB_EVENT_HOLD_LOST] =

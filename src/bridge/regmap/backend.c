@@ -10,6 +10,11 @@
 #include <stdio.h>
 #include <string.h>
 
+/* The page of the publisher: DRIVEBRIDGE_HOMEPAGE in CMakeLists.txt. */
+#ifndef DB_VENDOR_URL
+#define DB_VENDOR_URL ""
+#endif
+
 /* Null for the gateway. Only called for units that exist. */
 static struct db_view_drive *drive_of(const struct db_registers *registers, uint8_t unit)
 {
@@ -95,6 +100,40 @@ static int backend_write_same(void *context, const struct db_client *client, uin
 	return db_write_drive_same(drive, client, address, value, token);
 }
 
+static bool has_unit(const uint8_t units[32], unsigned unit)
+{
+	return unit != 0 && (units[unit / 8] >> (unit % 8) & 1);
+}
+
+static bool backend_broadcast(void *context, const struct db_client *client,
+                              const uint8_t units[32], uint16_t address, uint16_t count,
+                              const uint16_t *values)
+{
+	const struct db_registers *registers = context;
+	/* No client: answers to it are dropped. */
+	const struct db_write_token nobody = { .client = DB_CLIENT_NOBODY };
+	db_time now = registers->ops->now(registers->context);
+	bool any = false;
+
+	for (size_t i = 0; i < registers->roster->drive_count; i++) {
+		struct db_view_drive *drive = registers->roster->drives[i];
+		const struct db_drive_config *config = drive->config;
+		struct db_request request = {
+			.client = *client,
+			.command = db_write_find_stop(drive, address, count, values),
+		};
+
+		if (drive->leaving || request.command == DB_CMD_NONE ||
+		    !(has_unit(units, config->unit) || has_unit(units, config->vendor_unit)))
+			continue;
+		any = true;
+		db_clients_hear(drive, client);
+		if (db_clients_permit(drive, client, DB_MAY_COMMAND, address))
+			(void)db_commander_ask(drive->commander, &request, nobody, now);
+	}
+	return any;
+}
+
 static size_t backend_server_id(void *context, uint8_t unit, char *text, size_t size, bool *running)
 {
 	const struct db_registers *registers = context;
@@ -156,10 +195,12 @@ static const char *backend_device_id(void *context, uint8_t unit, uint8_t object
 		return drive ? drive->driver->name : "gateway";
 	case OBJECT_REVISION:
 		return DB_VERSION;
+	case OBJECT_VENDOR_URL:
+		return DB_VENDOR_URL[0] ? DB_VENDOR_URL : NULL;
 	case OBJECT_PRODUCT_NAME:
-		return "drivebridge";
+		return drive ? drive->driver->title : "drivebridge gateway";
 	case OBJECT_MODEL_NAME:
-		return drive ? model_of(drive) : NULL;
+		return drive ? model_of(drive) : "gateway";
 	case OBJECT_USER_APPLICATION_NAME:
 		return drive ? drive->config->name : NULL;
 	default:
@@ -200,6 +241,7 @@ const struct db_backend db_registers_backend = {
 	.read = backend_read,
 	.write = backend_write,
 	.write_same = backend_write_same,
+	.broadcast = backend_broadcast,
 	.server_id = backend_server_id,
 	.device_id = backend_device_id,
 	.client = backend_client,

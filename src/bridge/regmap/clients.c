@@ -36,7 +36,7 @@ bool db_clients_permit(const struct db_view_drive *drive, const struct db_client
 	db_clients_count_role_refusal(drive->registers, client);
 	if (what != DB_MAY_READ)
 		db_record_denied(drive->registers, drive, client, (uint8_t)drive->config->unit,
-		                 address, "the role of its certificate does not allow it");
+		                 address, "its role does not allow it");
 	return false;
 }
 

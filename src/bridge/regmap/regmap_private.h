@@ -158,6 +158,10 @@ int db_write_drive(struct db_view_drive *drive, const struct db_client *client, 
                    uint16_t address, uint16_t count, const uint16_t *values,
                    struct db_write_token token);
 
+/* The stop in a write of holding registers; NONE. */
+enum db_command db_write_find_stop(const struct db_view_drive *drive, uint16_t address,
+                                   uint16_t count, const uint16_t *values);
+
 /* db_backend's write_same. */
 int db_write_drive_same(struct db_view_drive *drive, const struct db_client *client,
                         uint16_t address, uint16_t value, struct db_write_token token);

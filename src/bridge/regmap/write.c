@@ -106,8 +106,7 @@ static bool is_permitted_for_bus(const struct write *write)
 		db_clients_count_role_refusal(registers, write->client);
 		db_record_denied(registers, drive, write->client, (uint8_t)drive->config->unit,
 		                 write->address,
-		                 "the role of its certificate does not allow it for every drive of "
-		                 "the bus");
+		                 "its role does not allow it for every drive of the bus");
 		return false;
 	}
 	return true;
@@ -391,6 +390,16 @@ int db_write_drive(struct db_view_drive *drive, const struct db_client *client, 
 	if (first->flags & DB_ROW_HEARTBEAT)
 		return write_heartbeat(&write);
 	return first->part == DB_PART_BLOCK ? write_block(&write) : write_params(&write);
+}
+
+enum db_command db_write_find_stop(const struct db_view_drive *drive, uint16_t address,
+                                   uint16_t count, const uint16_t *values)
+{
+	struct write write = { .address = address, .values = values };
+
+	return db_span_find(&drive->map->holding, address, count, &write.span) == 0 ?
+	               find_stop(&write) :
+	               DB_CMD_NONE;
 }
 
 int db_write_drive_same(struct db_view_drive *drive, const struct db_client *client,

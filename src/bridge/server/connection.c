@@ -33,6 +33,7 @@ struct db_connection {
 	struct db_client client;
 	struct db_peer *peer;
 	uint64_t requests;
+	struct db_diagnostics diagnostics;
 	db_time since;
 	db_time frame_since;  /* when the unfinished frame in `in` began */
 	db_time active_since; /* last byte in either direction */
@@ -81,6 +82,8 @@ void db_connection_count_refusal(struct db_connection_shared *shared, struct db_
 		[DB_REFUSED_INSECURE] = &shared->stats.refused_address,
 		[DB_REFUSED_NO_ROLE] = &shared->stats.refused_writes,
 		[DB_REFUSED_ROLE] = &shared->stats.refused_writes,
+		[DB_REFUSED_LINE] = &shared->stats.refused_writes,
+		[DB_REFUSED_BROADCAST] = &shared->stats.refused_writes,
 		[DB_REFUSED_PACE] = &shared->stats.held_back,
 	};
 
@@ -277,9 +280,12 @@ static void add_answer(struct db_connection *c, const struct db_modbus_request *
 
 	if (exception)
 		shared->batch_used += db_pdu_exception(request, exception, adu);
+	else if (request->function == DB_FC_DIAGNOSTICS)
+		shared->batch_used += db_pdu_diagnostic(request, &c->diagnostics, adu);
 	else
 		shared->batch_used += db_execute_answer(&shared->executor, &c->client, request, adu,
 		                                        &exception);
+	db_diagnostics_count_answer(&c->diagnostics, exception);
 	if (exception > 0 && exception < DB_EXCEPTION_CODES) {
 		shared->stats.exceptions++;
 		shared->stats.exceptions_by_code[exception]++;
@@ -320,13 +326,16 @@ static bool ensure_queue(struct db_connection *c)
 
 /*
  * FC 22 computes from the register's value, which a write in flight may be about to change. It has
- * to wait for that write, and later requests wait too, so that writes keep their order.
+ * to wait for that write, and later requests wait too, so that writes keep their order. FC 8 waits
+ * for everything before it: the queue keeps no data to echo.
  */
 static bool depends_on_unfinished(const struct db_connection *c,
                                   const struct db_modbus_request *request)
 {
 	const struct db_modbus_request *other;
 
+	if (request->function == DB_FC_DIAGNOSTICS)
+		return c->queued > 0;
 	if (request->function != MODBUS_FC_MASK_WRITE_REGISTER)
 		return false;
 	for (unsigned i = 0; i < c->queued; i++) {
@@ -454,6 +463,8 @@ static enum taken take_request(struct db_connection *c, size_t *offset, db_time 
 	*offset += (size_t)length;
 	c->shared->stats.requests++;
 	c->requests++;
+	db_diagnostics_add(&c->diagnostics, DB_DIAGNOSTIC_BUS_MESSAGES, 1);
+	db_diagnostics_add(&c->diagnostics, DB_DIAGNOSTIC_MESSAGES, 1);
 	if (result == 0)
 		result = start_request(c, &request, now);
 	return queue_or_answer(c, &request, result) ? TAKEN : BROKEN;

@@ -117,6 +117,27 @@ static uint8_t parse_write_read(const uint8_t *pdu, size_t length, struct db_mod
 	               MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
 }
 
+static uint8_t parse_diagnostic(const uint8_t *pdu, size_t length, struct db_modbus_request *r)
+{
+	bool known;
+
+	if (length < 3)
+		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	r->diagnostic = get16(pdu + 1);
+	r->data = pdu + 3;
+	r->data_length = (uint16_t)(length - 3);
+	/* Restarting, falling silent and settings of a device on a line are not for a gateway. */
+	known = r->diagnostic == DB_DIAGNOSTIC_ECHO ||
+	        (r->diagnostic >= DB_DIAGNOSTIC_CLEAR && r->diagnostic <= DB_DIAGNOSTIC_OVERRUNS);
+	if (!known)
+		return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
+	if (r->diagnostic == DB_DIAGNOSTIC_ECHO)
+		return r->data_length >= 2 && r->data_length % 2 == 0 ?
+		               0 :
+		               MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+	return r->data_length == 2 && get16(r->data) == 0 ? 0 : MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
+}
+
 uint8_t db_pdu_parse(const uint8_t *adu, size_t length, struct db_modbus_request *request)
 {
 	const uint8_t *pdu = adu + HEADER;
@@ -140,6 +161,8 @@ uint8_t db_pdu_parse(const uint8_t *adu, size_t length, struct db_modbus_request
 	case MODBUS_FC_WRITE_MULTIPLE_COILS:
 	case MODBUS_FC_WRITE_MULTIPLE_REGISTERS:
 		return parse_multiple(pdu, size, request);
+	case DB_FC_DIAGNOSTICS:
+		return parse_diagnostic(pdu, size, request);
 	case MODBUS_FC_REPORT_SLAVE_ID:
 		return size == 1 ? 0 : MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	case MODBUS_FC_MASK_WRITE_REGISTER:
@@ -242,6 +265,42 @@ size_t db_pdu_written(const struct db_modbus_request *request, uint8_t *adu)
 		put16(pdu + 3, request->write_count);
 		return finish_frame(request, 5, adu);
 	}
+}
+
+void db_diagnostics_add(struct db_diagnostics *diagnostics, enum db_diagnostic counter,
+                        uint32_t number)
+{
+	uint16_t *value = &diagnostics->counters[counter - DB_DIAGNOSTIC_BUS_MESSAGES];
+
+	*value = (uint16_t)(*value + number);
+}
+
+void db_diagnostics_count_answer(struct db_diagnostics *diagnostics, uint8_t exception)
+{
+	if (exception != 0)
+		db_diagnostics_add(diagnostics, DB_DIAGNOSTIC_EXCEPTIONS, 1);
+	if (exception == MODBUS_EXCEPTION_NEGATIVE_ACKNOWLEDGE)
+		db_diagnostics_add(diagnostics, DB_DIAGNOSTIC_NAKS, 1);
+	if (exception == MODBUS_EXCEPTION_SLAVE_OR_SERVER_BUSY)
+		db_diagnostics_add(diagnostics, DB_DIAGNOSTIC_BUSY, 1);
+}
+
+size_t db_pdu_diagnostic(const struct db_modbus_request *request,
+                         struct db_diagnostics *diagnostics, uint8_t *adu)
+{
+	uint8_t *pdu = adu + HEADER;
+	size_t length = request->data_length;
+
+	pdu[0] = request->function;
+	put16(pdu + 1, request->diagnostic);
+	if (request->diagnostic >= DB_DIAGNOSTIC_BUS_MESSAGES)
+		put16(pdu + 3,
+		      diagnostics->counters[request->diagnostic - DB_DIAGNOSTIC_BUS_MESSAGES]);
+	else
+		memcpy(pdu + 3, request->data, length);
+	if (request->diagnostic == DB_DIAGNOSTIC_CLEAR)
+		*diagnostics = (struct db_diagnostics){ 0 };
+	return finish_frame(request, 3 + length, adu);
 }
 
 size_t db_pdu_server_id(const struct db_modbus_request *request, const char *text, size_t length,

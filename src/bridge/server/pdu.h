@@ -17,17 +17,48 @@
 #include <stdint.h>
 
 /* What libmodbus has no name for. */
+#define DB_FC_DIAGNOSTICS 0x08
 #define DB_FC_DEVICE_ID 0x2B /* encapsulated interface transport */
 
 #define DB_ADU_MAX ((size_t)MODBUS_TCP_MAX_ADU_LENGTH) /* 7 bytes of header, 253 of PDU */
 #define DB_DEVICE_ID_OBJECTS 7u
 
 /*
+ * FC 8: what was counted since the beginning, or since counters were cleared; each is the
+ * sub-function that reads it. They go on from 0 when they are full.
+ */
+enum db_diagnostic {
+	DB_DIAGNOSTIC_ECHO = 0,   /* no counter: the request comes back */
+	DB_DIAGNOSTIC_CLEAR = 10, /* no counter: all become 0 */
+	DB_DIAGNOSTIC_BUS_MESSAGES = 11,
+	DB_DIAGNOSTIC_BUS_ERRORS = 12, /* frames with a wrong checksum */
+	DB_DIAGNOSTIC_EXCEPTIONS = 13,
+	DB_DIAGNOSTIC_MESSAGES = 14,   /* requests to units of this gateway, and broadcasts */
+	DB_DIAGNOSTIC_NO_ANSWERS = 15, /* those of them that were not answered */
+	DB_DIAGNOSTIC_NAKS = 16,       /* answers with exception 07 */
+	DB_DIAGNOSTIC_BUSY = 17,       /* answers with exception 06 */
+	DB_DIAGNOSTIC_OVERRUNS = 18,   /* frames that were too long to be taken */
+};
+
+struct db_diagnostics {
+	uint16_t counters[DB_DIAGNOSTIC_OVERRUNS - DB_DIAGNOSTIC_BUS_MESSAGES + 1];
+};
+
+/* `counter` is one of those above. */
+void db_diagnostics_add(struct db_diagnostics *diagnostics, enum db_diagnostic counter,
+                        uint32_t number);
+
+/* An answer was made: 0, or this exception. */
+void db_diagnostics_count_answer(struct db_diagnostics *diagnostics, uint8_t exception);
+
+/*
  * One request that passed db_pdu_parse(). Ranges are checked: at least one value, at most what the
  * function allows, and the end is within 65536.
  */
 struct db_modbus_request {
-	const uint8_t *data; /* FC 5, 6, 15, 16, 23: values, inside the caller's frame */
+	/* Inside the caller's frame. FC 5, 6, 15, 16, 23: values; FC 8: what is echoed. */
+	const uint8_t *data;
+	uint16_t data_length; /* FC 8 only, bytes */
 	uint16_t transaction;
 	uint16_t read_address; /* FC 1..4, 23 */
 	uint16_t read_count;
@@ -35,6 +66,7 @@ struct db_modbus_request {
 	uint16_t write_count;   /* 0: this request writes nothing */
 	uint16_t value;         /* FC 5, 6: on the wire; FC 22: the AND mask */
 	uint16_t or_mask;       /* FC 22 */
+	uint16_t diagnostic;    /* FC 8: enum db_diagnostic */
 	uint8_t unit;
 	uint8_t function;
 	uint8_t id_code; /* FC 43/14: 1 basic, 2 regular, 3 extended, 4 one object */
@@ -65,6 +97,10 @@ size_t db_pdu_read(const struct db_modbus_request *request, const uint16_t *valu
 
 /* FC 5, 6, 15, 16 and 22. */
 size_t db_pdu_written(const struct db_modbus_request *request, uint8_t *adu);
+
+/* FC 8, with the request's data still in place. Clears the counters when asked to. */
+size_t db_pdu_diagnostic(const struct db_modbus_request *request,
+                         struct db_diagnostics *diagnostics, uint8_t *adu);
 
 /*
  * FC 17: an id of one byte (the unit), the run indicator, the text. The standard leaves the layout

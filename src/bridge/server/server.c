@@ -12,6 +12,7 @@
 #include "server/connection.h"
 #include "server/listener.h"
 #include "server/peers.h"
+#include "server/plc_lines.h"
 #include "server/secure.h"
 
 #include <errno.h>
@@ -47,6 +48,7 @@ struct db_server {
 	struct db_rights rights;
 	struct db_secure *secure; /* null: there is no secure socket */
 	struct db_certificates *certificates;
+	struct db_plc_lines *lines;
 	size_t room; /* at least max_clients */
 	size_t count;
 	struct db_connection **connections; /* in the order of connecting */
@@ -161,6 +163,18 @@ static struct db_connection *find_connection(const struct db_server *server, uin
 	return NULL;
 }
 
+/* A number that no client has. */
+static uint32_t next_number(void *context)
+{
+	struct db_server *server = context;
+
+	do
+		server->last_id = db_client_number_after(server->last_id);
+	while (find_connection(server, server->last_id) ||
+	       db_plc_lines_has(server->lines, server->last_id));
+	return server->last_id;
+}
+
 /*
  * A backend may answer one write from inside a call for another request (a stop cancels a move).
  * Such answers are only noted, since the batch is in use, and are sent here.
@@ -176,6 +190,7 @@ static void send_late_answers(struct db_server *server)
 			keep_or_drop(server, connection,
 			             db_connection_advance(connection, loop_time(server)));
 		}
+		(void)db_plc_lines_flush(server->lines);
 	}
 	arm_timer(server, db_peers_deadline(server->shared.peers));
 	server->busy = false;
@@ -216,10 +231,7 @@ static void admit_client(struct db_server *server, int fd, struct db_client *cli
 	struct db_connection *connection;
 
 	db_listener_tune(fd);
-	do
-		server->last_id = db_client_number_after(server->last_id);
-	while (find_connection(server, server->last_id));
-	client->id = server->last_id;
+	client->id = next_number(server);
 	connection = db_connection_new(&server->shared, fd, client, role, peer, loop_time(server));
 	if (!connection) {
 		db_certificates_let_go(server->certificates, client->address);
@@ -444,8 +456,11 @@ static void log_refusal(void *context, const uint8_t address[16], enum db_refusa
 		[DB_REFUSED_NO_ROLE] =
 			("request refused: its certificate has no role that the configuration has "
 		         "a section for"),
-		[DB_REFUSED_ROLE] =
-			"request refused: the role of its certificate does not allow it",
+		[DB_REFUSED_ROLE] = "request refused: its role does not allow it",
+		[DB_REFUSED_LINE] = "write refused: its section has allow = read",
+		[DB_REFUSED_BROADCAST] =
+			("request to unit 0 ignored: of what is for all units of a line and has no "
+		         "answer, only a stop is carried out"),
 	};
 	const struct db_server *server = context;
 	char text[DB_CLIENT_ADDRESS_MAX];
@@ -458,6 +473,54 @@ static void log_refusal(void *context, const uint8_t address[16], enum db_refusa
 	else
 		db_log(&server->log, now, DB_EVENT_CLIENT_REFUSED, &about,
 		       "%" PRIu32 " times%s: %s", count, first ? "" : " more", what[kind]);
+}
+
+/* --- serial lines ----------------------------------------------------------------------------- */
+
+static void count_line_refusal(void *context, const uint8_t address[16], enum db_refusal kind)
+{
+	struct db_server *server = context;
+	db_time now = loop_time(server);
+
+	db_connection_count_refusal(&server->shared,
+	                            db_peers_find(server->shared.peers, address, now), kind, now);
+}
+
+static void begin_calls(void *context)
+{
+	struct db_server *server = context;
+
+	server->busy = true;
+}
+
+static void end_calls(void *context)
+{
+	send_late_answers(context);
+}
+
+static int open_lines(struct db_server *server)
+{
+	const struct db_plc_lines_host host = {
+		.loop = server->loop,
+		.log = &server->log,
+		.executor = &server->shared.executor,
+		.stats = &server->shared.stats,
+		.number = next_number,
+		.refused = count_line_refusal,
+		.begin = begin_calls,
+		.end = end_calls,
+		.context = server,
+	};
+	struct db_plc_lines_change *change;
+	int error;
+
+	server->lines = db_plc_lines_new(&host);
+	if (!server->lines)
+		return -ENOMEM;
+	error = db_plc_lines_prepare(server->lines, server->shared.config, &change);
+	if (error == 0)
+		db_plc_lines_apply(server->lines, change);
+	return error;
 }
 
 static int open_sockets(struct db_server *server)
@@ -511,6 +574,8 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 		                          TIMER_ACCURACY_US, on_timer, server);
 	if (error >= 0)
 		error = sd_event_source_set_enabled(server->timer, SD_EVENT_OFF);
+	if (error >= 0)
+		error = open_lines(server);
 	if (error < 0) {
 		db_server_free(server);
 		return error;
@@ -528,6 +593,8 @@ void db_server_free(struct db_server *server)
 	server->busy = true;
 	while (server->count > 0)
 		drop_connection(server, server->count - 1);
+	db_plc_lines_free(server->lines);
+	server->lines = NULL;
 	db_secure_free(server->secure);
 	sd_event_source_disable_unref(server->timer);
 	sd_event_source_disable_unref(server->io);
@@ -550,6 +617,7 @@ struct db_server_change {
 	/* Both null: the present room is enough. */
 	struct db_connection **connections;
 	struct db_peers *peers;
+	struct db_plc_lines_change *lines;
 };
 
 static int prepare_listener(const struct db_server *server, struct db_server_change *change)
@@ -584,6 +652,8 @@ int db_server_prepare(struct db_server *server, const struct db_modbus_config *c
 	}
 	if (error == 0)
 		error = prepare_listener(server, made);
+	if (error == 0)
+		error = db_plc_lines_prepare(server->lines, config, &made->lines);
 	if (error < 0) {
 		db_server_change_free(made);
 		return error;
@@ -598,6 +668,7 @@ void db_server_change_free(struct db_server_change *change)
 		return;
 	if (change->listener >= 0)
 		close(change->listener);
+	db_plc_lines_change_free(change->lines);
 	db_peers_free(change->peers);
 	free(change->connections);
 	free(change);
@@ -673,6 +744,8 @@ void db_server_apply(struct db_server *server, struct db_server_change *change)
 	take_room(server, change, now);
 	for (size_t i = server->count; i-- > 0;)
 		adapt_connection(server, i);
+	db_plc_lines_apply(server->lines, change->lines);
+	change->lines = NULL;
 	if (elsewhere) {
 		db_secure_free(server->secure);
 		server->secure = NULL;
@@ -703,14 +776,20 @@ void db_server_answer(struct db_server *server, struct db_write_token token, uin
 {
 	struct db_connection *connection = find_connection(server, token.client);
 
-	if (!connection || !db_connection_answer(connection, token.sequence, exception))
+	if (!connection && !db_plc_lines_answer(server->lines, token, exception))
+		return;
+	if (connection && !db_connection_answer(connection, token.sequence, exception))
 		return;
 	if (server->busy) {
 		server->late_answers = true;
 		return;
 	}
 	server->busy = true;
-	keep_or_drop(server, connection, db_connection_advance(connection, loop_time(server)));
+	if (!connection)
+		server->late_answers = true;
+	else
+		keep_or_drop(server, connection,
+		             db_connection_advance(connection, loop_time(server)));
 	send_late_answers(server);
 }
 
@@ -759,12 +838,17 @@ void db_server_stats(const struct db_server *server, struct db_server_stats *sta
 size_t db_server_clients(const struct db_server *server, struct db_server_client *clients,
                          size_t max)
 {
-	size_t count = server->count < max ? server->count : max;
 	db_time now = loop_time(server);
+	size_t count = db_plc_lines_list(server->lines, clients, max, now);
 
-	for (size_t i = 0; i < count; i++)
-		db_connection_describe(server->connections[i], &clients[i], now);
+	for (size_t i = 0; i < server->count && count < max; i++)
+		db_connection_describe(server->connections[i], &clients[count++], now);
 	return count;
+}
+
+bool db_server_read_line(const struct db_server *server, size_t index, struct db_server_line *line)
+{
+	return db_plc_lines_read(server->lines, index, line);
 }
 
 void db_server_refused(struct db_server *server, const struct db_client *client,
@@ -774,4 +858,6 @@ void db_server_refused(struct db_server *server, const struct db_client *client,
 
 	if (connection)
 		db_connection_refused(connection, kind, loop_time(server));
+	else if (db_plc_lines_has(server->lines, client->id))
+		count_line_refusal(server, client->address, kind);
 }

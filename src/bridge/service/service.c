@@ -114,6 +114,13 @@ static bool read_secure_status(void *context, struct db_secure_status *status)
 	return db_server_secure_status(service->server, status);
 }
 
+static bool read_line(void *context, size_t index, struct db_server_line *line)
+{
+	const struct service *service = context;
+
+	return db_server_read_line(service->server, index, line);
+}
+
 static struct db_configuration_report report_configuration(void *context)
 {
 	return configuration_report(context);
@@ -150,6 +157,7 @@ static int listen_for_tools(struct service *service)
 		.configuration = report_configuration,
 		.server_stats = read_server_stats,
 		.secure_status = read_secure_status,
+		.line = read_line,
 		.scan = scans_begin,
 		.scan_read = scans_read,
 		.scan_find = scans_find,

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <sys/epoll.h>
 
-/* A bus has two descriptors, its port and the port's lock; a reload may open new ones before the
- * old ones are closed. */
+/* A bus, or a line of a PLC, has its port and the port's lock, and two descriptors to wake others;
+ * a reload may open new ones before the old ones are closed. */
 #define DESCRIPTORS_PER_BUS 8
 /* For the log, the loop, the server, the files that a reload reads, and the tools. */
 #define DESCRIPTORS_BESIDE (24 + DB_CONTROL_SOCKET_DESCRIPTORS)
@@ -63,7 +63,10 @@ void service_keep_descriptors(struct service *service)
 {
 	db_server_keep_descriptors(
 		service->server,
-		DESCRIPTORS_BESIDE + DESCRIPTORS_PER_BUS * (unsigned)service->plant->bus_count);
+		DESCRIPTORS_BESIDE +
+			DESCRIPTORS_PER_BUS *
+				(unsigned)(service->plant->bus_count +
+	                                   service->plant->edition->config->modbus.line_count));
 }
 
 void service_set_rights(struct service *service)

@@ -16,6 +16,7 @@ static bool is_ipv4(const uint8_t address[16])
 #define SESSION_PREFIX 0x01
 #define USER_PREFIX 0x02
 #define CERTIFICATE_PREFIX 0x03
+#define LINE_PREFIX 0x04
 
 /* Positions of the parts of a session's address. */
 enum { SESSION_USER = 1, SESSION_ACTOR = 5, SESSION_NAMED = 9 };
@@ -104,6 +105,20 @@ bool db_client_certificate_of_address(const uint8_t address[16], uint32_t *certi
 	return address[0] == CERTIFICATE_PREFIX;
 }
 
+void db_client_address_of_line(const char *name, uint8_t address[16])
+{
+	memset(address, 0, 16);
+	address[0] = LINE_PREFIX;
+	memcpy(address + 1, name, strnlen(name, DB_CLIENT_LINE_NAME_MAX));
+}
+
+bool db_client_line_of_address(const uint8_t address[16], char name[DB_CLIENT_LINE_NAME_MAX + 1])
+{
+	memcpy(name, address + 1, DB_CLIENT_LINE_NAME_MAX);
+	name[DB_CLIENT_LINE_NAME_MAX] = '\0';
+	return address[0] == LINE_PREFIX;
+}
+
 bool db_client_same(const uint8_t a[16], const uint8_t b[16])
 {
 	return memcmp(a, b, a[0] == CERTIFICATE_PREFIX ? LOCAL_FORM : 16) == 0;
@@ -130,9 +145,14 @@ void db_client_address(const uint8_t address[16], char text[DB_CLIENT_ADDRESS_MA
 {
 	bool v4 = is_ipv4(address);
 	struct db_client_session session;
+	char line[DB_CLIENT_LINE_NAME_MAX + 1];
 	size_t length;
 	uint32_t user;
 
+	if (db_client_line_of_address(address, line)) {
+		snprintf(text, DB_CLIENT_ADDRESS_MAX, "rtu %s", line);
+		return;
+	}
 	if (db_client_session_of_address(address, &session)) {
 		snprintf(text, DB_CLIENT_ADDRESS_MAX, "control, user %u", (unsigned)session.user);
 		return;

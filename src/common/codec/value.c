@@ -39,7 +39,7 @@ const char *db_param_trait_name(unsigned bit)
 {
 	static const char *const names[DB_PARAM_TRAIT_COUNT] = {
 		"preset", "address", "derived",  "action", "secret",
-		"first",  "last",    "together", "state",
+		"first",  "last",    "together", "state",  "write_only",
 	};
 
 	return names[bit];

@@ -81,12 +81,12 @@ const struct db_param xyza_params[XYZA_SHOWN_COUNT] = {
 	                         .description =
 	                                 "1=all parameters as delivered (恢复出厂); cannot be read; "
 	                                 "to be unlocked; needs 10 s and a power cycle",
-	                         .traits = DB_PARAM_ACTION },
+	                         .traits = DB_PARAM_ACTION | DB_PARAM_WRITE_ONLY },
 	[XYZA_SLAVE_NUMBER] = { "slave_number", DB_U16, "", 1, XYZA_OBJECT_MAX, false,
 	                        .description =
 	                                "The controller's number on the bus (从机序号); cannot be "
 	                                "read; to be unlocked; effective at once",
-	                        .traits = DB_PARAM_ADDRESS },
+	                        .traits = DB_PARAM_ADDRESS | DB_PARAM_WRITE_ONLY },
 	[XYZA_RAMP_ACCELERATION] = { "ramp_acceleration", DB_F32, "Hz/s", 0, FLT_MAX, false,
 	                             .description =
 	                                     "Acceleration, from min_speed, max_speed and "

@@ -219,6 +219,23 @@ db_time db_serial_wire_time(const struct db_bus_config *config, size_t bytes)
 	return (db_time)bytes * (db_time)bits * DB_NS_PER_S / (db_time)config->baud;
 }
 
+struct db_bus_config db_serial_port_of_line(const struct db_rtu_config *line)
+{
+	return (struct db_bus_config){
+		.name = line->name,
+		.device = line->device,
+		.baud = line->baud,
+		.parity = line->parity,
+		.stop_bits = line->stop_bits,
+		.line = DB_LINE_RS485,
+		.direction = line->direction,
+		.rts_before_ms = line->rts_before_ms,
+		.rts_after_ms = line->rts_after_ms,
+		.source_file = line->source_file,
+		.source_line = line->source_line,
+	};
+}
+
 /* --- as a transport --------------------------------------------------------------------------- */
 
 struct db_port {

@@ -27,6 +27,10 @@ int db_serial_fd(const struct db_serial *serial);
 ssize_t db_serial_read(struct db_serial *serial, void *bytes, size_t size);
 ssize_t db_serial_write(struct db_serial *serial, const void *bytes, size_t length);
 
+/* The port of a line where this is not the master, in the form that the functions above take. The
+ * device is the line's. */
+struct db_bus_config db_serial_port_of_line(const struct db_rtu_config *line);
+
 /* Time that a number of characters takes on this line, start, parity and stop bits included. */
 db_time db_serial_wire_time(const struct db_bus_config *config, size_t bytes);
 

@@ -82,9 +82,9 @@ char *db_capture_audit_describe(const json_t *record)
 
 /* --- ways ------------------------------------------------------------------------------------ */
 
-const char *const db_capture_audit_ways[] = { "page",           "OPC UA", "MQTT",
-	                                      "control socket", "Modbus", "Modbus over TLS",
-	                                      "service",        NULL };
+const char *const db_capture_audit_ways[] = { "page",           "OPC UA",  "MQTT",
+	                                      "control socket", "Modbus",  "Modbus over TLS",
+	                                      "Modbus RTU",     "service", NULL };
 
 /* From the words alone: the end of a command has nothing else. */
 const char *db_capture_audit_way(const json_t *record)
@@ -95,7 +95,9 @@ const char *db_capture_audit_way(const json_t *record)
 	if (strcmp(who, "drivebridged") == 0 || who[0] == '\0')
 		return "service";
 	if (strncmp(who, "control", strlen("control")) != 0)
-		return strstr(who, ", certificate ") ? "Modbus over TLS" : "Modbus";
+		return strstr(who, ", certificate ") ? "Modbus over TLS" :
+		       strncmp(who, "rtu ", 4) == 0  ? "Modbus RTU" :
+		                                       "Modbus";
 	/* What the tool says comes last: before it stands what users call themselves. */
 	for (const char *at = who + strlen(who); at > who; at--) {
 		for (size_t i = 0; i < sizeof(tools) / sizeof(tools[0]); i++) {

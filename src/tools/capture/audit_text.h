@@ -20,7 +20,8 @@ char *db_capture_audit_describe(const json_t *record);
 /* By what a client came, as the words for who tell it: one of db_capture_audit_ways. */
 const char *db_capture_audit_way(const json_t *record);
 
-/* "page", "OPC UA", "MQTT", "control socket", "Modbus", "Modbus over TLS", "service"; ends with
+/* "page", "OPC UA", "MQTT", "control socket", "Modbus", "Modbus over TLS", "Modbus RTU",
+ * "service"; ends with
  * NULL. */
 extern const char *const db_capture_audit_ways[];
 

@@ -19,6 +19,10 @@ enum option {
 };
 
 #define LINKTYPE_CAN_SOCKETCAN 227
+#define LINKTYPE_USER0 147
+#define LINE_VERSION 1
+#define LINE_WORDS_MAX 4096
+#define LINE_BYTES_MAX 2048
 #define RESOLUTION_US 6
 #define FLAG_INBOUND 1
 #define FLAG_OUTBOUND 2
@@ -27,7 +31,7 @@ enum option {
 
 /* A block under construction: little-endian, in words. */
 struct builder {
-	uint8_t bytes[sizeof(((struct db_capture_pcapng *)NULL)->comment) + 512];
+	uint8_t bytes[LINE_WORDS_MAX + LINE_BYTES_MAX + 1024];
 	size_t used;
 };
 
@@ -88,7 +92,9 @@ bool db_capture_pcapng_begin(FILE *file, const json_t *bus)
 	if (!write_block(&builder, file))
 		return false;
 	begin_block(&builder, BLOCK_INTERFACE);
-	put(&builder, LINKTYPE_CAN_SOCKETCAN, 2);
+	put(&builder,
+	    json_is_false(json_object_get(bus, "can")) ? LINKTYPE_USER0 : LINKTYPE_CAN_SOCKETCAN,
+	    2);
 	put(&builder, 0, 2);
 	put(&builder, 0, 4); /* no limit: packets are whole */
 	put_option(&builder, OPTION_NAME, interface, strnlen(interface, 255));
@@ -120,36 +126,101 @@ static struct frame read_frame(const json_t *record)
 	return frame;
 }
 
+static void begin_packet(struct builder *builder, const json_t *record, size_t length)
+{
+	uint64_t time_us = (uint64_t)json_integer_value(json_object_get(record, "time_us"));
+
+	begin_block(builder, BLOCK_PACKET);
+	put(builder, 0, 4); /* index of the one interface */
+	put(builder, time_us >> 32, 4);
+	put(builder, time_us & UINT32_MAX, 4);
+	put(builder, length, 4);
+	put(builder, length, 4);
+}
+
+/* 0 where it has none. */
+static uint8_t find_flag(const json_t *record)
+{
+	const char *direction = db_words_text(record, "direction");
+
+	return strcmp(direction, "sent") == 0     ? FLAG_OUTBOUND :
+	       strcmp(direction, "received") == 0 ? FLAG_INBOUND :
+	                                            0;
+}
+
+static bool end_packet(struct builder *builder, struct db_capture_pcapng *pcapng,
+                       const json_t *record, FILE *file)
+{
+	uint8_t flags[4] = { find_flag(record) };
+
+	put_option(builder, OPTION_FLAGS, flags, sizeof(flags));
+	if (pcapng->comment[0] != '\0')
+		put_option(builder, OPTION_COMMENT, pcapng->comment, strlen(pcapng->comment));
+	if (pcapng->missed > 0) {
+		put(builder, OPTION_DROPPED, 2);
+		put(builder, 8, 2);
+		put(builder, (uint64_t)pcapng->missed, 8);
+	}
+	put_option(builder, OPTION_END, "", 0);
+	pcapng->missed = 0;
+	pcapng->comment[0] = '\0';
+	return write_block(builder, file);
+}
+
+/* A packet of a serial line: see the header. */
+struct packet {
+	uint8_t bytes[LINE_WORDS_MAX + LINE_BYTES_MAX + 512];
+	size_t length;
+};
+
+static void put_text(struct packet *packet, const char *text, size_t most)
+{
+	size_t length = strnlen(text, most);
+
+	packet->bytes[packet->length++] = (uint8_t)(length >> 8);
+	packet->bytes[packet->length++] = (uint8_t)length;
+	memcpy(packet->bytes + packet->length, text, length);
+	packet->length += length;
+}
+
+static bool write_line_packet(struct db_capture_pcapng *pcapng, const json_t *record,
+                              const char *words, FILE *file)
+{
+	const char *data = db_words_text(record, "data");
+	uint8_t flag = find_flag(record);
+	struct packet packet;
+	struct builder builder;
+
+	packet.length = 0;
+	packet.bytes[packet.length++] = LINE_VERSION;
+	packet.bytes[packet.length++] = flag == FLAG_OUTBOUND ? 1 : flag == FLAG_INBOUND ? 2 : 0;
+	put_text(&packet, pcapng->family, 64);
+	put_text(&packet, db_words_text(record, "kind"), 64);
+	put_text(&packet, words, LINE_WORDS_MAX);
+	for (size_t i = 0; data[0] && data[1] && i < LINE_BYTES_MAX; i++, data += 2) {
+		const char digits[] = { data[0], data[1], '\0' };
+
+		packet.bytes[packet.length++] = (uint8_t)strtoul(digits, NULL, 16);
+	}
+	begin_packet(&builder, record, packet.length);
+	put_padded(&builder, packet.bytes, packet.length);
+	return end_packet(&builder, pcapng, record, file);
+}
+
 bool db_capture_pcapng_take(struct db_capture_pcapng *pcapng, const json_t *record,
                             const char *words, FILE *file)
 {
-	uint64_t time_us = (uint64_t)json_integer_value(json_object_get(record, "time_us"));
-	bool sent = strcmp(db_words_text(record, "direction"), "sent") == 0;
 	size_t used = strlen(pcapng->comment);
-	uint8_t flags[4] = { sent ? FLAG_OUTBOUND : FLAG_INBOUND };
 	struct frame frame = read_frame(record);
 	struct builder builder;
 
+	if (pcapng->family)
+		return write_line_packet(pcapng, record, words, file);
 	(void)snprintf(pcapng->comment + used, sizeof(pcapng->comment) - used, "%s%s: %s",
 	               used > 0 ? "; " : "", db_words_text(record, "kind"), words);
 	if (!json_is_integer(json_object_get(record, "id")))
 		return true;
-	begin_block(&builder, BLOCK_PACKET);
-	put(&builder, 0, 4); /* index of the one interface */
-	put(&builder, time_us >> 32, 4);
-	put(&builder, time_us & UINT32_MAX, 4);
-	put(&builder, frame.length, 4);
-	put(&builder, frame.length, 4);
+	begin_packet(&builder, record, frame.length);
 	put_padded(&builder, frame.bytes, frame.length);
-	put_option(&builder, OPTION_FLAGS, flags, sizeof(flags));
-	put_option(&builder, OPTION_COMMENT, pcapng->comment, strlen(pcapng->comment));
-	if (pcapng->missed > 0) {
-		put(&builder, OPTION_DROPPED, 2);
-		put(&builder, 8, 2);
-		put(&builder, (uint64_t)pcapng->missed, 8);
-	}
-	put_option(&builder, OPTION_END, "", 0);
-	pcapng->missed = 0;
-	pcapng->comment[0] = '\0';
-	return write_block(&builder, file);
+	return end_packet(&builder, pcapng, record, file);
 }

@@ -201,7 +201,7 @@ const struct db_ctl_option db_ctl_options[] = {
 	  "How long it is valid; 825, the authority 7305 when not given" },
 	{ "host", "ADDRESS[:PORT]", " export ", "Where the program finds the gateway; this machine's name when not given" },
 	{ "output", "FILE", " trace record commission export ",
-	  "Into a file, with commission the report (DRIVE.commissioning.txt when not given); a trace of CAN as pcapng, of a serial line as text that drivebridge-sim --replay takes" },
+	  "Into a file, with commission the report (DRIVE.commissioning.txt when not given); a trace of CAN as pcapng, of a serial line as text that drivebridge-sim --replay takes, or as pcapng into FILE.pcapng" },
 	{ "duration", "S", " trace record commission ",
 	  "End after so many seconds, of a record from the trigger on; with commission how long a motion lasts, 1.5 when not given, "
 	  "5 at most" },

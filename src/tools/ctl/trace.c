@@ -14,6 +14,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#define PCAPNG ".pcapng"
+
 struct tracing {
 	struct db_ctl *ctl;
 	const json_t *bus;
@@ -177,12 +179,17 @@ static void open_output(struct tracing *tracing)
 {
 	const char *path = tracing->ctl->output;
 	bool can = json_is_true(json_object_get(tracing->bus, "can"));
+	bool named = path && strlen(path) > strlen(PCAPNG) &&
+	             strcmp(path + strlen(path) - strlen(PCAPNG), PCAPNG) == 0;
 
 	tracing->out = stdout;
 	if (!path)
 		return;
 	tracing->out = fopen(path, "we");
-	tracing->pcapng = can && !tracing->ctl->json;
+	/* The text of a serial line can be replayed, so it is what is written otherwise. */
+	tracing->pcapng = (can || named) && !tracing->ctl->json;
+	if (!can)
+		tracing->frames.family = db_words_text(tracing->bus, "protocol");
 	if (!tracing->out ||
 	    (tracing->pcapng && !db_capture_pcapng_begin(tracing->out, tracing->bus)))
 		tracing->status = db_ctl_complain(tracing->ctl, DB_CTL_NO,

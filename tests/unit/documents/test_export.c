@@ -89,7 +89,8 @@ static void registers_parse(void **state)
 		assert_int_equal(strlen(fields[REFERENCE]), 5);
 		assert_int_equal(strtoul(fields[REFERENCE], NULL, 10),
 		                 strtoul(fields[ADDRESS], NULL, 10) + first);
-		assert_true(strcmp(fields[ACCESS], "r") == 0 || strcmp(fields[ACCESS], "rw") == 0);
+		assert_true(strcmp(fields[ACCESS], "r") == 0 || strcmp(fields[ACCESS], "rw") == 0 ||
+		            strcmp(fields[ACCESS], "w") == 0);
 		assert_true(strlen(fields[NAME]) > 0 && strlen(fields[TYPE]) > 0);
 		assert_true(strlen(fields[FAMILIES]) > 0 && strlen(fields[TEXT]) > 0);
 		assert_int_equal(strlen(fields[MIN]) == 0, strlen(fields[MAX]) == 0);

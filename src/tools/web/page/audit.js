@@ -9,7 +9,7 @@ export const title = "Audit";
 
 const KINDS = ["command", "write", "end", "control", "denied", "reload", "set-up", "login", "users",
 	"service", "repeated", "lost", "trail"];
-const WAYS = ["page", "OPC UA", "MQTT", "control socket", "Modbus", "Modbus over TLS", "service"];
+const WAYS = ["page", "OPC UA", "MQTT", "control socket", "Modbus", "Modbus over TLS", "Modbus RTU", "service"];
 const MORE = 100;
 const ROWS_MOST = 1000;
 const COLUMNS = ["Number", "When", "Who", "Through", "Drive", "What", "Result"];

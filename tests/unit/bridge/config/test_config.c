@@ -528,6 +528,10 @@ static struct loaded load_key(const struct db_config_key *key, const char *value
 		         value);
 	else if (strcmp(key->section, "modbus") == 0 || strcmp(key->section, "control") == 0)
 		snprintf(text, sizeof(text), "%s { %s = %s }\n", key->section, key->name, value);
+	else if (strcmp(key->section, "modbus-rtu") == 0)
+		snprintf(text, sizeof(text), "modbus-rtu p { %s %s = %s } role x {}\n",
+		         strcmp(key->name, "device") == 0 ? "" : "device = /dev/ttyP", key->name,
+		         value);
 	else if (strcmp(key->section, "role") == 0)
 		snprintf(text, sizeof(text), "role r { %s = %s }\n", key->name, value);
 	else if (strcmp(key->section, "bus") == 0)
@@ -930,6 +934,7 @@ static void uncomment(char *text)
 		after += strspn(after, " ");
 		if (strncmp(line, "#\t", 2) == 0 || strncmp(line, "# bus press {", 13) == 0 ||
 		    strncmp(line, "# role Operator {", 17) == 0 ||
+		    strncmp(line, "# modbus-rtu press-plc {", 24) == 0 ||
 		    strncmp(line, "# drive feeder {", 16) == 0 || strncmp(line, "# }", 3) == 0 ||
 		    (hash > line && hash[0] == '#' && *after == '='))
 			*hash = ' ';
@@ -978,10 +983,11 @@ static void expect_all_keys(char *text)
 	for (size_t i = 0; i < count; i++) {
 		size_t section = db_reader_find_section(
 			&reader, keys[i].section,
-			strcmp(keys[i].section, "bus") == 0   ? "press" :
-			strcmp(keys[i].section, "drive") == 0 ? "feeder" :
-			strcmp(keys[i].section, "role") == 0  ? "Operator" :
-								"");
+			strcmp(keys[i].section, "bus") == 0        ? "press" :
+			strcmp(keys[i].section, "drive") == 0      ? "feeder" :
+			strcmp(keys[i].section, "role") == 0       ? "Operator" :
+			strcmp(keys[i].section, "modbus-rtu") == 0 ? "press-plc" :
+								     "");
 
 		/* A profile would be a second file. */
 		if (keys[i].kind != DB_KEY_PROFILE && db_keys_fit(&keys[i], driver) &&
@@ -1005,6 +1011,7 @@ static void test_default_file_is_complete(void **state)
 	with = load_good(text);
 	without = load_good(
 		"role Operator { }\n"
+		"modbus-rtu press-plc { device = \"/dev/ttyS1\" role = Operator }\n"
 		"bus press { protocol = vsmd-serial device = \"/dev/serial/by-id/...\" }\n"
 		"drive feeder { bus = press address = 1 unit = 1 }\n");
 	shown = described(with.config);

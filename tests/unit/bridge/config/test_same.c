@@ -30,6 +30,7 @@ static const struct lines SERIAL[] = {
 	{ "bus b", "protocol=vsmd-serial;device=\"/dev/ttyX\"" },
 	{ "bus c", "protocol=vsmd-serial;device=\"/dev/ttyY\"" },
 	{ "drive d", "bus=b;address=1;unit=1" },
+	{ "modbus-rtu p", "device=\"/dev/ttyP\"" },
 	{ NULL, NULL },
 };
 static const struct lines AXES[] = {
@@ -59,6 +60,9 @@ static const struct other OTHERS[] = {
 	{ "modbus", "secure-socket", SERIAL, "secure-socket=\"/run/x\"" },
 	{ "role", "read", SERIAL, "read={\"d\"}" },
 	{ "role", "write", SERIAL, "write={\"d\"}" },
+	{ "modbus-rtu", "device", SERIAL, "device=\"/dev/ttyQ\"" },
+	{ "modbus-rtu", "units", SERIAL, "units={\"1\"}" },
+	{ "modbus-rtu", "role", SERIAL, "role=r" },
 	{ "control", "socket", SERIAL, "socket=off" },
 	{ "control", "read-group", SERIAL, "read-group=adm" },
 	{ "control", "act-group", SERIAL, "act-group=plant" },
@@ -168,8 +172,9 @@ static struct db_config *parse(const char *text)
 
 static bool same_section(const char *section, const struct db_config *a, const struct db_config *b)
 {
-	/* Roles are for Modbus clients. */
-	if (strcmp(section, "modbus") == 0 || strcmp(section, "role") == 0)
+	/* Roles and lines are for Modbus clients. */
+	if (strcmp(section, "modbus") == 0 || strcmp(section, "role") == 0 ||
+	    strcmp(section, "modbus-rtu") == 0)
 		return db_config_same_modbus(a, b);
 	if (strcmp(section, "control") == 0)
 		return db_config_same_control(a, b);

@@ -1164,12 +1164,18 @@ static void identification(void **state)
 	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 0), "drivebridge");
 	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 1), "vsmd-serial");
 	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 2), DB_VERSION);
+	/* Nobody publishes what is built here. */
 	assert_null(db_registers_backend.device_id(fake.registers, 1, 3));
+	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 4),
+	                    db_driver_find("vsmd-serial")->title);
 	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 5), "VSMD113");
 	assert_string_equal(db_registers_backend.device_id(fake.registers, 2, 5),
 	                    db_driver_find("vsmd-serial")->title);
 	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 6), "feeder");
 	assert_string_equal(db_registers_backend.device_id(fake.registers, 0, 0), "drivebridge");
+	assert_string_equal(db_registers_backend.device_id(fake.registers, 0, 4),
+	                    "drivebridge gateway");
+	assert_string_equal(db_registers_backend.device_id(fake.registers, 0, 5), "gateway");
 	assert_null(db_registers_backend.device_id(fake.registers, 0, 6));
 	assert_null(db_registers_backend.device_id(fake.registers, 1, 7));
 	db_registers_backend.client(fake.registers, &fake_client, true);

@@ -239,17 +239,12 @@ static void wrong_lengths(void **state)
 	static const struct {
 		uint8_t length, pdu[16];
 	} good[] = {
-		{ 5, { 1, 0, 0, 0, 1 } },
-		{ 5, { 2, 0, 0, 0, 1 } },
-		{ 5, { 3, 0, 0, 0, 1 } },
-		{ 5, { 4, 0, 0, 0, 1 } },
-		{ 5, { 5, 0, 0, 0xFF, 0 } },
-		{ 5, { 6, 0, 0, 0, 1 } },
-		{ 7, { 15, 0, 0, 0, 1, 1, 1 } },
-		{ 8, { 16, 0, 0, 0, 1, 2, 0, 1 } },
-		{ 1, { 17 } },
-		{ 7, { 22, 0, 0, 0, 1, 0, 1 } },
-		{ 12, { 23, 0, 0, 0, 1, 0, 0, 0, 1, 2, 0, 1 } },
+		{ 5, { 1, 0, 0, 0, 1 } },        { 5, { 2, 0, 0, 0, 1 } },
+		{ 5, { 3, 0, 0, 0, 1 } },        { 5, { 4, 0, 0, 0, 1 } },
+		{ 5, { 5, 0, 0, 0xFF, 0 } },     { 5, { 6, 0, 0, 0, 1 } },
+		{ 7, { 15, 0, 0, 0, 1, 1, 1 } }, { 8, { 16, 0, 0, 0, 1, 2, 0, 1 } },
+		{ 5, { 8, 0, 11, 0, 0 } },       { 1, { 17 } },
+		{ 7, { 22, 0, 0, 0, 1, 0, 1 } }, { 12, { 23, 0, 0, 0, 1, 0, 0, 0, 1, 2, 0, 1 } },
 		{ 4, { 43, 14, 1, 0 } },
 	};
 	/* A write hidden behind a read, covered by one length. */
@@ -277,13 +272,72 @@ static void unknown_functions(void **state)
 	(void)state;
 	assert_int_equal(PARSE(&r, adu, 7), 1);
 	CHECK(out, db_pdu_exception(&r, 1, out), 0x87, 1);
-	assert_int_equal(PARSE(&r, adu, 8, 0, 0, 0x12, 0x34), 1);
 	assert_int_equal(PARSE(&r, adu, 0), 1);
 	assert_int_equal(PARSE(&r, adu, 0x83, 0, 0, 0, 1), 1);
 	/* CANopen over Modbus is another function, not a bad value. */
 	assert_int_equal(PARSE(&r, adu, 43, 13, 0, 0, 0, 0), 1);
 	assert_int_equal(PARSE(&r, adu, 43, 14, 0, 0), 3);
 	assert_int_equal(PARSE(&r, adu, 43, 14, 5, 0), 3);
+}
+
+static void diagnostics(void **state)
+{
+	static const struct {
+		uint8_t sub_function, counter;
+	} cases[] = { { 11, 7 }, { 12, 1 }, { 13, 3 }, { 14, 6 },
+		      { 15, 0 }, { 16, 1 }, { 17, 2 }, { 18, 4 } };
+	struct db_diagnostics counted = { .counters = { 0 } };
+	uint8_t adu[DB_ADU_MAX], out[DB_ADU_MAX];
+	uint8_t pdu[253] = { 8, 0, 0, 0x5A };
+	struct db_modbus_request r;
+
+	(void)state;
+	assert_int_equal(PARSE(&r, adu, 8, 0, 0, 0x12, 0x34), 0);
+	CHECK(out, db_pdu_diagnostic(&r, &counted, out), 8, 0, 0, 0x12, 0x34);
+	assert_int_equal(PARSE(&r, adu, 8, 0, 0, 1, 2, 3, 4), 0);
+	CHECK(out, db_pdu_diagnostic(&r, &counted, out), 8, 0, 0, 1, 2, 3, 4);
+	/* The longest one comes back whole. */
+	assert_int_equal(parse(&r, adu, pdu, sizeof(pdu)), 0);
+	check_frame(out, db_pdu_diagnostic(&r, &counted, out), pdu, sizeof(pdu));
+	db_diagnostics_add(&counted, DB_DIAGNOSTIC_BUS_MESSAGES, 7);
+	db_diagnostics_add(&counted, DB_DIAGNOSTIC_BUS_ERRORS, 1);
+	db_diagnostics_add(&counted, DB_DIAGNOSTIC_MESSAGES, 6);
+	db_diagnostics_add(&counted, DB_DIAGNOSTIC_OVERRUNS, 4);
+	db_diagnostics_count_answer(&counted, 0);
+	db_diagnostics_count_answer(&counted, 6);
+	db_diagnostics_count_answer(&counted, 6);
+	db_diagnostics_count_answer(&counted, 7);
+	for (size_t i = 0; i < SIZE(cases); i++) {
+		assert_int_equal(PARSE(&r, adu, 8, 0, cases[i].sub_function, 0, 0), 0);
+		CHECK(out, db_pdu_diagnostic(&r, &counted, out), 8, 0, cases[i].sub_function, 0,
+		      cases[i].counter);
+	}
+	db_diagnostics_add(&counted, DB_DIAGNOSTIC_MESSAGES, 65536 - 6 + 0x0102);
+	assert_int_equal(PARSE(&r, adu, 8, 0, 14, 0, 0), 0);
+	CHECK(out, db_pdu_diagnostic(&r, &counted, out), 8, 0, 14, 1, 2);
+	assert_int_equal(PARSE(&r, adu, 8, 0, 10, 0, 0), 0);
+	CHECK(out, db_pdu_diagnostic(&r, &counted, out), 8, 0, 10, 0, 0);
+	for (size_t i = 0; i < SIZE(counted.counters); i++)
+		assert_int_equal(counted.counters[i], 0);
+}
+
+static void wrong_diagnostics(void **state)
+{
+	static const uint8_t others[] = { 1, 2, 3, 4, 9, 19, 20, 255 };
+	uint8_t adu[DB_ADU_MAX];
+	struct db_modbus_request r;
+
+	(void)state;
+	for (size_t i = 0; i < SIZE(others); i++)
+		assert_int_equal(PARSE(&r, adu, 8, 0, others[i], 0, 0), 1);
+	assert_int_equal(PARSE(&r, adu, 8, 1, 11, 0, 0), 1);
+	assert_int_equal(PARSE(&r, adu, 8, 0, 0), 3);
+	assert_int_equal(PARSE(&r, adu, 8, 0, 0, 1), 3);
+	assert_int_equal(PARSE(&r, adu, 8, 0, 0, 1, 2, 3), 3);
+	assert_int_equal(PARSE(&r, adu, 8, 0, 11, 0, 1), 3);
+	assert_int_equal(PARSE(&r, adu, 8, 0, 10, 0xFF, 0), 3);
+	assert_int_equal(PARSE(&r, adu, 8, 0, 11, 0, 0, 0, 0), 3);
+	assert_int_equal(PARSE(&r, adu, 8), 3);
 }
 
 static void every_exception(void **state)
@@ -388,6 +442,7 @@ int main(void)
 		cmocka_unit_test(multiple_writes),     cmocka_unit_test(write_limits),
 		cmocka_unit_test(mask_and_write_read), cmocka_unit_test(wrong_lengths),
 		cmocka_unit_test(unknown_functions),   cmocka_unit_test(every_exception),
+		cmocka_unit_test(diagnostics),         cmocka_unit_test(wrong_diagnostics),
 		cmocka_unit_test(server_id),           cmocka_unit_test(device_id_streams),
 		cmocka_unit_test(device_id_single),    cmocka_unit_test(device_id_more_follows),
 	};

@@ -65,6 +65,7 @@ static void test_ways(void **state)
 		{ "192.168.10.5 port 51234", "Modbus" },
 		{ "127.0.0.1, user root", "Modbus" },
 		{ "192.168.10.5, certificate press-7, role operator", "Modbus over TLS" },
+		{ "rtu press-plc", "Modbus RTU" },
 		{ "drivebridged", "service" },
 		{ "", "service" },
 	};

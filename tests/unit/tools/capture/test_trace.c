@@ -183,6 +183,42 @@ static void test_a_file_of_can_is_what_wireshark_reads(void **state)
 	json_decref(frame);
 }
 
+/* Every record is a packet: a version, the direction, family, kind, words, bytes. */
+static void test_a_file_of_a_serial_line(void **state)
+{
+	static const char answered[] = "\1\2\0\4xyza\0\6answer\0\4lift\x5a\xa5\0\xff";
+	static const char lost[] = "\1\0\0\4xyza\0\5event\0\4lost";
+	json_t *bus = json_pack("{s:s, s:s, s:i, s:b}", "name", "line", "device", "/dev/ttyS0",
+	                        "speed", 9600, "can", 0);
+	json_t *event = json_pack("{s:s, s:s}", "kind", "event", "direction", "none");
+	json_t *frame = json_pack("{s:I, s:s, s:s, s:s}", "time_us", (json_int_t)1795365001812803,
+	                          "kind", "answer", "direction", "received", "data", "5AA500FF");
+	struct db_capture_pcapng pcapng = { .family = "xyza" };
+	char *bytes = NULL;
+	size_t size = 0;
+	size_t head;
+	FILE *file = open_memstream(&bytes, &size);
+
+	(void)state;
+	assert_true(db_capture_pcapng_begin(file, bus));
+	(void)fflush(file);
+	head = size;
+	assert_int_equal(word(bytes, 36) & 0xffff, 147);
+	assert_true(db_capture_pcapng_take(&pcapng, event, "lost", file));
+	assert_true(db_capture_pcapng_take(&pcapng, frame, "lift", file));
+	(void)fclose(file);
+	assert_int_equal(word(bytes, head + 20), sizeof(lost) - 1);
+	assert_memory_equal(bytes + head + 28, lost, sizeof(lost) - 1);
+	head += word(bytes, head + 4);
+	assert_int_equal(word(bytes, head + 20), sizeof(answered) - 1);
+	assert_memory_equal(bytes + head + 28, answered, sizeof(answered) - 1);
+	assert_int_equal(word(bytes, size - 4), size - head);
+	free(bytes);
+	json_decref(bus);
+	json_decref(event);
+	json_decref(frame);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -191,6 +227,7 @@ int main(void)
 		cmocka_unit_test_setup(test_questions_are_remembered_up_to_a_number, set_up),
 		cmocka_unit_test_setup(test_the_head_says_whose_trace_it_is, set_up),
 		cmocka_unit_test(test_a_file_of_can_is_what_wireshark_reads),
+		cmocka_unit_test(test_a_file_of_a_serial_line),
 	};
 
 	return cmocka_run_group_tests_name("capture: traces", tests, NULL, NULL);
