@@ -2,6 +2,7 @@
 #include "opcua/config.h"
 
 #include <ctype.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -62,6 +63,11 @@ const struct db_settings_form db_opcua_form = {
 	.size = sizeof(struct db_opcua_config),
 	.check = check_whole,
 };
+
+void db_opcua_config_space(const struct db_opcua_config *config, char uri[DB_OPCUA_URI_MAX])
+{
+	(void)snprintf(uri, DB_OPCUA_URI_MAX, "urn:%s:drivebridge:drives", config->gateway);
+}
 
 bool db_opcua_config_shows(const struct db_opcua_config *config, enum db_opcua_group group)
 {

@@ -46,6 +46,11 @@ extern const struct db_setting db_opcua_keys[];
  * this machine, which is the gateway's if none is given. */
 extern const struct db_settings_form db_opcua_form;
 
+/* The namespace of this gateway's nodes: its drives and buses have names that another gateway's may
+ * have, too. */
+#define DB_OPCUA_URI_MAX 128
+void db_opcua_config_space(const struct db_opcua_config *config, char uri[DB_OPCUA_URI_MAX]);
+
 /* True if this group of a drive's registers is shown. */
 bool db_opcua_config_shows(const struct db_opcua_config *config, enum db_opcua_group group);
 

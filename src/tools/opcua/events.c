@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/events.h"
 #include "opcua/names.h"
-#include "opcua/nodes.h"
+#include "opcua/types.h"
 #include "opcua/values.h"
 
 #include "client/log.h"
@@ -10,7 +10,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#define BASE "/Events"
+/* The type above all of them. */
+#define BASE "DriveEventType"
 
 /* From 1 to 1000; above 667 is high. */
 static UA_UInt16 severity_of(const char *level)
@@ -34,31 +35,44 @@ static UA_NodeId node_of(UA_Server *server, const char *id)
 {
 	size_t space = 0;
 
-	(void)UA_Server_getNamespaceByName(server, db_opcua_string(DB_OPCUA_NAMESPACE), &space);
+	(void)UA_Server_getNamespaceByName(server, db_opcua_string(DB_OPCUA_TYPES_NAMESPACE),
+	                                   &space);
 	return (UA_NodeId){ .namespaceIndex = (UA_UInt16)space,
 		            .identifierType = UA_NODEIDTYPE_STRING,
 		            .identifier.string = db_opcua_string(id) };
 }
 
-static UA_StatusCode add_type(UA_Server *server, UA_NodeId id, UA_NodeId parent, const char *name)
+static UA_StatusCode add_type(UA_Server *server, UA_NodeId id, UA_NodeId parent, const char *text)
 {
 	UA_ObjectTypeAttributes attributes = UA_ObjectTypeAttributes_default;
 
-	attributes.displayName.text = db_opcua_string(name);
+	attributes.displayName.text = id.identifier.string;
+	attributes.description = db_opcua_english(text);
 	return UA_Server_addObjectTypeNode(server, id, parent,
 	                                   UA_NODEID_NUMERIC(0, UA_NS0ID_HASSUBTYPE),
 	                                   (UA_QualifiedName){ .namespaceIndex = id.namespaceIndex,
-	                                                       .name = db_opcua_string(name) },
+	                                                       .name = id.identifier.string },
 	                                   attributes, NULL, NULL);
 }
 
 UA_StatusCode db_opcua_events_set_up(UA_Server *server)
 {
-	return add_type(server, node_of(server, BASE), UA_NODEID_NUMERIC(0, UA_NS0ID_BASEEVENTTYPE),
-	                "DriveEventType");
+	const struct db_opcua_type_row *base = db_opcua_type_find(BASE, strlen(BASE));
+	UA_NodeId parent = node_of(server, BASE);
+	UA_StatusCode status = add_type(server, parent,
+	                                UA_NODEID_NUMERIC(0, UA_NS0ID_BASEEVENTTYPE), base->text);
+
+	for (size_t i = 0; i < db_opcua_type_count && status == UA_STATUSCODE_GOOD; i++) {
+		const struct db_opcua_type_row *row = &db_opcua_type_rows[i];
+
+		if (row->class == DB_OPCUA_EVENT_TYPE_ROW && row != base)
+			status = add_type(server, node_of(server, row->id), parent, row->text);
+	}
+	return status;
 }
 
-/* Made at the first event of its name: drive-lost is DriveLost. */
+/* drive-lost is DriveLostEventType. A kind that only a newer service knows is added at its first
+ * event. */
 static UA_StatusCode find_type(UA_Server *server, const char *event, char id[128], UA_NodeId *type)
 {
 	char name[DB_OPCUA_NAME_MAX];
@@ -69,11 +83,11 @@ static UA_StatusCode find_type(UA_Server *server, const char *event, char id[128
 	for (char *at = words; *at; at++)
 		*at = *at == '-' ? '_' : *at;
 	db_opcua_name_of(words, name);
-	(void)snprintf(id, 128, BASE ".%s", name);
+	(void)snprintf(id, 128, "%sEventType", name);
 	*type = node_of(server, id);
 	if (UA_Server_readNodeClass(server, *type, &class) == UA_STATUSCODE_GOOD)
 		return UA_STATUSCODE_GOOD;
-	return add_type(server, *type, node_of(server, BASE), name);
+	return add_type(server, *type, node_of(server, BASE), event);
 }
 
 static UA_StatusCode set_field(UA_Server *server, UA_NodeId event, const char *name, void *value,

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/server.h"
+#include "opcua/about.h"
 #include "opcua/access.h"
 #include "opcua/acting.h"
 #include "opcua/events.h"
@@ -290,6 +291,7 @@ static void describe(UA_ServerConfig *settings, const struct db_opcua_config *co
 	set_text(&settings->buildInfo.productName, "drivebridge-opcua");
 	set_text(&settings->buildInfo.softwareVersion, DB_VERSION);
 	set_text(&settings->buildInfo.buildNumber, DB_VERSION);
+	settings->buildInfo.buildDate = UA_DateTime_fromUnixTime(DB_BUILD_TIME);
 	(void)snprintf(text, sizeof(text), "urn:%s:drivebridge", config->gateway);
 	set_text(&settings->applicationDescription.applicationUri, text);
 	set_text(&settings->applicationDescription.productUri, "urn:drivebridge");
@@ -407,6 +409,8 @@ struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcu
 		status = db_opcua_access_watch(server->access, server->library);
 	if (status == UA_STATUSCODE_GOOD)
 		status = db_opcua_nodes_begin(server->nodes, server->library, server->plant);
+	if (status == UA_STATUSCODE_GOOD)
+		status = db_opcua_about_set_up(server->library, config, MESSAGE_MAX);
 	if (status == UA_STATUSCODE_GOOD)
 		status = db_opcua_events_set_up(server->library);
 	if (status == UA_STATUSCODE_GOOD)
