@@ -260,6 +260,39 @@ async def test_types_of_events_are_there_before_the_first_one(make_bridge, make_
         assert {one.EventType for one in follower.events} == {kind.nodeid}
 
 
+@in_loop
+async def test_a_reload_tells_that_nodes_changed(make_bridge, make_server):
+    """A client that keeps the tree in its memory learns which drives came and went, and which have other members."""
+    bridge = make_bridge(drives=2)
+    server = make_server(bridge)
+    async with server.session() as session:
+        await until(lambda: says_drives(session, {"drive1", "drive2"}))
+        kind = session.get_node(ua.ObjectIds.GeneralModelChangeEventType)
+        follower = await Follower(session).start(events=(session.nodes.server, kind))
+        del bridge.sections["drive drive2"]
+        bridge.sections["drive drive3"] = {"bus": "line", "address": 2, "unit": 2, "watchdog-ms": 0}
+        bridge.reload()
+        event = await until(lambda: next(iter(follower.events), None))
+        said = {one.Affected.Identifier: (one.AffectedType.Identifier, one.Verb) for one in event.Changes}
+        assert said == {"drive2": ("VsmdSerialDriveType", 2), "drive3": ("VsmdSerialDriveType", 1),
+                        "/Drives": (ua.ObjectIds.FolderType, 4 | 8)}
+        assert all(one.Affected.NamespaceIndex == session.space for one in event.Changes)
+        assert event.SourceNode == session.nodes.server.nodeid
+        # An event says that the tree is what it says now.
+        assert await says_drives(session, {"drive1", "drive3"})
+
+        bridge.sections["drive drive1"] |= {"unit-name": "mm", "counts-per-unit": 320.0}
+        bridge.reload()
+        event = await until(lambda: next(iter(follower.events[1:]), None))
+        said = {one.Affected.Identifier: one.Verb for one in event.Changes}
+        assert said == {"drive1": 4 | 8, "/Drives": 4 | 8}
+        assert len(follower.events) == 2
+
+
+async def says_drives(session, wanted):
+    return {node.nodeid.Identifier for node in await at(session, "/Drives").get_children()} == wanted
+
+
 # --- what it says of itself
 
 

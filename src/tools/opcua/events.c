@@ -100,14 +100,38 @@ static UA_StatusCode set_field(UA_Server *server, UA_NodeId event, const char *n
 		server, event, (UA_QualifiedName){ .name = db_opcua_string(name) }, variant);
 }
 
+/* What every event has. */
+static UA_StatusCode set_head(UA_Server *server, UA_NodeId event, UA_DateTime time,
+                              const char *level, const char *text, const char *source)
+{
+	UA_UInt16 severity = severity_of(level);
+	UA_LocalizedText message = db_opcua_english(text);
+	UA_String name = db_opcua_string(source);
+
+	return set_field(server, event, "Time", &time, &UA_TYPES[UA_TYPES_DATETIME]) |
+	       set_field(server, event, "Severity", &severity, &UA_TYPES[UA_TYPES_UINT16]) |
+	       set_field(server, event, "Message", &message, &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]) |
+	       set_field(server, event, "SourceName", &name, &UA_TYPES[UA_TYPES_STRING]);
+}
+
+/* Sends the event, if all of it could be set. */
+static void trigger(UA_Server *server, const char *what, UA_NodeId event, UA_NodeId origin,
+                    UA_StatusCode status)
+{
+	if (status == UA_STATUSCODE_GOOD)
+		status = UA_Server_triggerEvent(server, event, origin, NULL, true);
+	else if (!UA_NodeId_isNull(&event))
+		(void)UA_Server_deleteNode(server, event, true);
+	if (status != UA_STATUSCODE_GOOD)
+		db_client_log(DB_CLIENT_WARNING, "event %s cannot be told: %s", what,
+		              UA_StatusCode_name(status));
+}
+
 void db_opcua_events_tell(UA_Server *server, const json_t *event, UA_NodeId origin)
 {
 	const char *drive = db_client_text(event, "drive");
 	UA_DateTime time = UA_DATETIME_UNIX_EPOCH +
 	                   json_integer_value(json_object_get(event, "time_us")) * UA_DATETIME_USEC;
-	UA_UInt16 severity = severity_of(db_client_text(event, "level"));
-	UA_LocalizedText message = db_opcua_english(db_client_text(event, "text"));
-	UA_String source = db_opcua_string(drive[0] ? drive : db_client_text(event, "bus"));
 	UA_NodeId node = UA_NODEID_NULL;
 	char id[128];
 	UA_NodeId type;
@@ -115,20 +139,29 @@ void db_opcua_events_tell(UA_Server *server, const json_t *event, UA_NodeId orig
 
 	if (status == UA_STATUSCODE_GOOD)
 		status = UA_Server_createEvent(server, type, &node);
-	if (status == UA_STATUSCODE_GOOD) {
-		status = set_field(server, node, "Time", &time, &UA_TYPES[UA_TYPES_DATETIME]);
-		status |= set_field(server, node, "Severity", &severity,
-		                    &UA_TYPES[UA_TYPES_UINT16]);
-		status |= set_field(server, node, "Message", &message,
-		                    &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);
-		status |= set_field(server, node, "SourceName", &source,
-		                    &UA_TYPES[UA_TYPES_STRING]);
-	}
 	if (status == UA_STATUSCODE_GOOD)
-		status = UA_Server_triggerEvent(server, node, origin, NULL, true);
-	else if (!UA_NodeId_isNull(&node))
-		(void)UA_Server_deleteNode(server, node, true);
-	if (status != UA_STATUSCODE_GOOD)
-		db_client_log(DB_CLIENT_WARNING, "event %s cannot be told: %s",
-		              db_client_text(event, "name"), UA_StatusCode_name(status));
+		status = set_head(server, node, time, db_client_text(event, "level"),
+		                  db_client_text(event, "text"),
+		                  drive[0] ? drive : db_client_text(event, "bus"));
+	trigger(server, db_client_text(event, "name"), node, origin, status);
+}
+
+void db_opcua_events_tell_changes(UA_Server *server, UA_ModelChangeStructureDataType *changes,
+                                  size_t count)
+{
+	UA_NodeId node = UA_NODEID_NULL;
+	UA_Variant list;
+	UA_StatusCode status = UA_Server_createEvent(
+		server, UA_NODEID_NUMERIC(0, UA_NS0ID_GENERALMODELCHANGEEVENTTYPE), &node);
+
+	if (status == UA_STATUSCODE_GOOD) {
+		UA_Variant_setArray(&list, changes, count,
+		                    &UA_TYPES[UA_TYPES_MODELCHANGESTRUCTUREDATATYPE]);
+		status = set_head(server, node, UA_DateTime_now(), "info",
+		                  "The drives of this gateway have changed", "Server");
+		status |= UA_Server_writeObjectProperty(
+			server, node, (UA_QualifiedName){ .name = db_opcua_string("Changes") },
+			list);
+	}
+	trigger(server, "GeneralModelChange", node, UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER), status);
 }

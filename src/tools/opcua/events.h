@@ -14,4 +14,8 @@ UA_StatusCode db_opcua_events_set_up(UA_Server *server);
  * is the drive's node. */
 void db_opcua_events_tell(UA_Server *server, const json_t *event, UA_NodeId origin);
 
+/* Tells the clients that nodes have come and gone: `changes` stay the caller's. */
+void db_opcua_events_tell_changes(UA_Server *server, UA_ModelChangeStructureDataType *changes,
+                                  size_t count);
+
 #endif

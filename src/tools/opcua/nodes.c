@@ -20,6 +20,11 @@
 /* How often the service is asked for figures of its buses, in milliseconds. */
 #define FIGURES_INTERVAL 1000.0
 
+/* Of a node that has other children than before. */
+#define CHILDREN_CHANGED                                  \
+	(UA_MODELCHANGESTRUCTUREVERBMASK_REFERENCEADDED | \
+	 UA_MODELCHANGESTRUCTUREVERBMASK_REFERENCEDELETED)
+
 struct db_opcua_nodes {
 	const struct db_opcua_config *config;
 	const struct db_opcua_nodes_ops *ops;
@@ -30,6 +35,9 @@ struct db_opcua_nodes {
 	struct db_opcua_roster roster;
 	UA_MonitoredItem *listeners; /* of the events of all drives */
 	UA_DataTypeArray *enumerations;
+	/* Of the drives that came and went, for clients; told together. The ids are owned. */
+	UA_ModelChangeStructureDataType *changes;
+	size_t change_count;
 };
 
 static struct db_opcua_nodes *nodes_of(UA_Server *server)
@@ -540,9 +548,52 @@ static UA_StatusCode link_drive(struct db_opcua_nodes *nodes, const struct db_op
 	                           db_opcua_own_name(&nodes->roster, shown->name), comes);
 }
 
-static void add_drive(void *context, struct db_opcua_drive *drive, const json_t *description)
+/* Without memory clients are not told: they find it when they look. */
+static void note_change(struct db_opcua_nodes *nodes, const char *owner,
+                        const struct db_opcua_type_row *type, unsigned verbs)
+{
+	struct db_opcua_id id = db_opcua_id_of(owner, "");
+	UA_NodeId node = db_opcua_node_id(&nodes->roster, &id);
+	UA_ModelChangeStructureDataType *grown = realloc(nodes->changes, (nodes->change_count + 1) *
+	                                                                         sizeof(*grown));
+	UA_ModelChangeStructureDataType *change;
+
+	if (!grown)
+		return;
+	nodes->changes = grown;
+	change = &grown[nodes->change_count];
+	UA_ModelChangeStructureDataType_init(change);
+	if (UA_NodeId_copy(&node, &change->affected) != UA_STATUSCODE_GOOD)
+		return;
+	change->affectedType = type ? db_opcua_type_id(&nodes->roster, type) :
+	                              UA_NODEID_NUMERIC(0, UA_NS0ID_FOLDERTYPE);
+	change->verb = (UA_Byte)verbs;
+	nodes->change_count++;
+}
+
+static void forget_changes(struct db_opcua_nodes *nodes)
+{
+	for (size_t i = 0; i < nodes->change_count; i++)
+		UA_NodeId_clear(&nodes->changes[i].affected);
+	free(nodes->changes);
+	nodes->changes = NULL;
+	nodes->change_count = 0;
+}
+
+static void tell_changes(void *context)
 {
 	struct db_opcua_nodes *nodes = context;
+
+	if (nodes->change_count == 0)
+		return;
+	note_change(nodes, DB_OPCUA_DRIVES, NULL, CHILDREN_CHANGED);
+	db_opcua_events_tell_changes(nodes->server, nodes->changes, nodes->change_count);
+	forget_changes(nodes);
+}
+
+static void show_drive(struct db_opcua_nodes *nodes, struct db_opcua_drive *drive,
+                       const json_t *description)
+{
 	struct db_opcua_shown *shown = db_opcua_roster_add(&nodes->roster, nodes->config, drive,
 	                                                   description);
 	UA_StatusCode status = shown ? link_drive(nodes, shown, true) :
@@ -566,15 +617,33 @@ static struct db_opcua_shown *find_shown(const struct db_opcua_nodes *nodes,
 	return NULL;
 }
 
-static void remove_drive(void *context, const struct db_opcua_drive *drive)
+static void add_drive(void *context, struct db_opcua_drive *drive, const json_t *description)
 {
 	struct db_opcua_nodes *nodes = context;
+
+	show_drive(nodes, drive, description);
+	if (drive->name[0] != '\0')
+		note_change(nodes, drive->name, drive->kind->type,
+		            UA_MODELCHANGESTRUCTUREVERBMASK_NODEADDED);
+}
+
+static void hide_drive(struct db_opcua_nodes *nodes, const struct db_opcua_drive *drive)
+{
 	struct db_opcua_shown *shown = find_shown(nodes, drive);
 
 	if (!shown)
 		return;
 	(void)link_drive(nodes, shown, false);
 	db_opcua_roster_remove(&nodes->roster, shown);
+}
+
+static void remove_drive(void *context, const struct db_opcua_drive *drive)
+{
+	struct db_opcua_nodes *nodes = context;
+
+	hide_drive(nodes, drive);
+	note_change(nodes, drive->name, drive->kind->type,
+	            UA_MODELCHANGESTRUCTUREVERBMASK_NODEDELETED);
 }
 
 /* Subscriptions to its events continue. */
@@ -585,11 +654,13 @@ static void replace_drive(void *context, const struct db_opcua_drive *before,
 	struct db_opcua_shown *shown = find_shown(nodes, before);
 	UA_MonitoredItem *listeners = shown ? shown->listeners : NULL;
 
-	remove_drive(nodes, before);
-	add_drive(nodes, drive, description);
+	hide_drive(nodes, before);
+	show_drive(nodes, drive, description);
 	shown = find_shown(nodes, drive);
 	if (shown)
 		shown->listeners = listeners;
+	if (drive->name[0] != '\0')
+		note_change(nodes, drive->name, drive->kind->type, CHILDREN_CHANGED);
 }
 
 /* --- buses and events ------------------------------------------------------------------------- */
@@ -630,6 +701,7 @@ const struct db_opcua_plant_ops db_opcua_nodes_plant_ops = {
 	.added = add_drive,
 	.replaced = replace_drive,
 	.removed = remove_drive,
+	.settled = tell_changes,
 	.buses = set_buses,
 	.figures = set_figures,
 	.troubles = set_troubles,
@@ -668,6 +740,7 @@ void db_opcua_nodes_free(struct db_opcua_nodes *nodes)
 	db_opcua_roster_clear(&nodes->roster);
 	db_opcua_store_free(nodes->store);
 	db_opcua_enumerations_free(nodes->enumerations);
+	forget_changes(nodes);
 	free(nodes);
 }
 

@@ -297,6 +297,7 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
 	plant->buses = json_object_get(description, "buses");
 	shown = show_found(plant, drives, count);
 	plant->buses = NULL;
+	plant->ops->settled(plant->context);
 	if (!shown) {
 		db_plant_fail(plant->plant, "out of memory, or the service tells no registers");
 		return;
