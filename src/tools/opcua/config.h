@@ -9,7 +9,8 @@
 /* Indexes of words. */
 enum { DB_OPCUA_OFF, DB_OPCUA_READ };
 enum { DB_OPCUA_NO, DB_OPCUA_YES };
-enum { DB_OPCUA_ALL }; /* show */
+enum { DB_OPCUA_ALL };  /* show */
+enum { DB_OPCUA_NONE }; /* reverse-connect */
 
 /* Size of a token of the service's clock; longer ones are not valid. */
 #define DB_OPCUA_TOKEN_MAX 64
@@ -22,6 +23,7 @@ struct db_opcua_config {
 	char *gateway; /* never "" */
 	unsigned interval_ms;
 	struct db_setting_list show;
+	struct db_setting_list reverse_connect;
 
 	unsigned none;
 	unsigned anonymous;
