@@ -239,6 +239,22 @@ async def test_units_are_whose_they_are(make_bridge, make_server):
             assert (unit.DisplayName.Text, unit.NamespaceUri, unit.UnitId) == (shown, space, code)
 
 
+@in_loop
+async def test_limits_of_the_configuration_are_ranges(make_bridge, make_server):
+    """Position and velocity have the range that the configuration allows, so that a client may ask for changes by percent."""
+    bridge = make_bridge(drive={"counts-per-unit": 320.0, "unit-name": "mm", "min-position": -10, "max-position": 100,
+                                "max-velocity": 25})
+    server = make_server(bridge)
+    async with server.session() as session:
+        for name, low, high in (("PositionActualValue", -3200, 32000), ("VelocityActualValue", -8000, 8000)):
+            said = await at(session, f"drive1.{name}.EURange").read_value()
+            assert (said.Low, said.High) == (low, high), name
+        follower = Follower(session)
+        subscription = await session.create_subscription(50, follower)
+        await subscription.deadband_monitor(at(session, "drive1.PositionActualValue"), 10, deadbandtype=2)
+        await until(lambda: follower.of(at(session, "drive1.PositionActualValue")))
+
+
 # --- events
 
 
