@@ -233,56 +233,57 @@ UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us,
 
 /* --- units and codes -------------------------------------------------------------------------- */
 
+/* From UNECE Recommendation 20: up to three characters, the first one in the highest
+ * byte. */
+static const struct {
+	const char *unit;
+	const char code[4];
+	const char *description;
+} units[] = {
+	{ "um", "4H", "micrometre" },
+	{ "mm", "MMT", "millimetre" },
+	{ "cm", "CMT", "centimetre" },
+	{ "inch", "INH", "inch" },
+	{ "in", "INH", "inch" },
+	{ "in/s", "IU", "inch per second" },
+	{ "mm/s^2", "M41", "millimetre per second squared" },
+	{ "m/s^2", "MSK", "metre per second squared" },
+	{ "m/min", "2X", "metre per minute" },
+	{ "rad", "C81", "radian" },
+	{ "rad/s", "2A", "radian per second" },
+	{ "rev", "M44", "revolution" },
+	{ "rev/s", "RPS", "revolutions per second" },
+	{ "rev/min", "RPM", "revolutions per minute" },
+	{ "1/min", "C94", "reciprocal minute" },
+	{ "min", "MIN", "minute" },
+	{ "kHz", "KHZ", "kilohertz" },
+	{ "mA", "4K", "milliampere" },
+	{ "mV", "2Z", "millivolt" },
+	{ "W", "WTT", "watt" },
+	{ "N", "NEW", "newton" },
+	{ "Nm", "NU", "newton metre" },
+	{ "kg", "KGM", "kilogram" },
+	{ "bit/s", "B10", "bit per second" },
+	{ "permille", "NX", "part per thousand" },
+	{ "mm/s", "C16", "millimetre per second" },
+	{ "m", "MTR", "metre" },
+	{ "m/s", "MTS", "metre per second" },
+	{ "deg", "DD", "degree" },
+	{ "deg/s", "E96", "degree per second" },
+	{ "rpm", "RPM", "revolutions per minute" },
+	{ "s", "SEC", "second" },
+	{ "ms", "C26", "millisecond" },
+	{ "us", "B98", "microsecond" },
+	{ "Hz", "HTZ", "hertz" },
+	{ "A", "AMP", "ampere" },
+	{ "V", "VLT", "volt" },
+	{ "degC", "CEL", "degree Celsius" },
+	{ "ohm", "OHM", "ohm" },
+	{ "%", "P1", "percent" },
+};
+
 UA_EUInformation db_opcua_unit(const char *unit)
 {
-	/* From UNECE Recommendation 20: up to three characters, the first one in the highest
-	 * byte. */
-	static const struct {
-		const char *unit;
-		const char code[4];
-		const char *description;
-	} units[] = {
-		{ "um", "4H", "micrometre" },
-		{ "mm", "MMT", "millimetre" },
-		{ "cm", "CMT", "centimetre" },
-		{ "inch", "INH", "inch" },
-		{ "in", "INH", "inch" },
-		{ "in/s", "IU", "inch per second" },
-		{ "mm/s^2", "M41", "millimetre per second squared" },
-		{ "m/s^2", "MSK", "metre per second squared" },
-		{ "m/min", "2X", "metre per minute" },
-		{ "rad", "C81", "radian" },
-		{ "rad/s", "2A", "radian per second" },
-		{ "rev", "M44", "revolution" },
-		{ "rev/s", "RPS", "revolutions per second" },
-		{ "rev/min", "RPM", "revolutions per minute" },
-		{ "1/min", "C94", "reciprocal minute" },
-		{ "min", "MIN", "minute" },
-		{ "kHz", "KHZ", "kilohertz" },
-		{ "mA", "4K", "milliampere" },
-		{ "mV", "2Z", "millivolt" },
-		{ "W", "WTT", "watt" },
-		{ "N", "NEW", "newton" },
-		{ "Nm", "NU", "newton metre" },
-		{ "kg", "KGM", "kilogram" },
-		{ "bit/s", "B10", "bit per second" },
-		{ "permille", "NX", "part per thousand" },
-		{ "mm/s", "C16", "millimetre per second" },
-		{ "m", "MTR", "metre" },
-		{ "m/s", "MTS", "metre per second" },
-		{ "deg", "DD", "degree" },
-		{ "deg/s", "E96", "degree per second" },
-		{ "rpm", "RPM", "revolutions per minute" },
-		{ "s", "SEC", "second" },
-		{ "ms", "C26", "millisecond" },
-		{ "us", "B98", "microsecond" },
-		{ "Hz", "HTZ", "hertz" },
-		{ "A", "AMP", "ampere" },
-		{ "V", "VLT", "volt" },
-		{ "degC", "CEL", "degree Celsius" },
-		{ "ohm", "OHM", "ohm" },
-		{ "%", "P1", "percent" },
-	};
 	UA_EUInformation information = {
 		.namespaceUri = UA_STRING_STATIC("urn:drivebridge:units"),
 		.unitId = -1,
