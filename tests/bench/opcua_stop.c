@@ -115,7 +115,7 @@ static void read_state(UA_Client *client)
 
 int main(int argc, char **argv)
 {
-	UA_String space_name = UA_STRING("urn:drivebridge:drives");
+	UA_String space_name = UA_STRING("urn:gw:drivebridge:drives");
 	UA_UInt16 space;
 	UA_Client *client;
 	modbus_t *modbus;

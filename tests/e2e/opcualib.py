@@ -20,7 +20,8 @@ from cryptography.hazmat.primitives.asymmetric import rsa
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 URI = "urn:drivebridge:tests:client"
-NAMESPACE = "urn:drivebridge:drives"
+NAMESPACE = "urn:gw:drivebridge:drives"
+TYPES = "urn:drivebridge:types"
 
 # Names and passwords.
 OPERATOR = ("olga", "turns-motors")
@@ -206,14 +207,20 @@ class Server:
                 await asyncio.wait_for(made.disconnect(), 5)
 
 
-async def connect(client):
-    """Connects it, and has the number of the drives' namespace in it."""
+async def connect(client, namespace=NAMESPACE):
+    """Connects it, and has the numbers of the namespaces of drives and of types in it."""
     if client.security:
         policy, certificate, mode = client.security
         await client.set_security(policy, str(certificate.path), str(certificate.key), mode=mode)
     await client.connect()
-    client.space = await client.get_namespace_index(NAMESPACE)
+    client.space = await client.get_namespace_index(namespace)
+    client.types = await client.get_namespace_index(TYPES)
     return client
+
+
+def type_at(client, name):
+    """The node of this name among the types: DriveType.AxisState."""
+    return client.get_node(ua.NodeId(name, client.types))
 
 
 def at(client, name):
@@ -390,7 +397,7 @@ class Follower:
 
 def event_of(follower, kind):
     """The first one of a type by its name."""
-    return next((one for one in follower.events if one.EventType.Identifier == f"/Events.{kind}"), None)
+    return next((one for one in follower.events if one.EventType.Identifier == f"{kind}EventType"), None)
 
 
 def is_bad(status, *names):

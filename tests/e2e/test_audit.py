@@ -242,7 +242,7 @@ DENIED_AT_THE_PAGE = (
 )
 DENIED_OVER_OPCUA = (
     ("observer", method("Enable"), "enable", "drive1", "this needs the role operator"),
-    ("observer", variable("drive1.CommandBlock.Command", 1), "enable", "drive1", "this needs the role operator"),
+    ("observer", variable("drive1.CommandBlock.Command", 1, ua.VariantType.Int32), "enable", "drive1", "this needs the role operator"),
     ("observer", variable("/Gateway.Clock", "", ua.VariantType.String), "write clock", None,
      "this needs the role operator"),
     ("operator", variable("drive1.Parameters.spd", 640.0, ua.VariantType.Float), "write spd", "drive1",

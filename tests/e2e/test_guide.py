@@ -53,8 +53,11 @@ FOREIGN = {
     "values", "figures", "certificate_ends_s", "good", "uncertain", "bad", "null", "retain", "write", "hint", "act",
     # drivebridge-opcua: its folders, and words of OPC UA
     "drivebridge-opcua", "trusted", "issuers", "revoked", "Objects", "Server", "Reason", "ClearFault", "Stop",
-    "EngineeringUnits", "EURange", "EnumValues", "OptionSetValues",
-    "DriveEventType", "DriveLost", "DriveOnline", "WatchdogTripped",
+    "EngineeringUnits", "EURange",
+    "DriveEventType", "DriveLostEventType", "DriveOnlineEventType", "WatchdogTrippedEventType", "Standstill", "GATEWAY",
+    "GeneralModelChangeEvent", "NodeAdded", "NodeDeleted", "ReferenceAdded", "ReferenceDeleted", "Trouble",
+    "VsmdSerialDriveType", "VsmdCanDriveType", "XyzaDriveType", "ServoCanDriveType", "DriveType",
+    "AxisStateEnum", "ResultEnum", "CommandEnum", "StatusBits",
     "Good", "GoodCompletesAsynchronously", "UncertainLastUsableValue", "BadNoCommunication", "BadWaitingForInitialData",
     "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse", "BadNotExecutable", "opcua-client",
     "BadTcpServerTooBusy", "BadInvalidTimestamp", "BadRequestNotComplete", "BadResourceUnavailable", "BadTooManyOperations",

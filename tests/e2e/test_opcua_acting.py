@@ -148,7 +148,7 @@ async def test_nothing_is_done_late(make_bridge, make_server, certificate):
             assert asyncio.get_running_loop().time() - begin < 0.5 + 1.5, command
         block = at(session, "drive1.CommandBlock.Command")
         with contextlib.suppress(UaStatusCodeError):
-            await block.write_value(3, ua.VariantType.UInt16)
+            await block.write_value(3, ua.VariantType.Int32)
         said = len(bridge.sim.trace(">"))
         bridge.sim.fault("silence off")
         await until(lambda: good_now(at(session, "drive1.PositionActualValue")))
@@ -260,7 +260,7 @@ async def test_what_is_asked_for_late_moves_nothing(make_bridge, make_server, ce
         assert await too_old("MoveAbsolute", 3200, 0.0)
         block = at(session, "drive1.CommandBlock.Command")
         with says("BadInvalidTimestamp"):
-            await block.write_value(MOVE_VELOCITY, ua.VariantType.UInt16)
+            await block.write_value(MOVE_VELOCITY, ua.VariantType.Int32)
         assert (await call(session, "drive1", "Stop"))[0] in ("ok", "pending")
         assert (await call(session, "drive1", "Disable"))[0] in ("ok", "pending")
         assert (await call(session, "drive1", "Enable"))[0] in ("ok", "pending")
@@ -312,7 +312,7 @@ async def test_groups(make_bridge, make_server, certificate, control):
                 await at(session, f"{drive}.ControlRequest").write_value(1, ua.VariantType.UInt16)
             block = [at(session, f"{drive}.CommandBlock.{name}") for name in ("TargetVelocity", "StagedCommand")]
             await session.write_values(block, [ua.Variant(speed, ua.VariantType.Float),
-                                               ua.Variant(5, ua.VariantType.UInt16)])
+                                               ua.Variant(5, ua.VariantType.Int32)])
 
     async with server.session(certificate, OPERATOR) as session:
         await stage(session, 1600.0)
@@ -372,7 +372,7 @@ async def test_writing(bridge, make_server, certificate):
         block = [at(session, f"drive1.CommandBlock.{name}") for name in ("TargetPosition", "Command")]
         await call(session, "drive1", "Enable")
         await session.write_values(block, [ua.Variant(3200, ua.VariantType.Int32),
-                                           ua.Variant(6, ua.VariantType.UInt16)])
+                                           ua.Variant(6, ua.VariantType.Int32)])
         await until(lambda: unit.read("position") == 3200)
         # It is in the history, with who did it; as in the log.
         await until(lambda: newest(session, "Command", 6))
@@ -382,7 +382,7 @@ async def test_writing(bridge, make_server, certificate):
         assert f"by {OPERATOR[0]} at 127.0.0.1: ok" in server.log()
     async with server.session(certificate, READER) as session:
         for node, value in ((at(session, "drive1.Parameters.spd"), ua.Variant(1.0, ua.VariantType.Float)),
-                            (at(session, "drive1.CommandBlock.Command"), ua.Variant(2, ua.VariantType.UInt16))):
+                            (at(session, "drive1.CommandBlock.Command"), ua.Variant(2, ua.VariantType.Int32))):
             with says("BadUserAccessDenied"):
                 await node.write_value(value)
         assert unit.read("spd") == 3200
@@ -656,7 +656,7 @@ async def test_events_of_all_drives_at_once(make_bridge, make_server):
         await subscription.subscribe_events(session.nodes.server, queuesize=1)
         for number in range(1, 33):
             bridge.sim.control(f"bits drive{number} {OVER_CURRENT:#x}")
-        faults = lambda: [one.SourceName for one in follower.events if one.EventType.Identifier == "/Events.DriveFault"]
+        faults = lambda: [one.SourceName for one in follower.events if one.EventType.Identifier == "DriveFaultEventType"]
         await until(lambda: len(faults()) == 32)
         assert set(faults()) == {f"drive{number}" for number in range(1, 33)}
 

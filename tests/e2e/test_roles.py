@@ -194,13 +194,13 @@ def value(name):
 OPCUA = {
     "look: values, parameters, events": [value("drive1.PositionActualValue"), value("drive1.Parameters.spd")],
     "stop, quick_stop": [method("Stop"), method("QuickStop")],
-    "stop by the command register": [variable("drive1.CommandBlock.Command", 3)],
+    "stop by the command register": [variable("drive1.CommandBlock.Command", 3, ua.VariantType.Int32)],
     "stop of all drives": [variable("/Gateway.GroupStop", 1), variable("/Gateway.GroupStop", 2)],
     "disable of all drives": [variable("/Gateway.GroupStop", 3)],
     "enable, disable, clear_fault": [method("Enable"), method("Disable"), method("ClearFault")],
     "motions by method and by the command register": [
-        method("MoveVelocity", 0.0), variable("drive1.CommandBlock.Command", 5),
-        variable("drive1.CommandBlock.StagedCommand", 0), variable("drive1.CommandBlock.TargetPosition", 1, ua.VariantType.Int32)],
+        method("MoveVelocity", 0.0), variable("drive1.CommandBlock.Command", 5, ua.VariantType.Int32),
+        variable("drive1.CommandBlock.StagedCommand", 0, ua.VariantType.Int32), variable("drive1.CommandBlock.TargetPosition", 1, ua.VariantType.Int32)],
     "control of a drive": [variable("drive1.ControlRequest", 0)],
     "set_position, save_parameters": [method("SetPosition", 0), method("SaveParameters")],
     "parameters, watchdog_ms": [variable("drive1.Parameters.spd", 640.0, ua.VariantType.Float),

@@ -249,11 +249,17 @@ phase_docs() {
 	build/asan/web-export >build/docs/web-keys.csv || true
 	build/asan/opcua-export >build/docs/opcua-keys.csv || true
 	build/asan/tls-export >build/docs/tls-keys.csv || true
-	"$VENV/bin/python" docs/generate/opcua-nodes build/docs/register-map.csv build/asan/opcua-export \
-		>build/docs/opcua-nodes.csv || true
+	build/asan/regmap-export events >build/docs/events.csv || true
+	for file in nodes:opcua-nodes.csv table:type_rows.c nodeset:drivebridge.NodeSet2.xml; do
+		"$VENV/bin/python" docs/generate/opcua-types "${file%%:*}" build/docs/register-map.csv \
+			build/docs/commands.csv build/docs/events.csv build/asan/opcua-export \
+			>"build/docs/${file#*:}" || true
+	done
+	step type_rows.c diff -u src/tools/opcua/type_rows.c build/docs/type_rows.c
 	build/asan/ctl-export csv >build/docs/drivebridgectl.csv || true
 	for file in register-map.csv register-map.md commands.csv drivebridge.st config-keys.csv \
-		mqtt-keys.csv web-keys.csv opcua-keys.csv tls-keys.csv opcua-nodes.csv drivebridgectl.csv; do
+		mqtt-keys.csv web-keys.csv opcua-keys.csv tls-keys.csv opcua-nodes.csv events.csv \
+		drivebridge.NodeSet2.xml drivebridgectl.csv; do
 		step "$file" diff -u "docs/$file" "build/docs/$file"
 	done
 	build/asan/ctl-export bash >build/docs/drivebridgectl || true
@@ -423,9 +429,6 @@ in_kernel() {
 		-l "build/logs/$name-messages.log" -- "$@"
 }
 
-<<<<<<< HEAD
-# run_phase NAME: its result is kept for finish().
-=======
 # Every half minute, how far the phase is: the end of the log that was written last.
 show_progress() {
 	local started=$SECONDS newest line nap=
@@ -441,7 +444,7 @@ show_progress() {
 	done
 }
 
->>>>>>> ten
+# run_phase NAME: its result is kept for finish().
 run_phase() {
 	local started=$SECONDS progress
 
@@ -466,6 +469,8 @@ COMPUTING=(compilers style docs fuzz)
 run_computing() {
 	local phase
 
+	# What they print is shown when all of them are done.
+	PROGRESS_SECONDS=86400
 	chrt --idle --pid 0 $BASHPID 2>/dev/null || renice -n 19 -p $BASHPID >/dev/null || true
 	for phase; do
 		run_phase "$phase"

@@ -2,6 +2,7 @@
 #include "registers/export.h"
 
 #include "drivebridge/command_table.h"
+#include "drivebridge/log.h"
 #include "regmap/image.h"
 #include "regmap/index.h"
 #include "regmap/vsmd_layout.h"
@@ -638,5 +639,21 @@ int db_export_markdown(FILE *out)
 			put_markdown(out, listed);
 	}
 	free(list.items);
+	return 0;
+}
+
+int db_export_events(FILE *out)
+{
+	static const char *const levels[] = {
+		[DB_LOG_ERROR] = "error",
+		[DB_LOG_WARNING] = "warning",
+		[DB_LOG_NOTICE] = "notice",
+		[DB_LOG_INFO] = "info",
+	};
+
+	fputs("name,level\n", out);
+	for (int i = 0; i < DB_EVENT_COUNT; i++)
+		fprintf(out, "%s,%s\n", db_event_name((enum db_event)i),
+		        levels[db_event_level((enum db_event)i)]);
 	return 0;
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The register and command tables as documents. All families of db_drivers are in them. For a
+ * The tables of registers, commands and events as documents. All families of db_drivers are in them. For a
  * program of its own: it allocates, and writes to a stream.
  */
 #ifndef DRIVEBRIDGE_REGMAP_EXPORT_H
@@ -12,5 +12,7 @@
 int db_export_csv(FILE *out);
 int db_export_markdown(FILE *out);
 int db_export_commands(FILE *out);
+/* The kinds of events, with the level of their lines in the log. */
+int db_export_events(FILE *out);
 
 #endif

@@ -17,6 +17,7 @@ static const struct {
 	{ "csv", db_export_csv },
 	{ "md", db_export_markdown },
 	{ "commands", db_export_commands },
+	{ "events", db_export_events },
 };
 
 #define DOCUMENTS (sizeof documents / sizeof documents[0])
@@ -127,6 +128,6 @@ int main(int argc, char **argv)
 		}
 		return EXIT_SUCCESS;
 	}
-	fprintf(stderr, "usage: regmap-export csv|md|commands|st FOLDER\n");
+	fprintf(stderr, "usage: regmap-export csv|md|commands|events|st FOLDER\n");
 	return 2;
 }

@@ -68,6 +68,13 @@ static struct db_limit_facts collect_limit_facts(const struct db_commander *comm
 	return facts;
 }
 
+void db_commander_position_limits(const struct db_commander *commander, double *min, double *max)
+{
+	struct db_limit_facts facts = collect_limit_facts(commander);
+
+	db_limits_position(commander->config.drive_config, &facts, min, max);
+}
+
 double db_commander_max_velocity(const struct db_commander *commander)
 {
 	struct db_limit_facts facts = collect_limit_facts(commander);

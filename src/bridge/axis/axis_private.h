@@ -99,6 +99,11 @@ enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_com
 enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double acceleration,
                                      const struct db_limit_facts *facts);
 
+/* Where min-position and max-position of the configuration let the drive be, in its own units; NAN:
+ * there is no such limit, or the scale is not known yet. */
+void db_limits_position(const struct db_drive_config *drive, const struct db_limit_facts *facts,
+                        double *min, double *max);
+
 /* The largest target_velocity that max-velocity of the configuration allows, in either direction;
  * NAN: there is no such limit, or the scale is not known yet. */
 double db_limits_max_velocity(const struct db_drive_config *drive,

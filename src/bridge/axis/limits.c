@@ -124,6 +124,17 @@ enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double
 	               DB_LIMIT_NONE;
 }
 
+void db_limits_position(const struct db_drive_config *drive, const struct db_limit_facts *facts,
+                        double *min, double *max)
+{
+	double counts = facts->counts > 0.0 ? facts->counts : drive->counts_per_unit;
+
+	if (facts->scale_open)
+		counts = (double)NAN;
+	*min = drive->min_position * counts;
+	*max = drive->max_position * counts;
+}
+
 double db_limits_max_velocity(const struct db_drive_config *drive,
                               const struct db_limit_facts *facts)
 {

@@ -411,7 +411,14 @@ bool db_named_limit(const struct db_registers *registers, uint16_t number,
 {
 	const struct db_view_drive *drive = find_drive(registers, number);
 
-	if (!drive || !db_named_is_argument(entry, DB_ARG_TARGET_VELOCITY))
+	if (!drive || entry->table != DB_TABLE_HOLDING)
+		return false;
+	if (strcmp(entry->name, "position") == 0) {
+		db_commander_position_limits(drive->commander, min, max);
+		return isfinite(*min) && isfinite(*max);
+	}
+	if (!db_named_is_argument(entry, DB_ARG_TARGET_VELOCITY) &&
+	    strcmp(entry->name, "velocity") != 0)
 		return false;
 	*max = db_commander_max_velocity(drive->commander);
 	*min = -*max;

@@ -122,7 +122,8 @@ void db_named_unit(const struct db_registers *registers, uint16_t number,
                    const struct db_entry *entry, char unit[DB_NAMED_UNIT_MAX]);
 
 /* The limits of the configuration for the register of a drive, in addition to those of its row or
- * parameter. False: it has none. */
+ * parameter: of target_velocity and velocity, of position if there is one to either side. False: it
+ * has none. */
 bool db_named_limit(const struct db_registers *registers, uint16_t number,
                     const struct db_entry *entry, double *min, double *max);
 

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/config.h"
 
+#include <arpa/inet.h>
 #include <ctype.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -32,6 +34,49 @@ static void check_show(struct db_settings *settings, const struct db_opcua_confi
 	}
 }
 
+/* "opc.tcp://10.0.0.7:4844" or "opc.tcp://[fd00::7]:4844". A name would have to be resolved, which
+ * takes the time of everybody's stops. */
+static bool is_url(const char *url)
+{
+	static const char head[] = "opc.tcp://";
+	char host[INET6_ADDRSTRLEN];
+	unsigned char address[sizeof(struct in6_addr)];
+	unsigned long port;
+	size_t length;
+	bool six;
+	char *end;
+
+	if (strncmp(url, head, sizeof(head) - 1) != 0)
+		return false;
+	url += sizeof(head) - 1;
+	six = *url == '[';
+	url += six;
+	length = strcspn(url, six ? "]" : ":");
+	if (length >= sizeof(host))
+		return false;
+	memcpy(host, url, length);
+	host[length] = '\0';
+	url += length;
+	if (inet_pton(six ? AF_INET6 : AF_INET, host, address) != 1 || (six && *url++ != ']') ||
+	    *url++ != ':' || !isdigit((unsigned char)*url))
+		return false;
+	port = strtoul(url, &end, 10);
+	return *end == '\0' && port > 0 && port <= UINT16_MAX;
+}
+
+static void check_reverse(struct db_settings *settings, const struct db_opcua_config *config)
+{
+	for (const char *at = config->reverse_connect.names; at && *at; at += strlen(at) + 1) {
+		if (!is_url(at))
+			db_messages_add_error(
+				settings->messages,
+				db_settings_line(settings, "server", "reverse-connect"),
+				"reverse-connect has '%s'; write an address as numbers with its "
+				"port, as in opc.tcp://10.0.0.7:4844",
+				at);
+	}
+}
+
 static void check_whole(struct db_settings *settings, const void *host_name)
 {
 	struct db_opcua_config *config = settings->values;
@@ -50,6 +95,7 @@ static void check_whole(struct db_settings *settings, const void *host_name)
 		                      "digits, - . and _ only",
 		                      config->gateway);
 	check_show(settings, config);
+	check_reverse(settings, config);
 	if (config->anonymous == DB_OPCUA_READ)
 		db_messages_add_warning(
 			settings->messages, db_settings_line(settings, "security", "anonymous"),
@@ -62,6 +108,11 @@ const struct db_settings_form db_opcua_form = {
 	.size = sizeof(struct db_opcua_config),
 	.check = check_whole,
 };
+
+void db_opcua_config_space(const struct db_opcua_config *config, char uri[DB_OPCUA_URI_MAX])
+{
+	(void)snprintf(uri, DB_OPCUA_URI_MAX, "urn:%s:drivebridge:drives", config->gateway);
+}
 
 bool db_opcua_config_shows(const struct db_opcua_config *config, enum db_opcua_group group)
 {

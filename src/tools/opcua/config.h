@@ -9,7 +9,8 @@
 /* Indexes of words. */
 enum { DB_OPCUA_OFF, DB_OPCUA_READ };
 enum { DB_OPCUA_NO, DB_OPCUA_YES };
-enum { DB_OPCUA_ALL }; /* show */
+enum { DB_OPCUA_ALL };  /* show */
+enum { DB_OPCUA_NONE }; /* reverse-connect */
 
 /* Size of a token of the service's clock; longer ones are not valid. */
 #define DB_OPCUA_TOKEN_MAX 64
@@ -22,6 +23,7 @@ struct db_opcua_config {
 	char *gateway; /* never "" */
 	unsigned interval_ms;
 	struct db_setting_list show;
+	struct db_setting_list reverse_connect;
 
 	unsigned none;
 	unsigned anonymous;
@@ -45,6 +47,11 @@ extern const struct db_setting db_opcua_keys[];
 /* For db_settings_load() of a struct db_opcua_config. The context of its loading is the name of
  * this machine, which is the gateway's if none is given. */
 extern const struct db_settings_form db_opcua_form;
+
+/* The namespace of this gateway's nodes: its drives and buses have names that another gateway's may
+ * have, too. */
+#define DB_OPCUA_URI_MAX 128
+void db_opcua_config_space(const struct db_opcua_config *config, char uri[DB_OPCUA_URI_MAX]);
 
 /* True if this group of a drive's registers is shown. */
 bool db_opcua_config_shows(const struct db_opcua_config *config, enum db_opcua_group group);

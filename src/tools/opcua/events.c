@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/events.h"
 #include "opcua/names.h"
-#include "opcua/nodes.h"
+#include "opcua/types.h"
 #include "opcua/values.h"
 
 #include "client/log.h"
@@ -10,7 +10,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#define BASE "/Events"
+/* The type above all of them. */
+#define BASE "DriveEventType"
 
 /* From 1 to 1000; above 667 is high. */
 static UA_UInt16 severity_of(const char *level)
@@ -34,31 +35,44 @@ static UA_NodeId node_of(UA_Server *server, const char *id)
 {
 	size_t space = 0;
 
-	(void)UA_Server_getNamespaceByName(server, db_opcua_string(DB_OPCUA_NAMESPACE), &space);
+	(void)UA_Server_getNamespaceByName(server, db_opcua_string(DB_OPCUA_TYPES_NAMESPACE),
+	                                   &space);
 	return (UA_NodeId){ .namespaceIndex = (UA_UInt16)space,
 		            .identifierType = UA_NODEIDTYPE_STRING,
 		            .identifier.string = db_opcua_string(id) };
 }
 
-static UA_StatusCode add_type(UA_Server *server, UA_NodeId id, UA_NodeId parent, const char *name)
+static UA_StatusCode add_type(UA_Server *server, UA_NodeId id, UA_NodeId parent, const char *text)
 {
 	UA_ObjectTypeAttributes attributes = UA_ObjectTypeAttributes_default;
 
-	attributes.displayName.text = db_opcua_string(name);
+	attributes.displayName.text = id.identifier.string;
+	attributes.description = db_opcua_english(text);
 	return UA_Server_addObjectTypeNode(server, id, parent,
 	                                   UA_NODEID_NUMERIC(0, UA_NS0ID_HASSUBTYPE),
 	                                   (UA_QualifiedName){ .namespaceIndex = id.namespaceIndex,
-	                                                       .name = db_opcua_string(name) },
+	                                                       .name = id.identifier.string },
 	                                   attributes, NULL, NULL);
 }
 
 UA_StatusCode db_opcua_events_set_up(UA_Server *server)
 {
-	return add_type(server, node_of(server, BASE), UA_NODEID_NUMERIC(0, UA_NS0ID_BASEEVENTTYPE),
-	                "DriveEventType");
+	const struct db_opcua_type_row *base = db_opcua_type_find(BASE, strlen(BASE));
+	UA_NodeId parent = node_of(server, BASE);
+	UA_StatusCode status = add_type(server, parent,
+	                                UA_NODEID_NUMERIC(0, UA_NS0ID_BASEEVENTTYPE), base->text);
+
+	for (size_t i = 0; i < db_opcua_type_count && status == UA_STATUSCODE_GOOD; i++) {
+		const struct db_opcua_type_row *row = &db_opcua_type_rows[i];
+
+		if (row->class == DB_OPCUA_EVENT_TYPE_ROW && row != base)
+			status = add_type(server, node_of(server, row->id), parent, row->text);
+	}
+	return status;
 }
 
-/* Made at the first event of its name: drive-lost is DriveLost. */
+/* drive-lost is DriveLostEventType. A kind that only a newer service knows is added at its first
+ * event. */
 static UA_StatusCode find_type(UA_Server *server, const char *event, char id[128], UA_NodeId *type)
 {
 	char name[DB_OPCUA_NAME_MAX];
@@ -69,11 +83,11 @@ static UA_StatusCode find_type(UA_Server *server, const char *event, char id[128
 	for (char *at = words; *at; at++)
 		*at = *at == '-' ? '_' : *at;
 	db_opcua_name_of(words, name);
-	(void)snprintf(id, 128, BASE ".%s", name);
+	(void)snprintf(id, 128, "%sEventType", name);
 	*type = node_of(server, id);
 	if (UA_Server_readNodeClass(server, *type, &class) == UA_STATUSCODE_GOOD)
 		return UA_STATUSCODE_GOOD;
-	return add_type(server, *type, node_of(server, BASE), name);
+	return add_type(server, *type, node_of(server, BASE), event);
 }
 
 static UA_StatusCode set_field(UA_Server *server, UA_NodeId event, const char *name, void *value,
@@ -86,14 +100,38 @@ static UA_StatusCode set_field(UA_Server *server, UA_NodeId event, const char *n
 		server, event, (UA_QualifiedName){ .name = db_opcua_string(name) }, variant);
 }
 
+/* What every event has. */
+static UA_StatusCode set_head(UA_Server *server, UA_NodeId event, UA_DateTime time,
+                              const char *level, const char *text, const char *source)
+{
+	UA_UInt16 severity = severity_of(level);
+	UA_LocalizedText message = db_opcua_english(text);
+	UA_String name = db_opcua_string(source);
+
+	return set_field(server, event, "Time", &time, &UA_TYPES[UA_TYPES_DATETIME]) |
+	       set_field(server, event, "Severity", &severity, &UA_TYPES[UA_TYPES_UINT16]) |
+	       set_field(server, event, "Message", &message, &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]) |
+	       set_field(server, event, "SourceName", &name, &UA_TYPES[UA_TYPES_STRING]);
+}
+
+/* Sends the event, if all of it could be set. */
+static void trigger(UA_Server *server, const char *what, UA_NodeId event, UA_NodeId origin,
+                    UA_StatusCode status)
+{
+	if (status == UA_STATUSCODE_GOOD)
+		status = UA_Server_triggerEvent(server, event, origin, NULL, true);
+	else if (!UA_NodeId_isNull(&event))
+		(void)UA_Server_deleteNode(server, event, true);
+	if (status != UA_STATUSCODE_GOOD)
+		db_client_log(DB_CLIENT_WARNING, "event %s cannot be told: %s", what,
+		              UA_StatusCode_name(status));
+}
+
 void db_opcua_events_tell(UA_Server *server, const json_t *event, UA_NodeId origin)
 {
 	const char *drive = db_client_text(event, "drive");
 	UA_DateTime time = UA_DATETIME_UNIX_EPOCH +
 	                   json_integer_value(json_object_get(event, "time_us")) * UA_DATETIME_USEC;
-	UA_UInt16 severity = severity_of(db_client_text(event, "level"));
-	UA_LocalizedText message = db_opcua_english(db_client_text(event, "text"));
-	UA_String source = db_opcua_string(drive[0] ? drive : db_client_text(event, "bus"));
 	UA_NodeId node = UA_NODEID_NULL;
 	char id[128];
 	UA_NodeId type;
@@ -101,20 +139,29 @@ void db_opcua_events_tell(UA_Server *server, const json_t *event, UA_NodeId orig
 
 	if (status == UA_STATUSCODE_GOOD)
 		status = UA_Server_createEvent(server, type, &node);
-	if (status == UA_STATUSCODE_GOOD) {
-		status = set_field(server, node, "Time", &time, &UA_TYPES[UA_TYPES_DATETIME]);
-		status |= set_field(server, node, "Severity", &severity,
-		                    &UA_TYPES[UA_TYPES_UINT16]);
-		status |= set_field(server, node, "Message", &message,
-		                    &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);
-		status |= set_field(server, node, "SourceName", &source,
-		                    &UA_TYPES[UA_TYPES_STRING]);
-	}
 	if (status == UA_STATUSCODE_GOOD)
-		status = UA_Server_triggerEvent(server, node, origin, NULL, true);
-	else if (!UA_NodeId_isNull(&node))
-		(void)UA_Server_deleteNode(server, node, true);
-	if (status != UA_STATUSCODE_GOOD)
-		db_client_log(DB_CLIENT_WARNING, "event %s cannot be told: %s",
-		              db_client_text(event, "name"), UA_StatusCode_name(status));
+		status = set_head(server, node, time, db_client_text(event, "level"),
+		                  db_client_text(event, "text"),
+		                  drive[0] ? drive : db_client_text(event, "bus"));
+	trigger(server, db_client_text(event, "name"), node, origin, status);
+}
+
+void db_opcua_events_tell_changes(UA_Server *server, UA_ModelChangeStructureDataType *changes,
+                                  size_t count)
+{
+	UA_NodeId node = UA_NODEID_NULL;
+	UA_Variant list;
+	UA_StatusCode status = UA_Server_createEvent(
+		server, UA_NODEID_NUMERIC(0, UA_NS0ID_GENERALMODELCHANGEEVENTTYPE), &node);
+
+	if (status == UA_STATUSCODE_GOOD) {
+		UA_Variant_setArray(&list, changes, count,
+		                    &UA_TYPES[UA_TYPES_MODELCHANGESTRUCTUREDATATYPE]);
+		status = set_head(server, node, UA_DateTime_now(), "info",
+		                  "The drives of this gateway have changed", "Server");
+		status |= UA_Server_writeObjectProperty(
+			server, node, (UA_QualifiedName){ .name = db_opcua_string("Changes") },
+			list);
+	}
+	trigger(server, "GeneralModelChange", node, UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER), status);
 }

@@ -1,17 +1,21 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The service's events as OPC UA events: each kind has its own type, so that clients can choose.
- * One thread. */
+/* The service's events as OPC UA events: each kind has its own type, which is there before its
+ * first event, so that clients can choose. One thread. */
 #ifndef DRIVEBRIDGE_OPCUA_EVENTS_H
 #define DRIVEBRIDGE_OPCUA_EVENTS_H
 
 #include <jansson.h>
 #include <open62541/server.h>
 
-/* Adds the base type of all of them. */
+/* Adds their types. */
 UA_StatusCode db_opcua_events_set_up(UA_Server *server);
 
 /* Sends it to the clients that subscribe to events. `event` of the interface's type Event; `origin`
  * is the drive's node. */
 void db_opcua_events_tell(UA_Server *server, const json_t *event, UA_NodeId origin);
+
+/* Tells the clients that nodes have come and gone: `changes` stay the caller's. */
+void db_opcua_events_tell_changes(UA_Server *server, UA_ModelChangeStructureDataType *changes,
+                                  size_t count);
 
 #endif

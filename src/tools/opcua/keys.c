@@ -28,6 +28,10 @@ const struct db_setting db_opcua_keys[] = {
 	                  "What is shown of a drive beside its process values and commands, each in a folder: CommandBlock, "
 	                  "Parameters, Service, Bits, History"),
 	  AT(show) },
+	{ DB_LIST_SETTING("server", "reverse-connect", "none", "none",
+	                  "Clients that wait for this server to connect to them, behind a firewall that lets nobody in: their addresses, "
+	                  "as numbers, and ports, \"opc.tcp://10.0.0.7:4844\". One that does not answer is tried again every 2 s"),
+	  AT(reverse_connect) },
 
 	{ DB_WORD_SETTING("security", "none", "off", "off read",
 	                  "Whether there are connections without encryption and signature; read: for who only reads. Passwords "

@@ -99,6 +99,12 @@ void db_opcua_registers_add_diagnosis(json_t *registers, bool gateway)
 	}
 }
 
+const struct db_opcua_output db_opcua_outputs[DB_OPCUA_OUTPUTS_COUNT] = {
+	{ "Result",
+	  "How it ended: ok, unproven (taken, and its protocol shows no more), pending (it goes on)" },
+	{ "Reason", "Why it was refused, in words; empty when it was not" },
+};
+
 static bool is_history(const char *name)
 {
 	static const char head[] = "history";
@@ -200,6 +206,17 @@ bool db_opcua_register_is_full(const struct db_opcua_register *reg)
 	}
 }
 
+/* By where the type has a member of this name. */
+static const struct db_opcua_type_row *find_data(const struct db_opcua_kind *kind,
+                                                 enum db_opcua_group group, const char *shown)
+{
+	const char *folder = db_opcua_group_folder(group);
+	char path[2 * DB_OPCUA_NAME_MAX];
+
+	(void)snprintf(path, sizeof(path), "%s%s%s", folder, folder[0] ? "." : "", shown);
+	return db_opcua_type_data(db_opcua_type_member(kind->type, path));
+}
+
 /* The bits of the status register have its quality. */
 static void mark_own_bits(struct db_opcua_kind *kind)
 {
@@ -226,7 +243,7 @@ static void mark_own_bits(struct db_opcua_kind *kind)
 /* history12_result is index 11 of the column Result. */
 static bool add_to_column(struct db_opcua_kind *kind, size_t place)
 {
-	const struct db_opcua_register *reg = &kind->list[place];
+	struct db_opcua_register *reg = &kind->list[place];
 	struct db_opcua_column *column = kind->columns;
 	char shown[DB_OPCUA_NAME_MAX];
 	char *field;
@@ -246,6 +263,7 @@ static bool add_to_column(struct db_opcua_kind *kind, size_t place)
 		kind->columns = grown;
 		column = &grown[kind->column_count++];
 		*column = (struct db_opcua_column){ .first = reg };
+		reg->data = find_data(kind, DB_OPCUA_HISTORY, shown);
 		memcpy(column->shown, shown, sizeof(shown));
 	}
 	column->places[number - 1] = place;
@@ -274,7 +292,8 @@ static int compare_names(const void *a, const void *b)
 	return strcmp((*left)->name, (*right)->name);
 }
 
-static struct db_opcua_kind *make_kind(json_t *registers, json_t *commands)
+static struct db_opcua_kind *make_kind(const struct db_opcua_type_row *type, json_t *registers,
+                                       json_t *commands)
 {
 	struct db_opcua_kind *kind = calloc(1, sizeof(*kind));
 	enum db_opcua_group before = DB_OPCUA_PROCESS;
@@ -283,6 +302,7 @@ static struct db_opcua_kind *make_kind(json_t *registers, json_t *commands)
 
 	if (!kind)
 		return NULL;
+	kind->type = type;
 	kind->registers = json_incref(registers);
 	kind->commands = json_incref(commands);
 	kind->list = calloc(json_array_size(registers) + 1, sizeof(*kind->list));
@@ -300,6 +320,8 @@ static struct db_opcua_kind *make_kind(json_t *registers, json_t *commands)
 		if (read_register(reg, json, commands, before)) {
 			before = reg->group;
 			if (reg->group != DB_OPCUA_COMMAND || is_argument(commands, reg->name)) {
+				if (reg->group != DB_OPCUA_HISTORY)
+					reg->data = find_data(kind, reg->group, reg->shown);
 				kind->count++;
 				continue;
 			}
@@ -336,18 +358,19 @@ void db_opcua_registers_shorten(json_t *registers, bool history)
 	}
 }
 
-struct db_opcua_kind *db_opcua_kind_take(struct db_opcua_kind **kinds, json_t *registers,
+struct db_opcua_kind *db_opcua_kind_take(struct db_opcua_kind **kinds,
+                                         const struct db_opcua_type_row *type, json_t *registers,
                                          json_t *commands)
 {
 	struct db_opcua_kind *kind = *kinds;
 
 	if (!json_is_array(registers) || !json_is_array(commands))
 		return NULL;
-	while (kind &&
-	       !(json_equal(kind->registers, registers) && json_equal(kind->commands, commands)))
+	while (kind && !(kind->type == type && json_equal(kind->registers, registers) &&
+	                 json_equal(kind->commands, commands)))
 		kind = kind->next;
 	if (!kind) {
-		kind = make_kind(registers, commands);
+		kind = make_kind(type, registers, commands);
 		if (!kind)
 			return NULL;
 		kind->number = *kinds ? (*kinds)->number + 1 : 1;

@@ -10,6 +10,7 @@
 
 #include "drivebridge/time.h"
 #include "opcua/names.h"
+#include "opcua/types.h"
 
 #include <jansson.h>
 #include <stdbool.h>
@@ -57,14 +58,23 @@ struct db_opcua_register {
 	json_t *codes; /* NULL: none */
 	bool bits;     /* the codes are names of bits */
 	const char *description;
-	bool streamed; /* part of the service's stream */
+	const struct db_opcua_type_row *data; /* its data type, if that is ours; else NULL */
+	bool streamed;                        /* part of the service's stream */
 };
+
+/* What each method returns: texts. */
+#define DB_OPCUA_OUTPUTS_COUNT 2
+struct db_opcua_output {
+	const char *name;
+	const char *text;
+};
+extern const struct db_opcua_output db_opcua_outputs[DB_OPCUA_OUTPUTS_COUNT];
 
 /* One field of all entries of the history, the newest first. */
 #define DB_OPCUA_HISTORY_MAX 32
 struct db_opcua_column {
 	char shown[DB_OPCUA_NAME_MAX];
-	const struct db_opcua_register *first;
+	struct db_opcua_register *first; /* its data type is that of all */
 	size_t count;
 	size_t places[DB_OPCUA_HISTORY_MAX]; /* indexes in the kind's list */
 };
@@ -74,7 +84,9 @@ bool db_opcua_register_is_full(const struct db_opcua_register *reg);
 
 /* What drives with the same registers and commands share. */
 struct db_opcua_kind {
-	unsigned number;   /* unique among the existing kinds */
+	unsigned number; /* unique among the existing kinds */
+	/* of the family, or of the gateway */
+	const struct db_opcua_type_row *type;
 	json_t *registers; /* from the service; other texts point into it */
 	json_t *commands;
 	struct db_opcua_register *list;
@@ -136,9 +148,10 @@ void db_opcua_registers_shorten(json_t *registers, bool history);
 /* Adds the diagnosis to the registers of a drive, or of the gateway. */
 void db_opcua_registers_add_diagnosis(json_t *registers, bool gateway);
 
-/* Finds or makes a kind. Keeps references to both. NULL without memory, or when they do not have
- * the expected form. */
-struct db_opcua_kind *db_opcua_kind_take(struct db_opcua_kind **kinds, json_t *registers,
+/* Finds or makes a kind of drives of this type. Keeps references to both objects. NULL without
+ * memory, or when they do not have the expected form. */
+struct db_opcua_kind *db_opcua_kind_take(struct db_opcua_kind **kinds,
+                                         const struct db_opcua_type_row *type, json_t *registers,
                                          json_t *commands);
 /* The register of this name, NULL when there is none. */
 struct db_opcua_register *db_opcua_kind_find(const struct db_opcua_kind *kind, const char *name);

@@ -42,9 +42,20 @@
 /* Places of connections that are being closed: the library needs a turn or two for that. */
 #define CLOSING_MAX 16
 
+struct db_opcua_network;
+
+/* What the library handed over when it opened listeners, or a connection to a client. */
+struct door {
+	struct db_opcua_network *network;
+	void *application;
+	UA_ConnectionManager_connectionCallback callback;
+};
+
 struct connection {
 	uintptr_t id; /* 0: free; else the descriptor */
+	const struct door *door;
 	bool listener;
+	bool opening; /* by us, to a client: not connected yet */
 	bool closing;
 	bool served;       /* it is being served: further bytes wait */
 	void **library;    /* the library's context of it */
@@ -73,8 +84,8 @@ struct db_opcua_network {
 	                      void *application, void *context,
 	                      UA_ConnectionManager_connectionCallback callback);
 	UA_StatusCode (*close)(UA_ConnectionManager *cm, uintptr_t id);
-	void *application;
-	UA_ConnectionManager_connectionCallback callback;
+	struct door accepting;
+	struct door calling;
 
 	db_opcua_gone_fn *gone;
 	db_opcua_served_fn *served;
@@ -150,11 +161,12 @@ static void name_address(struct connection *connection, unsigned *port)
 	}
 }
 
-/* Also waits for room while bytes wait. */
+/* Also waits for room while bytes wait, and for the end of an opening. */
 static void watch_connection(const struct db_opcua_network *network,
                              const struct connection *connection, int operation)
 {
-	struct epoll_event event = { .events = connection->out ? EPOLLIN | EPOLLOUT : EPOLLIN };
+	bool writes = connection->out || connection->opening;
+	struct epoll_event event = { .events = writes ? EPOLLIN | EPOLLOUT : EPOLLIN };
 
 	(void)epoll_ctl(network->watched, operation, (int)connection->id, &event);
 }
@@ -222,7 +234,8 @@ static bool make_room(struct db_opcua_network *network)
 	return least;
 }
 
-static struct connection *add_connection(struct db_opcua_network *network, uintptr_t id)
+static struct connection *add_connection(struct db_opcua_network *network, const struct door *door,
+                                         uintptr_t id, bool opening)
 {
 	struct connection *connection = find_connection(network, 0);
 	socklen_t size = sizeof(int);
@@ -236,7 +249,9 @@ static struct connection *add_connection(struct db_opcua_network *network, uintp
 		return NULL;
 	*connection = (struct connection){
 		.id = id,
+		.door = door,
 		.listener = listens != 0,
+		.opening = opening,
 		.since = network->now,
 		.heard = network->now,
 	};
@@ -279,14 +294,15 @@ static void pass_on(struct db_opcua_network *network, struct connection *connect
                     UA_ConnectionState state, const UA_KeyValueMap *params, UA_ByteString message)
 {
 	uintptr_t id = connection->id;
+	const struct door *door = connection->door;
 	bool listener;
 
 	if (message.length > 0)
 		connection->heard = network->now;
 	network->busy = true;
 	network->current = id;
-	network->callback(network->tcp, id, network->application, connection->library, state,
-	                  params, message);
+	door->callback(network->tcp, id, door->application, connection->library, state, params,
+	               message);
 	network->current = 0;
 	if (state == UA_CONNECTIONSTATE_CLOSING) {
 		listener = connection->listener;
@@ -352,12 +368,16 @@ static void on_bytes(UA_ConnectionManager *cm, uintptr_t id, void *application,
                      void **connection_context, UA_ConnectionState state,
                      const UA_KeyValueMap *params, UA_ByteString message)
 {
-	struct db_opcua_network *network = application;
+	const struct door *door = application;
+	struct db_opcua_network *network = door->network;
 	struct connection *connection = find_connection(network, id);
+	unsigned port;
 
 	(void)cm;
 	if (!connection && state != UA_CONNECTIONSTATE_CLOSING)
-		connection = add_connection(network, id);
+		connection = add_connection(network, door, id,
+		                            door == &network->calling &&
+		                                    state == UA_CONNECTIONSTATE_OPENING);
 	if (!connection) {
 		/* There are too many. The library is not informed: it would take this end for that
 		 * of the listener whose context the connection still has. */
@@ -365,6 +385,11 @@ static void on_bytes(UA_ConnectionManager *cm, uintptr_t id, void *application,
 		return;
 	}
 	connection->library = connection_context;
+	if (connection->opening && state == UA_CONNECTIONSTATE_ESTABLISHED) {
+		connection->opening = false;
+		name_address(connection, &port);
+		watch_connection(network, connection, EPOLL_CTL_MOD);
+	}
 	if (message.length > 0)
 		pass_messages_on(network, connection, params, message);
 	else
@@ -383,10 +408,14 @@ static UA_StatusCode open_connection(UA_ConnectionManager *cm, const UA_KeyValue
                                      UA_ConnectionManager_connectionCallback callback)
 {
 	struct db_opcua_network *network = network_of(cm);
+	const UA_Boolean *listens = UA_KeyValueMap_getScalar(
+		params, UA_QUALIFIEDNAME(0, (char[]){ "listen" }), &UA_TYPES[UA_TYPES_BOOLEAN]);
+	struct door *door = listens && *listens ? &network->accepting : &network->calling;
 
-	network->application = application;
-	network->callback = callback;
-	return network->open(cm, params, network, context, on_bytes);
+	*door = (struct door){ .network = network,
+		               .application = application,
+		               .callback = callback };
+	return network->open(cm, params, door, context, on_bytes);
 }
 
 static UA_StatusCode close_connection(UA_ConnectionManager *cm, uintptr_t id)
@@ -657,9 +686,11 @@ void db_opcua_network_flush(struct db_opcua_network *network, db_time now)
 		if (connection->out && !connection->closing)
 			flush_connection(network, connection);
 		if (is_stranger(connection) && now - connection->since >= LOGIN_MAX) {
-			db_client_log_rationed_for(
-				&network->lines, connection->address, now, DB_CLIENT_INFO,
-				"%s: closed: nobody has logged in over it", connection->address);
+			if (!connection->opening)
+				db_client_log_rationed_for(
+					&network->lines, connection->address, now, DB_CLIENT_INFO,
+					"%s: closed: nobody has logged in over it",
+					connection->address);
 			drop_connection(network, connection);
 		}
 	}

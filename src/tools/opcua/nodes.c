@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/nodes.h"
+#include "opcua/enumerations.h"
 #include "opcua/events.h"
 #include "opcua/properties.h"
 #include "opcua/references.h"
@@ -19,6 +20,11 @@
 /* How often the service is asked for figures of its buses, in milliseconds. */
 #define FIGURES_INTERVAL 1000.0
 
+/* Of a node that has other children than before. */
+#define CHILDREN_CHANGED                                  \
+	(UA_MODELCHANGESTRUCTUREVERBMASK_REFERENCEADDED | \
+	 UA_MODELCHANGESTRUCTUREVERBMASK_REFERENCEDELETED)
+
 struct db_opcua_nodes {
 	const struct db_opcua_config *config;
 	const struct db_opcua_nodes_ops *ops;
@@ -28,6 +34,10 @@ struct db_opcua_nodes {
 	struct db_opcua_store *store;
 	struct db_opcua_roster roster;
 	UA_MonitoredItem *listeners; /* of the events of all drives */
+	UA_DataTypeArray *enumerations;
+	/* Of the drives that came and went, for clients; told together. The ids are owned. */
+	UA_ModelChangeStructureDataType *changes;
+	size_t change_count;
 };
 
 static struct db_opcua_nodes *nodes_of(UA_Server *server)
@@ -37,10 +47,23 @@ static struct db_opcua_nodes *nodes_of(UA_Server *server)
 
 /* --- ids -------------------------------------------------------------------------------------- */
 
-static bool identify(void *context, UA_String id, struct db_opcua_subject *subject)
+/* The types of events are in the library's own store. */
+static bool identify_row(UA_String id, struct db_opcua_subject *subject)
+{
+	const struct db_opcua_type_row *row = db_opcua_type_find((const char *)id.data, id.length);
+
+	*subject = (struct db_opcua_subject){ .type = DB_OPCUA_OF_TYPES, .row = row };
+	return row && row->class != DB_OPCUA_EVENT_TYPE_ROW;
+}
+
+static bool identify(void *context, UA_UInt16 space, UA_String id, struct db_opcua_subject *subject)
 {
 	const struct db_opcua_nodes *nodes = context;
 
+	if (id.length == 0)
+		return false;
+	if (space == nodes->roster.types)
+		return identify_row(id, subject);
 	return db_opcua_roster_identify(&nodes->roster, (const char *)id.data, id.length, subject);
 }
 
@@ -267,12 +290,11 @@ static void set_head(struct db_opcua_node *node, UA_NodeClass class, UA_Qualifie
 	head->description = &node->description;
 }
 
-static void set_variable(struct db_opcua_node *node, const UA_DataType *type, bool array,
-                         bool writable, double interval_ms)
+static void set_type(struct db_opcua_node *node, UA_NodeId type, bool array, bool writable)
 {
 	UA_VariableNode *variable = &node->node.variableNode;
 
-	variable->dataType = type->typeId;
+	variable->dataType = type;
 	variable->valueRank = array ? UA_VALUERANK_ONE_DIMENSION : UA_VALUERANK_SCALAR;
 	if (array) {
 		variable->arrayDimensionsSize = 1;
@@ -281,12 +303,27 @@ static void set_variable(struct db_opcua_node *node, const UA_DataType *type, bo
 	variable->accessLevel = UA_ACCESSLEVELMASK_READ;
 	if (writable)
 		variable->accessLevel |= UA_ACCESSLEVELMASK_WRITE;
+}
+
+static void set_variable(struct db_opcua_node *node, UA_NodeId type, bool array, bool writable,
+                         double interval_ms)
+{
+	UA_VariableNode *variable = &node->node.variableNode;
+
+	set_type(node, type, array, writable);
 	variable->valueSource = UA_VALUESOURCE_DATASOURCE;
 	variable->value.dataSource = (UA_DataSource){ .read = read_value,
 		                                      .write = writable ? write_value : NULL };
 	/* Otherwise a client that asks for the fastest sampling, 0, would be notified only of
 	 * writes over OPC UA. */
 	variable->minimumSamplingInterval = interval_ms;
+}
+
+/* Of a register or a column: one of ours, or that of its form in messages. */
+static UA_NodeId type_of(const struct db_opcua_nodes *nodes, const struct db_opcua_register *reg)
+{
+	return reg->data ? db_opcua_type_id(&nodes->roster, reg->data) :
+	                   db_opcua_data_type(reg)->typeId;
 }
 
 /* A constant value, in memory that the node owns from now on. NULL: there is none, or it was not
@@ -296,9 +333,8 @@ static void set_constant(struct db_opcua_node *node, const UA_DataType *type, bo
 {
 	UA_VariableNode *variable = &node->node.variableNode;
 
-	set_variable(node, type, array, false, 0.0);
+	set_type(node, type->typeId, array, false);
 	variable->valueSource = UA_VALUESOURCE_DATA;
-	memset(&variable->value, 0, sizeof(variable->value));
 	node->value = values;
 	if (!values)
 		return;
@@ -309,11 +345,9 @@ static void set_constant(struct db_opcua_node *node, const UA_DataType *type, bo
 		UA_Variant_setScalar(&variable->value.data.value.value, values, type);
 }
 
-static void fill_object(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
-                        const char *name, const char *description)
+static void fill_object(struct db_opcua_node *node, UA_QualifiedName name, const char *description)
 {
-	set_head(node, UA_NODECLASS_OBJECT, db_opcua_browse_name(&nodes->roster, name),
-	         description);
+	set_head(node, UA_NODECLASS_OBJECT, name, description);
 }
 
 static void let_listen(struct db_opcua_node *node, UA_MonitoredItem **listeners)
@@ -331,14 +365,6 @@ static void fill_text(struct db_opcua_node *node, const char *text, bool valued)
 	set_constant(node, &UA_TYPES[UA_TYPES_STRING], false, value, 1);
 }
 
-static void fill_variable(struct db_opcua_node *node, UA_QualifiedName name,
-                          const char *description, const UA_DataType *type, bool writable,
-                          double interval_ms)
-{
-	set_head(node, UA_NODECLASS_VARIABLE, name, description);
-	set_variable(node, type, false, writable, interval_ms);
-}
-
 static void fill_property(const struct db_opcua_shown *shown, const struct db_opcua_branch *branch,
                           struct db_opcua_node *node, bool valued)
 {
@@ -348,8 +374,17 @@ static void fill_property(const struct db_opcua_shown *shown, const struct db_op
 	void *values = valued ? db_opcua_property_value(shown->tree, branch, &count) : NULL;
 
 	set_head(node, UA_NODECLASS_VARIABLE,
-	         (UA_QualifiedName){ .name = db_opcua_string(branch->name) }, "");
+	         (UA_QualifiedName){ .name = db_opcua_string(branch->name) },
+	         db_opcua_property_text(branch));
 	set_constant(node, type, array, values, count);
+}
+
+/* As its type describes this member. */
+static const char *text_of(const struct db_opcua_tree *tree, const struct db_opcua_branch *branch)
+{
+	const struct db_opcua_type_row *row = db_opcua_type_member(tree->kind->type, branch->path);
+
+	return row ? row->text : "";
 }
 
 static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node *node, bool valued)
@@ -357,60 +392,59 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 	struct db_opcua_shown *shown = node->subject.shown;
 	const struct db_opcua_branch *branch = node->subject.branch;
 	const struct db_opcua_kind *kind = shown->tree->kind;
-	UA_QualifiedName name = db_opcua_browse_name(&nodes->roster, branch->name);
+	UA_QualifiedName name = db_opcua_member_name(&nodes->roster, branch->name);
+	double interval_ms = nodes->config->interval_ms;
 	const struct db_opcua_register *reg;
 	const char *text;
 
 	switch (branch->type) {
 	case DB_OPCUA_ROOT:
 		if (shown->gateway) {
-			fill_object(nodes, node, "Gateway", "The service itself and its clients");
+			fill_object(node, db_opcua_member_name(&nodes->roster, "Gateway"),
+			            kind->type->text);
 			break;
 		}
-		fill_object(nodes, node, shown->name, "");
+		fill_object(node, db_opcua_own_name(&nodes->roster, shown->name), kind->type->text);
 		let_listen(node, &shown->listeners);
 		break;
 	case DB_OPCUA_FOLDER:
-		fill_object(nodes, node, branch->name, "");
-		break;
 	case DB_OPCUA_IDENTIFICATION:
-		fill_object(
-			nodes, node, branch->name,
-			"What is known of the drive itself, in the names of OPC UA for Machinery");
+		fill_object(node, name, text_of(shown->tree, branch));
 		break;
 	case DB_OPCUA_VARIABLE:
 		reg = &kind->list[branch->place];
-		fill_variable(node, name, reg->description, db_opcua_data_type(reg->type),
-		              reg->writable, nodes->config->interval_ms);
+		text = reg->description;
+		set_head(node, UA_NODECLASS_VARIABLE, name,
+		         text[0] ? text : text_of(shown->tree, branch));
+		set_variable(node, type_of(nodes, reg), false, reg->writable, interval_ms);
 		break;
 	case DB_OPCUA_COLUMN:
+		text = text_of(shown->tree, branch);
 		set_head(node, UA_NODECLASS_VARIABLE, name,
-		         "Of the latest commands, the newest first");
-		set_variable(node, db_opcua_data_type(kind->columns[branch->place].first->type),
-		             true, false, nodes->config->interval_ms);
+		         text[0] ? text : "Of the latest commands, the newest first");
+		set_variable(node, type_of(nodes, kind->columns[branch->place].first), true, false,
+		             interval_ms);
 		break;
 	case DB_OPCUA_CLOCK:
-		fill_variable(
-			node, name,
-			"A moment of the service's clock; once a session has written one here, a motion "
-			"that it starts is refused when the newest it has written is older than 500 ms",
-			&UA_TYPES[UA_TYPES_STRING], true, nodes->config->interval_ms);
+		set_head(node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
+		set_variable(node, UA_TYPES[UA_TYPES_STRING].typeId, false, true, interval_ms);
 		break;
 	case DB_OPCUA_CERTIFICATE_ENDS:
-		fill_variable(node, name,
-		              "When the certificate ends that this server shows to its clients",
-		              &UA_TYPES[UA_TYPES_DATETIME], false, FIGURES_INTERVAL);
+		set_head(node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
+		set_variable(node, UA_TYPES[UA_TYPES_DATETIME].typeId, false, false,
+		             FIGURES_INTERVAL);
 		break;
 	case DB_OPCUA_METHOD:
 		text = json_string_value(
 			json_object_get(command_of(shown->tree, branch), "description"));
-		set_head(node, UA_NODECLASS_METHOD, name, text ? text : "");
+		set_head(node, UA_NODECLASS_METHOD, name,
+		         text ? text : text_of(shown->tree, branch));
 		node->node.methodNode.executable = true;
 		node->node.methodNode.method = call_method;
 		break;
 	case DB_OPCUA_COMPONENT_NAME:
 	case DB_OPCUA_LOCATION:
-		set_head(node, UA_NODECLASS_VARIABLE, name, "");
+		set_head(node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
 		fill_text(node, branch->type == DB_OPCUA_LOCATION ? shown->location : shown->name,
 		          valued);
 		break;
@@ -419,28 +453,69 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 	}
 }
 
+/* Members of types have no values and no actions. */
+static void fill_row(const struct db_opcua_nodes *nodes, struct db_opcua_node *node, bool valued)
+{
+	static const UA_NodeClass classes[] = {
+		[DB_OPCUA_OBJECT_TYPE_ROW] = UA_NODECLASS_OBJECTTYPE,
+		[DB_OPCUA_DATA_TYPE_ROW] = UA_NODECLASS_DATATYPE,
+		[DB_OPCUA_OBJECT_ROW] = UA_NODECLASS_OBJECT,
+		[DB_OPCUA_VARIABLE_ROW] = UA_NODECLASS_VARIABLE,
+		[DB_OPCUA_METHOD_ROW] = UA_NODECLASS_METHOD,
+		[DB_OPCUA_NAMES_ROW] = UA_NODECLASS_VARIABLE,
+		[DB_OPCUA_BITS_ROW] = UA_NODECLASS_VARIABLE,
+		[DB_OPCUA_INPUTS_ROW] = UA_NODECLASS_VARIABLE,
+		[DB_OPCUA_OUTPUTS_ROW] = UA_NODECLASS_VARIABLE,
+	};
+	const struct db_opcua_type_row *row = node->subject.row;
+	const struct db_opcua_type_row *data = db_opcua_type_data(row);
+	UA_NodeId type = data ? db_opcua_type_id(&nodes->roster, data) :
+	                        UA_NODEID_NUMERIC(0, row->basic);
+	size_t count = 0;
+
+	set_head(node, classes[row->class], db_opcua_row_name(&nodes->roster, row), row->text);
+	if (row->class == DB_OPCUA_VARIABLE_ROW) {
+		set_type(node, type, row->array, row->writable);
+		node->node.variableNode.valueSource = UA_VALUESOURCE_DATA;
+	} else if (row->class >= DB_OPCUA_NAMES_ROW) {
+		void *values = valued ? db_opcua_row_value(row, &count) : NULL;
+
+		set_constant(node, db_opcua_row_type(row), true, values, count);
+	}
+}
+
 static void fill_node(void *context, struct db_opcua_node *node, bool valued)
 {
 	struct db_opcua_nodes *nodes = context;
 	const struct db_opcua_bus *bus = node->subject.bus;
 	const struct db_opcua_fact *fact = node->subject.fact;
+	const struct db_opcua_type_row *row;
 
 	switch (node->subject.type) {
 	case DB_OPCUA_ALL_DRIVES:
-		fill_object(nodes, node, "Drives", "The drives by their names");
+		fill_object(node, db_opcua_member_name(&nodes->roster, "Drives"),
+		            "The drives by their names");
 		let_listen(node, &nodes->listeners);
 		break;
 	case DB_OPCUA_ALL_BUSES:
-		fill_object(nodes, node, "Buses", "The lines that they are on");
+		fill_object(node, db_opcua_member_name(&nodes->roster, "Buses"),
+		            "The lines that they are on");
 		break;
 	case DB_OPCUA_BUS:
-		fill_object(nodes, node, bus->name, "");
+		fill_object(node, db_opcua_own_name(&nodes->roster, bus->name),
+		            db_opcua_type_of_bus()->text);
 		break;
 	case DB_OPCUA_FACT:
+		row = db_opcua_type_member(db_opcua_type_of_bus(), fact->name);
 		set_head(node, UA_NODECLASS_VARIABLE,
-		         db_opcua_browse_name(&nodes->roster, fact->name), "");
-		set_variable(node, db_opcua_json_type(fact->value), false, false, FIGURES_INTERVAL);
+		         db_opcua_member_name(&nodes->roster, fact->name), row ? row->text : "");
+		set_variable(node, db_opcua_json_type(fact->value)->typeId, false, false,
+		             FIGURES_INTERVAL);
 		break;
+	case DB_OPCUA_OF_TYPES:
+		fill_row(nodes, node, valued);
+		break;
+	case DB_OPCUA_OF_DRIVE:
 	default:
 		fill_branch(nodes, node, valued);
 	}
@@ -466,16 +541,59 @@ static UA_StatusCode link_drive(struct db_opcua_nodes *nodes, const struct db_op
 		return db_opcua_store_link(nodes->store, UA_NS0ID_OBJECTSFOLDER,
 		                           UA_REFERENCETYPEINDEX_HASCOMPONENT,
 		                           db_opcua_node_id(&nodes->roster, &id),
-		                           db_opcua_browse_name(&nodes->roster, "Gateway"), comes);
+		                           db_opcua_member_name(&nodes->roster, "Gateway"), comes);
 	/* Not from the folder: a client that browses it would see each drive twice. */
 	return db_opcua_store_link(nodes->store, UA_NS0ID_SERVER, UA_REFERENCETYPEINDEX_HASNOTIFIER,
 	                           db_opcua_node_id(&nodes->roster, &id),
-	                           db_opcua_browse_name(&nodes->roster, shown->name), comes);
+	                           db_opcua_own_name(&nodes->roster, shown->name), comes);
 }
 
-static void add_drive(void *context, struct db_opcua_drive *drive, const json_t *description)
+/* Without memory clients are not told: they find it when they look. */
+static void note_change(struct db_opcua_nodes *nodes, const char *owner,
+                        const struct db_opcua_type_row *type, unsigned verbs)
+{
+	struct db_opcua_id id = db_opcua_id_of(owner, "");
+	UA_NodeId node = db_opcua_node_id(&nodes->roster, &id);
+	UA_ModelChangeStructureDataType *grown = realloc(nodes->changes, (nodes->change_count + 1) *
+	                                                                         sizeof(*grown));
+	UA_ModelChangeStructureDataType *change;
+
+	if (!grown)
+		return;
+	nodes->changes = grown;
+	change = &grown[nodes->change_count];
+	UA_ModelChangeStructureDataType_init(change);
+	if (UA_NodeId_copy(&node, &change->affected) != UA_STATUSCODE_GOOD)
+		return;
+	change->affectedType = type ? db_opcua_type_id(&nodes->roster, type) :
+	                              UA_NODEID_NUMERIC(0, UA_NS0ID_FOLDERTYPE);
+	change->verb = (UA_Byte)verbs;
+	nodes->change_count++;
+}
+
+static void forget_changes(struct db_opcua_nodes *nodes)
+{
+	for (size_t i = 0; i < nodes->change_count; i++)
+		UA_NodeId_clear(&nodes->changes[i].affected);
+	free(nodes->changes);
+	nodes->changes = NULL;
+	nodes->change_count = 0;
+}
+
+static void tell_changes(void *context)
 {
 	struct db_opcua_nodes *nodes = context;
+
+	if (nodes->change_count == 0)
+		return;
+	note_change(nodes, DB_OPCUA_DRIVES, NULL, CHILDREN_CHANGED);
+	db_opcua_events_tell_changes(nodes->server, nodes->changes, nodes->change_count);
+	forget_changes(nodes);
+}
+
+static void show_drive(struct db_opcua_nodes *nodes, struct db_opcua_drive *drive,
+                       const json_t *description)
+{
 	struct db_opcua_shown *shown = db_opcua_roster_add(&nodes->roster, nodes->config, drive,
 	                                                   description);
 	UA_StatusCode status = shown ? link_drive(nodes, shown, true) :
@@ -499,15 +617,33 @@ static struct db_opcua_shown *find_shown(const struct db_opcua_nodes *nodes,
 	return NULL;
 }
 
-static void remove_drive(void *context, const struct db_opcua_drive *drive)
+static void add_drive(void *context, struct db_opcua_drive *drive, const json_t *description)
 {
 	struct db_opcua_nodes *nodes = context;
+
+	show_drive(nodes, drive, description);
+	if (drive->name[0] != '\0')
+		note_change(nodes, drive->name, drive->kind->type,
+		            UA_MODELCHANGESTRUCTUREVERBMASK_NODEADDED);
+}
+
+static void hide_drive(struct db_opcua_nodes *nodes, const struct db_opcua_drive *drive)
+{
 	struct db_opcua_shown *shown = find_shown(nodes, drive);
 
 	if (!shown)
 		return;
 	(void)link_drive(nodes, shown, false);
 	db_opcua_roster_remove(&nodes->roster, shown);
+}
+
+static void remove_drive(void *context, const struct db_opcua_drive *drive)
+{
+	struct db_opcua_nodes *nodes = context;
+
+	hide_drive(nodes, drive);
+	note_change(nodes, drive->name, drive->kind->type,
+	            UA_MODELCHANGESTRUCTUREVERBMASK_NODEDELETED);
 }
 
 /* Subscriptions to its events continue. */
@@ -518,11 +654,13 @@ static void replace_drive(void *context, const struct db_opcua_drive *before,
 	struct db_opcua_shown *shown = find_shown(nodes, before);
 	UA_MonitoredItem *listeners = shown ? shown->listeners : NULL;
 
-	remove_drive(nodes, before);
-	add_drive(nodes, drive, description);
+	hide_drive(nodes, before);
+	show_drive(nodes, drive, description);
 	shown = find_shown(nodes, drive);
 	if (shown)
 		shown->listeners = listeners;
+	if (drive->name[0] != '\0')
+		note_change(nodes, drive->name, drive->kind->type, CHILDREN_CHANGED);
 }
 
 /* --- buses and events ------------------------------------------------------------------------- */
@@ -563,6 +701,7 @@ const struct db_opcua_plant_ops db_opcua_nodes_plant_ops = {
 	.added = add_drive,
 	.replaced = replace_drive,
 	.removed = remove_drive,
+	.settled = tell_changes,
 	.buses = set_buses,
 	.figures = set_figures,
 	.troubles = set_troubles,
@@ -600,6 +739,8 @@ void db_opcua_nodes_free(struct db_opcua_nodes *nodes)
 		return;
 	db_opcua_roster_clear(&nodes->roster);
 	db_opcua_store_free(nodes->store);
+	db_opcua_enumerations_free(nodes->enumerations);
+	forget_changes(nodes);
 	free(nodes);
 }
 
@@ -608,33 +749,63 @@ UA_Nodestore db_opcua_nodes_store(struct db_opcua_nodes *nodes)
 	return db_opcua_store_give(nodes->store);
 }
 
+/* A folder or type below a node of the standard, which has the other end of the reference. */
+static UA_StatusCode link_to(struct db_opcua_nodes *nodes, UA_UInt32 from, UA_Byte tie,
+                             UA_NodeId target, const char *name)
+{
+	return db_opcua_store_link(nodes->store, from, tie, target,
+	                           db_opcua_member_name(&nodes->roster, name), true);
+}
+
+static UA_StatusCode link_types(struct db_opcua_nodes *nodes)
+{
+	UA_StatusCode status = UA_STATUSCODE_GOOD;
+
+	for (size_t i = 0; i < db_opcua_type_count && status == UA_STATUSCODE_GOOD; i++) {
+		const struct db_opcua_type_row *row = &db_opcua_type_rows[i];
+
+		if (row->above < 0 && row->class != DB_OPCUA_EVENT_TYPE_ROW)
+			status = link_to(nodes, row->standard, UA_REFERENCETYPEINDEX_HASSUBTYPE,
+			                 db_opcua_type_id(&nodes->roster, row), row->id);
+	}
+	return status;
+}
+
 UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *server,
                                    struct db_opcua_plant *plant)
 {
 	struct db_opcua_id drives = db_opcua_id_of(DB_OPCUA_DRIVES, "");
 	struct db_opcua_id buses = db_opcua_id_of(DB_OPCUA_BUSES, "");
+	char uri[DB_OPCUA_URI_MAX];
 	UA_StatusCode status;
 
 	nodes->server = server;
 	nodes->plant = plant;
-	nodes->roster.space = UA_Server_addNamespace(server, DB_OPCUA_NAMESPACE);
+	nodes->roster.types = UA_Server_addNamespace(server, DB_OPCUA_TYPES_NAMESPACE);
+	db_opcua_config_space(nodes->config, uri);
+	nodes->roster.space = UA_Server_addNamespace(server, uri);
+	nodes->enumerations = db_opcua_enumerations_new(nodes->roster.types);
+	if (!nodes->enumerations)
+		return UA_STATUSCODE_BADOUTOFMEMORY;
+	UA_Server_getConfig(server)->customDataTypes = nodes->enumerations;
 	UA_Server_getConfig(server)->context = nodes;
-	db_opcua_store_begin(nodes->store, nodes->roster.space);
-	status = db_opcua_store_link(nodes->store, UA_NS0ID_OBJECTSFOLDER,
-	                             UA_REFERENCETYPEINDEX_ORGANIZES,
-	                             db_opcua_node_id(&nodes->roster, &drives),
-	                             db_opcua_browse_name(&nodes->roster, "Drives"), true);
+	db_opcua_store_begin(nodes->store, nodes->roster.space, nodes->roster.types);
+	status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
+	                 db_opcua_node_id(&nodes->roster, &drives), "Drives");
 	if (status == UA_STATUSCODE_GOOD)
-		status = db_opcua_store_link(nodes->store, UA_NS0ID_SERVER,
-		                             UA_REFERENCETYPEINDEX_HASNOTIFIER,
-		                             db_opcua_node_id(&nodes->roster, &drives),
-		                             db_opcua_browse_name(&nodes->roster, "Drives"), true);
+		status = link_to(nodes, UA_NS0ID_SERVER, UA_REFERENCETYPEINDEX_HASNOTIFIER,
+		                 db_opcua_node_id(&nodes->roster, &drives), "Drives");
 	if (status == UA_STATUSCODE_GOOD)
-		status = db_opcua_store_link(nodes->store, UA_NS0ID_OBJECTSFOLDER,
-		                             UA_REFERENCETYPEINDEX_ORGANIZES,
-		                             db_opcua_node_id(&nodes->roster, &buses),
-		                             db_opcua_browse_name(&nodes->roster, "Buses"), true);
+		status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
+		                 db_opcua_node_id(&nodes->roster, &buses), "Buses");
+	if (status == UA_STATUSCODE_GOOD)
+		status = link_types(nodes);
 	return status;
+}
+
+UA_UInt16 db_opcua_nodes_types(const struct db_opcua_nodes *nodes)
+{
+	return nodes->roster.types;
 }
 
 void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, bool removed)
@@ -644,8 +815,8 @@ void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, b
 
 	if (node->namespaceIndex != nodes->roster.space ||
 	    node->identifierType != UA_NODEIDTYPE_STRING ||
-	    !identify(nodes, node->identifier.string, &subject) || !subject.branch ||
-	    subject.branch->type != DB_OPCUA_VARIABLE)
+	    !identify(nodes, node->namespaceIndex, node->identifier.string, &subject) ||
+	    !subject.branch || subject.branch->type != DB_OPCUA_VARIABLE)
 		return;
 	item = &subject.shown->drive->items[subject.branch->place];
 	if (!removed)

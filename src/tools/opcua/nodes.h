@@ -12,9 +12,6 @@
 
 #include <open62541/server.h>
 
-/* The namespace of all these nodes. */
-#define DB_OPCUA_NAMESPACE "urn:drivebridge:drives"
-
 struct db_opcua_nodes;
 
 struct db_opcua_nodes_ops {
@@ -46,6 +43,9 @@ UA_Nodestore db_opcua_nodes_store(struct db_opcua_nodes *nodes);
 UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *server,
                                    struct db_opcua_plant *plant);
 extern const struct db_opcua_plant_ops db_opcua_nodes_plant_ops;
+
+/* The index of the types' namespace. */
+UA_UInt16 db_opcua_nodes_types(const struct db_opcua_nodes *nodes);
 
 /* What a client needs at least to call this method or to write this variable. */
 struct db_opcua_need {

@@ -34,7 +34,8 @@ struct db_opcua_plant {
 	struct db_opcua_kind *kinds;
 	struct db_opcua_drive **drives;
 	size_t drive_count;
-	json_t *known; /* the description of the present drives, NULL before the first */
+	json_t *known;       /* the description of the present drives, NULL before the first */
+	const json_t *buses; /* while drives are made: the buses that they are on */
 
 	bool late;         /* the service has not answered for a while */
 	db_time stream_at; /* when the stream is to be requested anew; DB_TIME_NEVER */
@@ -166,13 +167,17 @@ void db_opcua_plant_rewatch(struct db_opcua_plant *plant)
 static struct db_opcua_drive *make_drive(struct db_opcua_plant *plant,
                                          const struct db_plant_drive *found)
 {
-	struct db_opcua_kind *kind = db_opcua_kind_take(&plant->kinds, found->registers,
-	                                                found->commands);
+	const char *bus = db_client_text(found->description, "bus");
+	const char *family = db_client_text(db_client_named(plant->buses, bus), "protocol");
+	bool gateway = db_client_text(found->description, "name")[0] == '\0';
+	struct db_opcua_kind *kind = db_opcua_kind_take(&plant->kinds,
+	                                                gateway ? db_opcua_type_of_gateway() :
+	                                                          db_opcua_type_of_family(family),
+	                                                found->registers, found->commands);
 	struct db_opcua_drive *drive = NULL;
 
 	if (kind)
-		drive = db_opcua_drive_new(db_client_text(found->description, "name"),
-		                           db_client_text(found->description, "bus"), kind);
+		drive = db_opcua_drive_new(db_client_text(found->description, "name"), bus, kind);
 	if (!drive)
 		db_opcua_kind_release(&plant->kinds, kind);
 	return drive;
@@ -285,10 +290,15 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
                      size_t count)
 {
 	struct db_opcua_plant *plant = context;
+	bool shown;
 
 	for (size_t i = 0; i < plant->drive_count; i++)
 		db_opcua_plant_outdate(plant->drives[i]);
-	if (!show_found(plant, drives, count)) {
+	plant->buses = json_object_get(description, "buses");
+	shown = show_found(plant, drives, count);
+	plant->buses = NULL;
+	plant->ops->settled(plant->context);
+	if (!shown) {
 		db_plant_fail(plant->plant, "out of memory, or the service tells no registers");
 		return;
 	}

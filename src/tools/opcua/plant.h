@@ -25,6 +25,8 @@ struct db_opcua_plant_ops {
 	                 struct db_opcua_drive *drive, const json_t *description);
 	/* ... and was removed: nothing may keep it. */
 	void (*removed)(void *context, const struct db_opcua_drive *drive);
+	/* All of these have been told that came and went together. */
+	void (*settled)(void *context);
 	/* The buses, of the interface's type Bus, when they have changed. */
 	void (*buses)(void *context, json_t *buses);
 	/* By bus. */

@@ -19,16 +19,37 @@ UA_NodeId db_opcua_node_id(const struct db_opcua_roster *roster, const struct db
 		            .identifier.string = db_opcua_string(id->text) };
 }
 
-UA_QualifiedName db_opcua_browse_name(const struct db_opcua_roster *roster, const char *name)
+UA_NodeId db_opcua_type_id(const struct db_opcua_roster *roster,
+                           const struct db_opcua_type_row *row)
+{
+	return (UA_NodeId){ .namespaceIndex = roster->types,
+		            .identifierType = UA_NODEIDTYPE_STRING,
+		            .identifier.string = db_opcua_string(row->id) };
+}
+
+UA_QualifiedName db_opcua_own_name(const struct db_opcua_roster *roster, const char *name)
 {
 	return (UA_QualifiedName){ .namespaceIndex = roster->space, .name = db_opcua_string(name) };
+}
+
+UA_QualifiedName db_opcua_member_name(const struct db_opcua_roster *roster, const char *name)
+{
+	return (UA_QualifiedName){ .namespaceIndex = roster->types, .name = db_opcua_string(name) };
+}
+
+UA_QualifiedName db_opcua_row_name(const struct db_opcua_roster *roster,
+                                   const struct db_opcua_type_row *row)
+{
+	UA_QualifiedName name = db_opcua_member_name(roster, db_opcua_type_name(row));
+
+	if (row->class >= DB_OPCUA_NAMES_ROW)
+		name.namespaceIndex = 0;
+	return name;
 }
 
 /* The type of the reference from the node above to a branch. */
 static UA_Byte tie_of(enum db_opcua_branch_type type)
 {
-	if (type == DB_OPCUA_FOLDER || type == DB_OPCUA_IDENTIFICATION)
-		return UA_REFERENCETYPEINDEX_ORGANIZES;
 	return type < DB_OPCUA_COMPONENT_NAME ? UA_REFERENCETYPEINDEX_HASCOMPONENT :
 	                                        UA_REFERENCETYPEINDEX_HASPROPERTY;
 }
@@ -36,8 +57,6 @@ static UA_Byte tie_of(enum db_opcua_branch_type type)
 static UA_UInt32 type_of(const struct db_opcua_tree *tree, const struct db_opcua_branch *branch)
 {
 	switch (branch->type) {
-	case DB_OPCUA_ROOT:
-		return UA_NS0ID_BASEOBJECTTYPE;
 	case DB_OPCUA_FOLDER:
 	case DB_OPCUA_IDENTIFICATION:
 		return UA_NS0ID_FOLDERTYPE;
@@ -88,30 +107,97 @@ static void refer_of_branch(const struct db_opcua_roster *roster,
 	const struct db_opcua_branch *parent = &tree->list[branch->parent];
 	bool gateway = shown->gateway;
 
-	if (branch->type != DB_OPCUA_METHOD)
+	if (branch->type == DB_OPCUA_ROOT)
+		db_opcua_store_refer(references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false,
+		                     db_opcua_type_id(roster, tree->kind->type),
+		                     db_opcua_member_name(roster, ""));
+	else if (branch->type != DB_OPCUA_METHOD)
 		refer_to_type(references, type_of(tree, branch));
 	if (branch->type != DB_OPCUA_ROOT) {
-		refer_to(
-			roster, references, tie_of(branch->type), true, shown->name, parent->path,
-			db_opcua_browse_name(roster, parent->name[0] ? parent->name : shown->name));
+		refer_to(roster, references, tie_of(branch->type), true, shown->name, parent->path,
+		         parent->name[0] ? db_opcua_member_name(roster, parent->name) :
+		                           db_opcua_own_name(roster, shown->name));
 	} else if (gateway) {
 		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
 		                  UA_NS0ID_OBJECTSFOLDER, "Objects");
 	} else {
 		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
-		         DB_OPCUA_DRIVES, "", db_opcua_browse_name(roster, "Drives"));
+		         DB_OPCUA_DRIVES, "", db_opcua_member_name(roster, "Drives"));
 		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASNOTIFIER, true,
 		                  UA_NS0ID_SERVER, "Server");
 	}
 	for (size_t i = branch->first; i < branch->first + branch->count; i++) {
 		const struct db_opcua_branch *child = &tree->list[i];
-		UA_QualifiedName name = db_opcua_browse_name(roster, child->name);
+		UA_QualifiedName name = db_opcua_member_name(roster, child->name);
 
 		if (child->type >= DB_OPCUA_UNIT)
 			name.namespaceIndex = 0;
 		refer_to(roster, references, tie_of(child->type), false, shown->name, child->path,
 		         name);
 	}
+}
+
+/* --- types ------------------------------------------------------------------------------------ */
+
+static bool is_type(const struct db_opcua_type_row *row)
+{
+	return row->class <= DB_OPCUA_DATA_TYPE_ROW;
+}
+
+/* The type of the reference to a row from the one above it. */
+static UA_Byte tie_of_row(const struct db_opcua_type_row *row)
+{
+	if (is_type(row))
+		return UA_REFERENCETYPEINDEX_HASSUBTYPE;
+	return row->standard == UA_NS0ID_PROPERTYTYPE ? UA_REFERENCETYPEINDEX_HASPROPERTY :
+	                                                UA_REFERENCETYPEINDEX_HASCOMPONENT;
+}
+
+/* Those below it, each kind of references by itself. */
+static void refer_to_rows(const struct db_opcua_roster *roster, const struct db_opcua_type_row *row,
+                          struct db_opcua_references *references)
+{
+	static const UA_Byte ties[] = { UA_REFERENCETYPEINDEX_HASSUBTYPE,
+		                        UA_REFERENCETYPEINDEX_HASCOMPONENT,
+		                        UA_REFERENCETYPEINDEX_HASPROPERTY };
+
+	for (size_t i = 0; i < sizeof(ties) / sizeof(ties[0]); i++) {
+		if (!db_opcua_store_wants(references, ties[i], false))
+			continue;
+		for (size_t j = 0; j < db_opcua_type_count; j++) {
+			const struct db_opcua_type_row *below = &db_opcua_type_rows[j];
+
+			if (below->above == row - db_opcua_type_rows &&
+			    tie_of_row(below) == ties[i])
+				db_opcua_store_refer(references, ties[i], false,
+				                     db_opcua_type_id(roster, below),
+				                     db_opcua_row_name(roster, below));
+		}
+	}
+}
+
+static void refer_of_row(const struct db_opcua_roster *roster, const struct db_opcua_type_row *row,
+                         struct db_opcua_references *references)
+{
+	if (row->above >= 0) {
+		const struct db_opcua_type_row *above = &db_opcua_type_rows[row->above];
+
+		db_opcua_store_refer(references, tie_of_row(row), true,
+		                     db_opcua_type_id(roster, above),
+		                     db_opcua_row_name(roster, above));
+	} else {
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASSUBTYPE, true, row->standard,
+		                  "");
+	}
+	if (!is_type(row) && row->standard != 0)
+		refer_to_type(references, row->standard);
+	/* What a data type has is no part of an instance. */
+	if (!is_type(row) && row->class != DB_OPCUA_NAMES_ROW && row->class != DB_OPCUA_BITS_ROW)
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASMODELLINGRULE, false,
+		                  row->always ? UA_NS0ID_MODELLINGRULE_MANDATORY :
+		                                UA_NS0ID_MODELLINGRULE_OPTIONAL,
+		                  "");
+	refer_to_rows(roster, row, references);
 }
 
 void db_opcua_refer(const struct db_opcua_roster *roster, const struct db_opcua_subject *subject,
@@ -132,7 +218,7 @@ void db_opcua_refer(const struct db_opcua_roster *roster, const struct db_opcua_
 			if (!shown->gateway)
 				refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT,
 				         false, shown->name, "",
-				         db_opcua_browse_name(roster, shown->name));
+				         db_opcua_own_name(roster, shown->name));
 		}
 		break;
 	case DB_OPCUA_ALL_BUSES:
@@ -141,25 +227,29 @@ void db_opcua_refer(const struct db_opcua_roster *roster, const struct db_opcua_
 		                  UA_NS0ID_OBJECTSFOLDER, "Objects");
 		for (bus = roster->buses; bus; bus = bus->next)
 			refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
-			         DB_OPCUA_BUSES, bus->name,
-			         db_opcua_browse_name(roster, bus->name));
+			         DB_OPCUA_BUSES, bus->name, db_opcua_own_name(roster, bus->name));
 		break;
 	case DB_OPCUA_BUS:
-		refer_to_type(references, UA_NS0ID_BASEOBJECTTYPE);
+		db_opcua_store_refer(references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false,
+		                     db_opcua_type_id(roster, db_opcua_type_of_bus()),
+		                     db_opcua_member_name(roster, ""));
 		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
-		         DB_OPCUA_BUSES, "", db_opcua_browse_name(roster, "Buses"));
+		         DB_OPCUA_BUSES, "", db_opcua_member_name(roster, "Buses"));
 		for (const struct db_opcua_fact *fact = bus->facts; fact; fact = fact->next) {
 			char path[sizeof(bus->name) + sizeof(fact->name)];
 
 			(void)snprintf(path, sizeof(path), "%s.%s", bus->name, fact->name);
 			refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
-			         DB_OPCUA_BUSES, path, db_opcua_browse_name(roster, fact->name));
+			         DB_OPCUA_BUSES, path, db_opcua_member_name(roster, fact->name));
 		}
 		break;
 	case DB_OPCUA_FACT:
 		refer_to_type(references, UA_NS0ID_BASEDATAVARIABLETYPE);
 		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
-		         DB_OPCUA_BUSES, bus->name, db_opcua_browse_name(roster, bus->name));
+		         DB_OPCUA_BUSES, bus->name, db_opcua_own_name(roster, bus->name));
+		break;
+	case DB_OPCUA_OF_TYPES:
+		refer_of_row(roster, subject->row, references);
 		break;
 	case DB_OPCUA_OF_DRIVE:
 	default:

@@ -14,7 +14,16 @@ struct db_opcua_id db_opcua_id_of(const char *owner, const char *part);
 
 /* The texts stay the caller's. */
 UA_NodeId db_opcua_node_id(const struct db_opcua_roster *roster, const struct db_opcua_id *id);
-UA_QualifiedName db_opcua_browse_name(const struct db_opcua_roster *roster, const char *name);
+UA_NodeId db_opcua_type_id(const struct db_opcua_roster *roster,
+                           const struct db_opcua_type_row *row);
+
+/* The name of a drive or a bus, which is this gateway's; and one that types have, too: a member
+ * matches its type's by it. */
+UA_QualifiedName db_opcua_own_name(const struct db_opcua_roster *roster, const char *name);
+UA_QualifiedName db_opcua_member_name(const struct db_opcua_roster *roster, const char *name);
+/* The name of a row: that of a property is the standard's. */
+UA_QualifiedName db_opcua_row_name(const struct db_opcua_roster *roster,
+                                   const struct db_opcua_type_row *row);
 
 /* As of struct db_opcua_store_ops. */
 void db_opcua_refer(const struct db_opcua_roster *roster, const struct db_opcua_subject *subject,

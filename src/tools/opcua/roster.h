@@ -33,7 +33,8 @@ struct db_opcua_shown {
 
 /* Empty when all is 0. */
 struct db_opcua_roster {
-	uint16_t space;                 /* the namespace of the ids */
+	uint16_t space;                 /* the namespace of this gateway's nodes */
+	uint16_t types;                 /* ... and of the types, which every gateway has */
 	struct db_opcua_shown **drives; /* sorted by their names */
 	size_t count;
 	struct db_opcua_bus *buses;
@@ -45,6 +46,7 @@ enum db_opcua_subject_type {
 	DB_OPCUA_OF_DRIVE, /* `shown` and `branch` */
 	DB_OPCUA_BUS,      /* `bus` */
 	DB_OPCUA_FACT,     /* `bus` and `fact` */
+	DB_OPCUA_OF_TYPES, /* `row` */
 };
 
 /* What a node stands for. Fields not mentioned above are NULL. */
@@ -54,6 +56,7 @@ struct db_opcua_subject {
 	const struct db_opcua_branch *branch;
 	const struct db_opcua_bus *bus;
 	const struct db_opcua_fact *fact;
+	const struct db_opcua_type_row *row;
 };
 
 /* The drive must outlive its entry here; `description` of the interface's type Drive. NULL without
@@ -68,7 +71,7 @@ void db_opcua_roster_clear(struct db_opcua_roster *roster);
 struct db_opcua_shown *db_opcua_roster_find(const struct db_opcua_roster *roster, const char *name,
                                             size_t length);
 
-/* Finds what an id stands for. False: no node has that id. */
+/* Finds what an id of this gateway's namespace stands for. False: no node has that id. */
 bool db_opcua_roster_identify(const struct db_opcua_roster *roster, const char *id, size_t length,
                               struct db_opcua_subject *subject);
 

@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/server.h"
+#include "opcua/about.h"
 #include "opcua/access.h"
 #include "opcua/acting.h"
 #include "opcua/events.h"
 #include "opcua/network.h"
 #include "opcua/nodes.h"
 #include "opcua/plant.h"
+#include "opcua/values.h"
 
 #include "client/log.h"
 #include "client/program.h"
@@ -35,6 +37,9 @@
 
 /* Faster sampling shows nothing more: buses have cycles of milliseconds. */
 #define SAMPLING_MIN_MS 10
+
+/* How often a client that waits to be connected to is tried. */
+#define REVERSE_INTERVAL_MS 2000
 
 /* Values and events that wait in a monitored item for the next publishing: each takes some hundred
  * bytes. Room for one event of each of 32 drives; a client with more drives can subscribe to them
@@ -290,6 +295,7 @@ static void describe(UA_ServerConfig *settings, const struct db_opcua_config *co
 	set_text(&settings->buildInfo.productName, "drivebridge-opcua");
 	set_text(&settings->buildInfo.softwareVersion, DB_VERSION);
 	set_text(&settings->buildInfo.buildNumber, DB_VERSION);
+	settings->buildInfo.buildDate = UA_DateTime_fromUnixTime(DB_BUILD_TIME);
 	(void)snprintf(text, sizeof(text), "urn:%s:drivebridge", config->gateway);
 	set_text(&settings->applicationDescription.applicationUri, text);
 	set_text(&settings->applicationDescription.productUri, "urn:drivebridge");
@@ -307,6 +313,7 @@ static void set_limits(UA_ServerConfig *settings, const struct db_opcua_config *
 	/* The network chooses better which connection makes room, and the access which session. */
 	settings->maxSecureChannels = DB_OPCUA_NETWORK_PLACES + (UA_UInt16)config->sessions;
 	settings->maxSessions = DB_OPCUA_NETWORK_PLACES + (UA_UInt16)config->sessions;
+	settings->reverseReconnectInterval = REVERSE_INTERVAL_MS;
 	settings->maxSessionTimeout = 60.0 * 60.0 * 1000.0;
 	settings->maxNodesPerRead = OPERATIONS_MAX;
 	settings->maxNodesPerWrite = ACTIONS_MAX;
@@ -380,6 +387,16 @@ static UA_Server *new_library(struct db_opcua_server *server)
 	return UA_Server_newWithConfig(&settings);
 }
 
+/* One that cannot be reached is tried again by the library. */
+static void call_clients(const struct db_opcua_server *server)
+{
+	const char *at = server->config->reverse_connect.names;
+
+	for (; at && *at; at += strlen(at) + 1)
+		(void)UA_Server_addReverseConnect(server->library, db_opcua_string(at), NULL, NULL,
+		                                  NULL);
+}
+
 struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcua_config *config)
 {
 	static const struct db_opcua_nodes_ops node_ops = {
@@ -408,6 +425,8 @@ struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcu
 	if (status == UA_STATUSCODE_GOOD)
 		status = db_opcua_nodes_begin(server->nodes, server->library, server->plant);
 	if (status == UA_STATUSCODE_GOOD)
+		status = db_opcua_about_set_up(server->library, config, MESSAGE_MAX);
+	if (status == UA_STATUSCODE_GOOD)
 		status = db_opcua_events_set_up(server->library);
 	if (status == UA_STATUSCODE_GOOD)
 		status = UA_Server_run_startup(server->library);
@@ -418,6 +437,7 @@ struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcu
 		db_opcua_server_free(server);
 		return NULL;
 	}
+	call_clients(server);
 	db_client_log(DB_CLIENT_NOTICE, "listens on opc.tcp://%s:%u",
 	              config->address[0] ? config->address : config->gateway,
 	              db_opcua_network_port(server->network));

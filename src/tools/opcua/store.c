@@ -20,6 +20,7 @@ struct db_opcua_store {
 	const struct db_opcua_store_ops *ops;
 	void *context;
 	UA_UInt16 space; /* 0: not begun */
+	UA_UInt16 types; /* the other namespace */
 	UA_Nodestore plain;
 	struct db_opcua_node *unheld;
 	struct db_opcua_node pool[HELD_MAX];
@@ -166,11 +167,12 @@ static void forget_node(struct db_opcua_store *store, struct db_opcua_node *node
 	store->unheld = node;
 }
 
-static const UA_Node *make_node(struct db_opcua_store *store, UA_String id,
+static const UA_Node *make_node(struct db_opcua_store *store, const UA_NodeId *node_id,
                                 const struct db_opcua_subject *subject, UA_UInt32 attributes,
                                 UA_ReferenceTypeSet references, UA_BrowseDirection direction)
 {
 	struct db_opcua_node *node = store->unheld;
+	UA_String id = node_id->identifier.string;
 
 	if (!node) {
 		db_client_log(DB_CLIENT_ERROR, "more nodes are held than there can be");
@@ -182,7 +184,7 @@ static const UA_Node *make_node(struct db_opcua_store *store, UA_String id,
 	node->written = attributes == UA_NODEATTRIBUTESMASK_ALL;
 	memcpy(node->id, id.data, id.length);
 	node->node.head.nodeId = (UA_NodeId){
-		.namespaceIndex = store->space,
+		.namespaceIndex = node_id->namespaceIndex,
 		.identifierType = UA_NODEIDTYPE_STRING,
 		.identifier.string = { .length = id.length, .data = (UA_Byte *)node->id },
 	};
@@ -208,12 +210,12 @@ static const UA_Node *get_node(void *context, const UA_NodeId *id, UA_UInt32 att
 	struct db_opcua_store *store = context;
 	struct db_opcua_subject subject;
 
-	if (store->space != 0 && id->namespaceIndex == store->space &&
+	if (store->space != 0 &&
+	    (id->namespaceIndex == store->space || id->namespaceIndex == store->types) &&
 	    id->identifierType == UA_NODEIDTYPE_STRING &&
 	    id->identifier.string.length < DB_OPCUA_ID_MAX &&
-	    store->ops->find(store->context, id->identifier.string, &subject))
-		return make_node(store, id->identifier.string, &subject, attributes, references,
-		                 direction);
+	    store->ops->find(store->context, id->namespaceIndex, id->identifier.string, &subject))
+		return make_node(store, id, &subject, attributes, references, direction);
 	return store->plain.getNode(store->plain.context, id, attributes, references, direction);
 }
 
@@ -354,7 +356,8 @@ UA_Nodestore db_opcua_store_give(struct db_opcua_store *store)
 	};
 }
 
-void db_opcua_store_begin(struct db_opcua_store *store, UA_UInt16 space)
+void db_opcua_store_begin(struct db_opcua_store *store, UA_UInt16 space, UA_UInt16 types)
 {
 	store->space = space;
+	store->types = types;
 }

@@ -39,7 +39,8 @@ struct db_opcua_references;
 
 struct db_opcua_store_ops {
 	/* Finds the subject of an id. False: there is no such node here. */
-	bool (*find)(void *context, UA_String id, struct db_opcua_subject *subject);
+	bool (*find)(void *context, UA_UInt16 space, UA_String id,
+	             struct db_opcua_subject *subject);
 	/* Fills the node in, except its id and its references. Texts stay the subject's. `valued`:
 	 * the value is requested, if the node itself has it. */
 	void (*fill)(void *context, struct db_opcua_node *node, bool valued);
@@ -61,8 +62,8 @@ UA_Nodestore db_opcua_store_give(struct db_opcua_store *store);
 /* True if the library holds the node of this subject to write it. */
 bool db_opcua_store_is_written(const struct db_opcua_subject *subject);
 
-/* From now on ids of this namespace are searched here first. */
-void db_opcua_store_begin(struct db_opcua_store *store, UA_UInt16 space);
+/* From now on ids of these two namespaces are searched here first. */
+void db_opcua_store_begin(struct db_opcua_store *store, UA_UInt16 space, UA_UInt16 types);
 
 /* True if such references are requested: others need not be added. */
 bool db_opcua_store_wants(const struct db_opcua_references *references, UA_Byte type, bool inverse);

@@ -102,10 +102,8 @@ static bool add_properties(struct db_opcua_tree *tree, size_t parent)
 
 	if (reg->unit[0] != '\0')
 		good = add(tree, parent, DB_OPCUA_UNIT, "EngineeringUnits", place);
-	if (good && reg->codes)
-		good = reg->bits ? add(tree, parent, DB_OPCUA_BIT_NAMES, "OptionSetValues", place) :
-		                   add(tree, parent, DB_OPCUA_VALUE_NAMES, "EnumValues", place);
-	else if (good && reg->has_range && !db_opcua_register_is_full(reg))
+	/* The names of values are the data type's. */
+	if (good && !reg->data && !reg->codes && reg->has_range && !db_opcua_register_is_full(reg))
 		good = add(tree, parent, DB_OPCUA_RANGE, "EURange", place);
 	return good;
 }

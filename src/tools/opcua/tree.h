@@ -26,8 +26,6 @@ enum db_opcua_branch_type {
 	/* Properties of a variable. */
 	DB_OPCUA_UNIT,
 	DB_OPCUA_RANGE,
-	DB_OPCUA_VALUE_NAMES,
-	DB_OPCUA_BIT_NAMES,
 	/* Properties of a method. */
 	DB_OPCUA_INPUTS,
 	DB_OPCUA_OUTPUTS,

@@ -22,7 +22,12 @@ UA_LocalizedText db_opcua_english(const char *text)
 		                   .text = db_opcua_string(text) };
 }
 
-const UA_DataType *db_opcua_data_type(enum db_opcua_type type)
+static bool is_enumeration(const struct db_opcua_register *reg)
+{
+	return reg->data && db_opcua_type_is_enumeration(reg->data);
+}
+
+const UA_DataType *db_opcua_data_type(const struct db_opcua_register *reg)
 {
 	static const unsigned places[] = {
 		[DB_OPCUA_BOOL] = UA_TYPES_BOOLEAN, [DB_OPCUA_U16] = UA_TYPES_UINT16,
@@ -31,7 +36,7 @@ const UA_DataType *db_opcua_data_type(enum db_opcua_type type)
 		[DB_OPCUA_F32] = UA_TYPES_FLOAT,    [DB_OPCUA_TEXT] = UA_TYPES_STRING,
 	};
 
-	return &UA_TYPES[places[type]];
+	return &UA_TYPES[is_enumeration(reg) ? UA_TYPES_INT32 : places[reg->type]];
 }
 
 /* A value in the form of one of the library's types. Texts stay the item's. */
@@ -46,14 +51,19 @@ union plain {
 	UA_String text;
 };
 
-static union plain plain_of(enum db_opcua_type type, const struct db_opcua_value *value)
+static union plain plain_of(const struct db_opcua_register *reg, const struct db_opcua_value *value)
 {
 	union plain plain;
 
 	memset(&plain, 0, sizeof(plain));
 	if (!value->known)
 		return plain;
-	switch (type) {
+	/* Registers with names of values are without a sign. */
+	if (is_enumeration(reg)) {
+		plain.i32 = (UA_Int32)value->number;
+		return plain;
+	}
+	switch (reg->type) {
 	case DB_OPCUA_BOOL:
 		plain.flag = value->flag;
 		break;
@@ -106,7 +116,7 @@ static UA_DateTime date_of(int64_t us)
 UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue *value)
 {
 	enum db_opcua_quality quality = db_opcua_item_quality(item);
-	union plain plain = plain_of(item->reg->type, &item->value);
+	union plain plain = plain_of(item->reg, &item->value);
 	/* For parameters and the bridge's own values: the time of their last change. */
 	int64_t us = item->reg->group == DB_OPCUA_PROCESS || item->reg->group == DB_OPCUA_BITS ?
 	                     item->drive->time_us :
@@ -120,13 +130,13 @@ UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue
 	if (quality != DB_OPCUA_GOOD && quality != DB_OPCUA_UNCERTAIN)
 		return UA_STATUSCODE_GOOD;
 	value->hasValue = true;
-	return UA_Variant_setScalarCopy(&value->value, &plain, db_opcua_data_type(item->reg->type));
+	return UA_Variant_setScalarCopy(&value->value, &plain, db_opcua_data_type(item->reg));
 }
 
 UA_StatusCode db_opcua_value_read_column(const struct db_opcua_drive *drive,
                                          const struct db_opcua_column *column, UA_DataValue *value)
 {
-	const UA_DataType *type = db_opcua_data_type(column->first->type);
+	const UA_DataType *type = db_opcua_data_type(column->first);
 	const struct db_opcua_item *newest = &drive->items[column->places[0]];
 	char *array = calloc(column->count, type->memSize);
 	UA_StatusCode status;
@@ -134,8 +144,7 @@ UA_StatusCode db_opcua_value_read_column(const struct db_opcua_drive *drive,
 	if (!array)
 		return UA_STATUSCODE_BADOUTOFMEMORY;
 	for (size_t i = 0; i < column->count; i++) {
-		union plain plain = plain_of(column->first->type,
-		                             &drive->items[column->places[i]].value);
+		union plain plain = plain_of(column->first, &drive->items[column->places[i]].value);
 
 		memcpy(array + i * type->memSize, &plain, type->memSize);
 	}
@@ -168,7 +177,8 @@ UA_StatusCode db_opcua_value_to_json(const UA_Variant *value, json_t **json)
 		*json = json_integer(*(UA_Int16 *)value->data);
 	else if (value->type == &UA_TYPES[UA_TYPES_UINT32])
 		*json = json_integer(*(UA_UInt32 *)value->data);
-	else if (value->type == &UA_TYPES[UA_TYPES_INT32])
+	else if (value->type == &UA_TYPES[UA_TYPES_INT32] ||
+	         value->type->typeKind == UA_DATATYPEKIND_ENUM)
 		*json = json_integer(*(UA_Int32 *)value->data);
 	else if (value->type == &UA_TYPES[UA_TYPES_FLOAT]) {
 		real = (double)*(UA_Float *)value->data;
@@ -223,34 +233,59 @@ UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us,
 
 /* --- units and codes -------------------------------------------------------------------------- */
 
+/* From UNECE Recommendation 20: up to three characters, the first one in the highest
+ * byte. */
+static const struct {
+	const char *unit;
+	const char code[4];
+	const char *description;
+} units[] = {
+	{ "um", "4H", "micrometre" },
+	{ "mm", "MMT", "millimetre" },
+	{ "cm", "CMT", "centimetre" },
+	{ "inch", "INH", "inch" },
+	{ "in", "INH", "inch" },
+	{ "in/s", "IU", "inch per second" },
+	{ "mm/s^2", "M41", "millimetre per second squared" },
+	{ "m/s^2", "MSK", "metre per second squared" },
+	{ "m/min", "2X", "metre per minute" },
+	{ "rad", "C81", "radian" },
+	{ "rad/s", "2A", "radian per second" },
+	{ "rev", "M44", "revolution" },
+	{ "rev/s", "RPS", "revolutions per second" },
+	{ "rev/min", "RPM", "revolutions per minute" },
+	{ "1/min", "C94", "reciprocal minute" },
+	{ "min", "MIN", "minute" },
+	{ "kHz", "KHZ", "kilohertz" },
+	{ "mA", "4K", "milliampere" },
+	{ "mV", "2Z", "millivolt" },
+	{ "W", "WTT", "watt" },
+	{ "N", "NEW", "newton" },
+	{ "Nm", "NU", "newton metre" },
+	{ "kg", "KGM", "kilogram" },
+	{ "bit/s", "B10", "bit per second" },
+	{ "permille", "NX", "part per thousand" },
+	{ "mm/s", "C16", "millimetre per second" },
+	{ "m", "MTR", "metre" },
+	{ "m/s", "MTS", "metre per second" },
+	{ "deg", "DD", "degree" },
+	{ "deg/s", "E96", "degree per second" },
+	{ "rpm", "RPM", "revolutions per minute" },
+	{ "s", "SEC", "second" },
+	{ "ms", "C26", "millisecond" },
+	{ "us", "B98", "microsecond" },
+	{ "Hz", "HTZ", "hertz" },
+	{ "A", "AMP", "ampere" },
+	{ "V", "VLT", "volt" },
+	{ "degC", "CEL", "degree Celsius" },
+	{ "ohm", "OHM", "ohm" },
+	{ "%", "P1", "percent" },
+};
+
 UA_EUInformation db_opcua_unit(const char *unit)
 {
-	/* From UNECE Recommendation 20: up to three characters, the first one in the highest
-	 * byte. */
-	static const struct {
-		const char *unit;
-		const char code[4];
-		const char *description;
-	} units[] = {
-		{ "mm", "MMT", "millimetre" },
-		{ "mm/s", "C16", "millimetre per second" },
-		{ "m", "MTR", "metre" },
-		{ "m/s", "MTS", "metre per second" },
-		{ "deg", "DD", "degree" },
-		{ "deg/s", "E96", "degree per second" },
-		{ "rpm", "RPM", "revolutions per minute" },
-		{ "s", "SEC", "second" },
-		{ "ms", "C26", "millisecond" },
-		{ "us", "B98", "microsecond" },
-		{ "Hz", "HTZ", "hertz" },
-		{ "A", "AMP", "ampere" },
-		{ "V", "VLT", "volt" },
-		{ "degC", "CEL", "degree Celsius" },
-		{ "ohm", "OHM", "ohm" },
-		{ "%", "P1", "percent" },
-	};
 	UA_EUInformation information = {
-		.namespaceUri = UA_STRING_STATIC("http://www.opcfoundation.org/UA/units/un/cefact"),
+		.namespaceUri = UA_STRING_STATIC("urn:drivebridge:units"),
 		.unitId = -1,
 		.displayName = { .text = db_opcua_string(unit) },
 		.description = { .text = db_opcua_string(unit) },
@@ -259,6 +294,8 @@ UA_EUInformation db_opcua_unit(const char *unit)
 	for (size_t i = 0; i < sizeof(units) / sizeof(units[0]); i++) {
 		if (strcmp(units[i].unit, unit) != 0)
 			continue;
+		information.namespaceUri = db_opcua_string(
+			"http://www.opcfoundation.org/UA/units/un/cefact");
 		information.unitId = 0;
 		for (const char *at = units[i].code; *at; at++)
 			information.unitId = information.unitId * 256 + *at;
@@ -267,51 +304,57 @@ UA_EUInformation db_opcua_unit(const char *unit)
 	return information;
 }
 
-static int compare_values(const void *a, const void *b)
+/* The next code of "0=Offline 1=Disabled"; false at the end. */
+static bool next_code(const char **codes, long *number, UA_LocalizedText *name)
 {
-	const UA_EnumValueType *left = a;
-	const UA_EnumValueType *right = b;
+	char *end;
+	size_t length;
 
-	return (left->value > right->value) - (left->value < right->value);
+	*number = strtol(*codes, &end, 10);
+	if (*end != '=')
+		return false;
+	length = strcspn(end + 1, " ");
+	*name = db_opcua_english(end + 1);
+	name->text.length = length;
+	*codes = end + 1 + length;
+	return true;
 }
 
-UA_EnumValueType *db_opcua_enum_values(json_t *codes, size_t *count)
+/* There are as many as signs of equality. */
+static size_t count_codes(const char *codes)
 {
-	UA_EnumValueType *values = calloc(json_object_size(codes) + 1, sizeof(*values));
-	const char *number;
-	const json_t *name;
+	size_t count = 0;
+
+	for (; *codes; codes++)
+		count += *codes == '=';
+	return count;
+}
+
+UA_EnumValueType *db_opcua_enum_values(const char *codes, size_t *count)
+{
+	UA_EnumValueType *values = calloc(count_codes(codes) + 1, sizeof(*values));
+	long number;
+	UA_LocalizedText name;
 
 	*count = 0;
-	if (!values)
-		return NULL;
-	json_object_foreach(codes, number, name)
-	{
-		values[*count].value = strtol(number, NULL, 10);
-		values[*count].displayName = db_opcua_english(json_string_value(name));
-		++*count;
-	}
-	qsort(values, *count, sizeof(*values), compare_values);
+	while (values && next_code(&codes, &number, &name))
+		values[(*count)++] = (UA_EnumValueType){ .value = number, .displayName = name };
 	return values;
 }
 
-UA_LocalizedText *db_opcua_bit_names(json_t *codes, size_t *count)
+UA_LocalizedText *db_opcua_bit_names(const char *codes, size_t *count)
 {
 	UA_LocalizedText *names = calloc(BITS_MAX, sizeof(*names));
-	const char *number;
-	const json_t *name;
+	long bit;
+	UA_LocalizedText name;
 
 	*count = 0;
-	if (!names)
-		return NULL;
-	json_object_foreach(codes, number, name)
-	{
-		unsigned long bit = strtoul(number, NULL, 10);
-
-		if (bit >= BITS_MAX)
+	while (names && next_code(&codes, &bit, &name)) {
+		if (bit < 0 || bit >= BITS_MAX)
 			continue;
-		names[bit] = db_opcua_english(json_string_value(name));
-		if (bit >= *count)
-			*count = bit + 1;
+		names[bit] = name;
+		if ((size_t)bit >= *count)
+			*count = (size_t)bit + 1;
 	}
 	return names;
 }

@@ -12,7 +12,8 @@
 UA_String db_opcua_string(const char *text);
 UA_LocalizedText db_opcua_english(const char *text);
 
-const UA_DataType *db_opcua_data_type(enum db_opcua_type type);
+/* The form of a register's values in messages; of an enumeration it is Int32. */
+const UA_DataType *db_opcua_data_type(const struct db_opcua_register *reg);
 
 /* The value with its quality and time, for a read of a variable. */
 UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue *value);
@@ -28,12 +29,13 @@ const UA_DataType *db_opcua_json_type(const json_t *json);
 UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us,
                                        enum db_opcua_quality quality, UA_DataValue *value);
 
-/* A unit, with its UNECE code if it is one of the usual ones. The texts point to `unit`. */
+/* A unit, with its UNECE code if it has one, else in the namespace of our own units. The texts
+ * point to `unit`. */
 UA_EUInformation db_opcua_unit(const char *unit);
 
-/* Names of values, in their order; of bits from bit 0 on. An array whose texts belong to `codes`,
- * freed with free(); NULL when there are none or without memory. */
-UA_EnumValueType *db_opcua_enum_values(json_t *codes, size_t *count);
-UA_LocalizedText *db_opcua_bit_names(json_t *codes, size_t *count);
+/* Names of values, in their order; of bits from bit 0 on: of "0=Offline 1=Disabled". An array whose
+ * texts belong to `codes`, freed with free(); NULL when there are none or without memory. */
+UA_EnumValueType *db_opcua_enum_values(const char *codes, size_t *count);
+UA_LocalizedText *db_opcua_bit_names(const char *codes, size_t *count);
 
 #endif

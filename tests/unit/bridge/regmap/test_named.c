@@ -523,6 +523,26 @@ static void units_are_those_of_the_drive(void **state)
 	fake_registers_close(&fake);
 }
 
+static void the_limits_of_a_position_are_told(void **state)
+{
+	double min = 1;
+	double max = 1;
+
+	FAKE();
+	fake.drives[0].counts_per_unit = 10.0;
+	fake.drives[0].max_position = 300.0;
+	/* One alone is no range. */
+	assert_false(db_named_limit(fake.registers, 0, entry_of(&fake, 0, "position"), &min, &max));
+	fake.drives[0].min_position = -5.0;
+	assert_true(db_named_limit(fake.registers, 0, entry_of(&fake, 0, "position"), &min, &max));
+	assert_true(fabs(min + 50.0) < 1e-9 && fabs(max - 3000.0) < 1e-9);
+	/* A way may be longer than where it may lead. */
+	assert_false(db_named_limit(fake.registers, 0, entry_of(&fake, 0, "target_position"), &min,
+	                            &max));
+	assert_false(db_named_limit(fake.registers, 9, entry_of(&fake, 0, "position"), &min, &max));
+	fake_registers_close(&fake);
+}
+
 static void the_limit_of_a_velocity_is_told(void **state)
 {
 	double min = 1;
@@ -535,6 +555,9 @@ static void the_limit_of_a_velocity_is_told(void **state)
 	fake.drives[0].max_velocity = 20.0;
 	assert_true(db_named_limit(fake.registers, 0, entry_of(&fake, 0, "target_velocity"), &min,
 	                           &max));
+	assert_true(fabs(max - 200.0) < 1e-9 && fabs(min + 200.0) < 1e-9);
+	min = max = 1;
+	assert_true(db_named_limit(fake.registers, 0, entry_of(&fake, 0, "velocity"), &min, &max));
 	assert_true(fabs(max - 200.0) < 1e-9 && fabs(min + 200.0) < 1e-9);
 	assert_false(db_named_limit(fake.registers, 0, entry_of(&fake, 0, "target_position"), &min,
 	                            &max));
@@ -780,6 +803,7 @@ int main(void)
 		cmocka_unit_test(numbers_become_words),
 		cmocka_unit_test(arguments_are_known_by_their_registers),
 		cmocka_unit_test(units_are_those_of_the_drive),
+		cmocka_unit_test(the_limits_of_a_position_are_told),
 		cmocka_unit_test(the_limit_of_a_velocity_is_told),
 		cmocka_unit_test(a_write_reaches_its_drive_or_the_gateway),
 		cmocka_unit_test(a_refused_write_has_a_result),

@@ -4,6 +4,7 @@
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -43,6 +44,44 @@ static void test_what_holds_when_nothing_is_said(void **state)
 	db_settings_free(&db_opcua_form, &config);
 }
 
+static void test_clients_that_are_connected_to(void **state)
+{
+	static const char *const wrong[] = {
+		"10.0.0.7:4844",
+		"opc.tcp://scada:4844",
+		"opc.tcp://10.0.0.7",
+		"opc.tcp://10.0.0.7:",
+		"opc.tcp://10.0.0.7:0",
+		"opc.tcp://10.0.0.7:65536",
+		"opc.tcp://10.0.0.7:4844/",
+		"opc.tcp://10.0.0.7: 4844",
+		"opc.tcp://[fd00::7:4844",
+		"opc.tcp://[10.0.0.7]:4844",
+		"opc.tcp://0123456789012345678901234567890123456789012345678901234567890:1",
+	};
+	struct db_opcua_config config;
+
+	(void)state;
+	assert_true(db_settings_parse(&db_opcua_form,
+	                              "server {\n reverse-connect = {\"opc.tcp://10.0.0.7:4844\", "
+	                              "\"opc.tcp://[fd00::7]:65535\"}\n}",
+	                              "opcua.conf", stderr, &config, "pump-house"));
+	assert_string_equal(config.reverse_connect.names, "opc.tcp://10.0.0.7:4844");
+	db_settings_free(&db_opcua_form, &config);
+	for (size_t i = 0; i < sizeof(wrong) / sizeof(wrong[0]); i++) {
+		char text[160];
+		char said[240];
+
+		(void)snprintf(text, sizeof(text), "server {\n reverse-connect = {\"%s\"}\n}",
+		               wrong[i]);
+		(void)snprintf(said, sizeof(said),
+		               "opcua.conf:2: reverse-connect has '%s'; write an address as "
+		               "numbers with its port, as in opc.tcp://10.0.0.7:4844\n",
+		               wrong[i]);
+		expect(text, said);
+	}
+}
+
 static void test_what_is_shown_is_chosen(void **state)
 {
 	struct db_opcua_config config;
@@ -73,6 +112,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_what_holds_when_nothing_is_said),
+		cmocka_unit_test(test_clients_that_are_connected_to),
 		cmocka_unit_test(test_what_is_shown_is_chosen),
 		cmocka_unit_test(test_slips_are_said),
 	};

@@ -63,7 +63,8 @@ static struct db_opcua_kind *take_kind(struct db_opcua_kind **kinds)
 	struct db_opcua_kind *kind;
 
 	db_opcua_registers_shorten(registers, true);
-	kind = db_opcua_kind_take(kinds, registers, commands);
+	kind = db_opcua_kind_take(kinds, db_opcua_type_of_family("vsmd-serial"), registers,
+	                          commands);
 	assert_non_null(kind);
 	json_decref(registers);
 	json_decref(commands);
@@ -173,7 +174,9 @@ static void test_another_drive_is_watched_as_the_one_before(void **state)
 	(void)state;
 	make_plant(&plant, "drive1");
 	other = db_opcua_drive_new("drive1", "line",
-	                           db_opcua_kind_take(&plant.kinds, registers, commands));
+	                           db_opcua_kind_take(&plant.kinds,
+	                                              db_opcua_type_of_family("vsmd-serial"),
+	                                              registers, commands));
 	assert_non_null(other);
 	db_opcua_drive_find(plant.drive, "position")->watchers = 2;
 	db_opcua_drive_find(plant.drive, "velocity")->watchers = 1;
@@ -192,8 +195,8 @@ static void test_what_is_no_list_is_no_kind(void **state)
 	json_t *object = json_object();
 
 	(void)state;
-	assert_null(db_opcua_kind_take(&kinds, object, object));
-	assert_null(db_opcua_kind_take(&kinds, NULL, NULL));
+	assert_null(db_opcua_kind_take(&kinds, db_opcua_type_of_gateway(), object, object));
+	assert_null(db_opcua_kind_take(&kinds, db_opcua_type_of_gateway(), NULL, NULL));
 	json_decref(object);
 }
 

@@ -1,0 +1,14 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Our enumerations for the library: without them it takes no value for a variable of such a type.
+ * Allocates. */
+#ifndef DRIVEBRIDGE_OPCUA_ENUMERATIONS_H
+#define DRIVEBRIDGE_OPCUA_ENUMERATIONS_H
+
+#include <open62541/types.h>
+
+/* For the configuration of a server that has the types in this namespace. NULL without memory;
+ * freed with db_opcua_enumerations_free() after the server, NULL is allowed. */
+UA_DataTypeArray *db_opcua_enumerations_new(UA_UInt16 types);
+void db_opcua_enumerations_free(UA_DataTypeArray *enumerations);
+
+#endif
