@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A line between a program and a server."""
 
+import collections
 import socket
 import threading
+import time
 
 
 class Relay:
@@ -68,3 +70,53 @@ class Relay:
     def go_on(self):
         self.kept = b""
         self.flows.set()
+
+
+class SlowLine(Relay):
+    """A line whose answers come `delay` s late, or with at most `rate` bytes/s, as over a weak radio link; both may be
+    changed while it runs. Little of what waits is in buffers of the machine."""
+
+    def __init__(self, server):
+        super().__init__(server)
+        self.delay = 0.0
+        self.rate = None
+
+    def _carry(self, one, other, upward):
+        if upward:
+            super()._carry(one, other, upward)
+            return
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        waiting = collections.deque()
+        come = threading.Condition()
+        threading.Thread(target=self._deliver, args=(other, waiting, come), daemon=True).start()
+        data = b"first"
+        while data:
+            # What is under way on the line does not keep the sender from sending; what the line is too slow for does.
+            with come:
+                come.wait_for(lambda: self.rate is None or len(waiting) < 2)
+            try:
+                data = one.recv(512 if self.rate else 4096)
+            except OSError:
+                data = b""
+            with come:
+                waiting.append((time.monotonic(), data))
+                come.notify_all()
+
+    def _deliver(self, other, waiting, come):
+        while True:
+            with come:
+                come.wait_for(lambda: waiting)
+                moment, data = waiting[0]
+            time.sleep(max(0, moment + self.delay - time.monotonic()))
+            if self.rate:
+                time.sleep(len(data) / self.rate)
+            with come:
+                waiting.popleft()
+                come.notify_all()
+            try:
+                if not data:
+                    other.shutdown(socket.SHUT_RDWR)
+                    return
+                other.sendall(data)
+            except OSError:
+                return

@@ -508,7 +508,7 @@ def test_a_stop_that_is_not_confirmed_is_seen_and_repeated(site, visit, who, how
         expect(alarm).to_contain_text("NOT CONFIRMED: use the emergency stop")
         expect(alarm).to_contain_text("all drives" if how == "all" else "drive1: stop")
         # Nor is what is shown said to be new.
-        expect(page.locator("#link")).to_have_attribute("data-state", re.compile("silent|lost|down"), timeout=5000)
+        expect(page.locator("#link")).to_have_attribute("data-state", re.compile("hung|silent|lost|down"), timeout=5000)
         seen = page.evaluate("window.seen")
         # Half a second, and a look of a page that may not get the processor at once.
         print(f"the alarm was seen {seen['alarm'] - seen['pressed']:.0f} ms after the press")

@@ -167,6 +167,9 @@ static struct MHD_Response *make_response(struct db_web_request *request)
 	if (request->response) {
 		response = request->response;
 		request->response = NULL;
+		if (request->packed)
+			(void)MHD_add_response_header(response, MHD_HTTP_HEADER_CONTENT_ENCODING,
+			                              "gzip");
 		return response;
 	}
 	if (!file) {

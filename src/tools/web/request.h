@@ -60,6 +60,7 @@ struct db_web_request {
 	unsigned retry_s;                       /* 0: no such header */
 	const struct db_web_file *file;
 	struct MHD_Response *response; /* of a stream; NULL: it is made of the fields above */
+	bool packed;                   /* by gzip */
 	void (*end_stream)(struct db_web_stream *stream);
 	struct db_web_stream *stream;
 	/* What works for it, which ends with it; NULL: nothing. */

@@ -23,6 +23,7 @@ static const struct {
 	  "POST",
 	  { DB_WEB_USERS_REMOVE, "users/remove", DB_MAY_APPOINT, false } },
 	{ "/api/alive", "POST", { DB_WEB_ALIVE, "", DB_MAY_LOOK, false } },
+	{ "/api/clock", "POST", { DB_WEB_CLOCK, "", DB_MAY_LOOK, false } },
 	{ "/api/jog", "POST", { DB_WEB_JOG, "jog", DB_MAY_MOVE, true } },
 	{ "/api/commission/steps", "POST", { DB_WEB_COMMISSION_STEPS, "", DB_MAY_LOOK, false } },
 	{ "/api/commission",

@@ -23,6 +23,7 @@ enum db_web_kind {
 	DB_WEB_USERS_PUT, /* one is made, or changed */
 	DB_WEB_USERS_REMOVE,
 	DB_WEB_ALIVE,
+	DB_WEB_CLOCK, /* the moment of this program's clock */
 	DB_WEB_JOG,
 	DB_WEB_COMMISSION,       /* the stream of a commissioning */
 	DB_WEB_COMMISSION_SAY,   /* a message to it */

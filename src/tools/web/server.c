@@ -114,6 +114,18 @@ static void begin_stream(struct db_web_request *request)
 	db_web_stream_begin(request);
 }
 
+static void tell_moment(struct db_web_request *request)
+{
+	db_web_request_answer(request, MHD_HTTP_OK,
+	                      json_pack("{s:I}", "moment", (json_int_t)db_web_moment()));
+}
+
+/* What a page sends by itself keeps no session. */
+static bool is_of_a_person(enum db_web_kind kind)
+{
+	return kind != DB_WEB_ALIVE && kind != DB_WEB_CLOCK && kind != DB_WEB_COMMISSION_SAY;
+}
+
 static void begin_overview(struct db_web_request *request)
 {
 	db_web_overview_begin(request->server->overview, request);
@@ -132,6 +144,7 @@ static void dispatch(struct db_web_request *request)
 		[DB_WEB_USERS_PUT] = db_web_users_take,
 		[DB_WEB_USERS_REMOVE] = db_web_users_take,
 		[DB_WEB_ALIVE] = db_web_tabs_keep_alive,
+		[DB_WEB_CLOCK] = tell_moment,
 		[DB_WEB_JOG] = db_web_tabs_jog,
 		[DB_WEB_COMMISSION] = db_web_commission_take,
 		[DB_WEB_COMMISSION_SAY] = db_web_commission_take,
@@ -167,7 +180,7 @@ static void dispatch(struct db_web_request *request)
 		db_web_admit_content(request);
 	if (request->status != 0)
 		return;
-	if (request->session[0] != '\0' && kind != DB_WEB_ALIVE && kind != DB_WEB_COMMISSION_SAY)
+	if (request->session[0] != '\0' && is_of_a_person(kind))
 		db_web_sessions_touch(request->server->sessions, request->session, db_client_now());
 	if (handlers[kind])
 		handlers[kind](request);

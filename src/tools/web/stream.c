@@ -4,15 +4,29 @@
 #include "web/call.h"
 #include "web/service.h"
 
+#include <inttypes.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/socket.h>
+#include <zlib.h>
 
 /* Above this the service's answers are not read until the browser has read some. */
 #define QUEUE_FULL ((size_t)32 * 1024)
 
 #define ALIVE_EVERY (400 * DB_NS_PER_MS)
 #define BLOCK 1024
+
+/* Most bytes of a stream in the kernel that are not under way yet. The rest waits here, where newer
+ * values replace older ones. */
+#define UNSENT_MAX 2048
+
+/* A window of 8 KiB, of which gzip's form is written (+ 16), and 48 KiB of memory for each stream:
+ * names of registers repeat within that. */
+#define WINDOW_BITS (13 + 16)
+#define MEMORY_LEVEL 5
 
 struct piece {
 	struct db_web_text *text;
@@ -31,25 +45,36 @@ struct db_web_stream {
 	unsigned seen[DB_WEB_STREAM_KINDS]; /* `next` stores here what it has returned */
 	struct piece *first;
 	struct piece **last;
-	size_t queued; /* bytes of all pieces */
-	size_t sent;   /* of the first piece */
-	bool waiting;  /* the connection is suspended until there is something */
-	bool ended;    /* nothing follows after the queue */
-	db_time told;  /* when the last bytes were handed over */
+	size_t queued;    /* bytes of all pieces */
+	size_t sent;      /* of the first piece */
+	bool waiting;     /* the connection is suspended until there is something */
+	bool ended;       /* nothing follows after the queue */
+	db_time told;     /* when the last bytes were handed over */
+	bool merges;      /* what a slow reader has missed is merged */
+	json_t *newest;   /* the merged answer, which is not written yet; NULL: none */
+	z_stream *packer; /* NULL: the browser takes no gzip */
+	bool unflushed;   /* the packer has kept some of what it got */
+	bool finished;    /* its end is written */
 };
+
+uint64_t db_web_moment(void)
+{
+	return (uint64_t)(db_client_now() / DB_NS_PER_MS);
+}
 
 /* --- texts ------------------------------------------------------------------------------------ */
 
 static struct db_web_text *write_text(const char *event, const char *json)
 {
-	size_t size = strlen(json) + (event ? strlen(event) : 0) + sizeof("event: \ndata: \n\n");
+	size_t size = strlen(json) + (event ? strlen(event) : 0) +
+	              sizeof("id: 18446744073709551615\nevent: \ndata: \n\n");
 	struct db_web_text *text = malloc(sizeof(*text) + size);
 
 	if (text) {
 		text->users = 1;
-		text->size = (size_t)snprintf(text->bytes, size, "%s%s%sdata: %s\n\n",
-		                              event ? "event: " : "", event ? event : "",
-		                              event ? "\n" : "", json);
+		text->size = (size_t)snprintf(
+			text->bytes, size, "id: %" PRIu64 "\n%s%s%sdata: %s\n\n", db_web_moment(),
+			event ? "event: " : "", event ? event : "", event ? "\n" : "", json);
 	}
 	return text;
 }
@@ -74,6 +99,15 @@ void db_web_text_drop(struct db_web_text *text)
 {
 	if (text && --text->users == 0)
 		free(text);
+}
+
+static struct db_web_text *write_newest(struct db_web_stream *stream)
+{
+	struct db_web_text *text = db_web_text_of(NULL, stream->newest);
+
+	json_decref(stream->newest);
+	stream->newest = NULL;
+	return text;
 }
 
 /* --- queue ------------------------------------------------------------------------------------ */
@@ -141,6 +175,8 @@ static void end(struct db_web_stream *stream, const char *event, json_t *data)
 	stream->link = NULL;
 	stream->next = NULL;
 	db_link_close(link);
+	if (!stream->ended && stream->newest)
+		append(stream, write_newest(stream));
 	if (!stream->ended)
 		append(stream, db_web_text_of(event, data));
 	/* gcc's analyzer does not see it here either. */
@@ -150,25 +186,72 @@ static void end(struct db_web_stream *stream, const char *event, json_t *data)
 	tell_gone(stream);
 }
 
-/* As many bytes as the connection has room for. */
-static ssize_t take_bytes(void *data, uint64_t position, char *buffer, size_t most)
+/* Samples of one drive: later values replace earlier ones. */
+static void merge_sample(json_t *samples, json_t *sample)
 {
-	struct db_web_stream *stream = data;
+	const char *drive = json_string_value(json_object_get(sample, "drive"));
+	size_t i;
+	json_t *before;
+
+	json_array_foreach(samples, i, before)
+	{
+		const char *name = json_string_value(json_object_get(before, "drive"));
+
+		if (!drive || !name || strcmp(name, drive) != 0)
+			continue;
+		(void)json_object_update(json_object_get(before, "values"),
+		                         json_object_get(sample, "values"));
+		(void)json_object_set(before, "time_us", json_object_get(sample, "time_us"));
+		return;
+	}
+	(void)json_array_append(samples, sample);
+}
+
+/* Keeps an answer of Subscribe until there is room for it. */
+static void merge(struct db_web_stream *stream, json_t *answer)
+{
+	json_t *samples = json_object_get(stream->newest, "samples");
+	json_int_t skipped;
+	json_t *sample;
+	size_t i;
+
+	if (!stream->newest) {
+		stream->newest = json_incref(answer);
+		wake(stream);
+		return;
+	}
+	json_array_foreach(json_object_get(answer, "samples"), i, sample)
+		merge_sample(samples, sample);
+	skipped = 1 + json_integer_value(json_object_get(stream->newest, "skipped")) +
+	          json_integer_value(json_object_get(answer, "skipped"));
+	(void)json_object_set_new(answer, "skipped", json_integer(skipped));
+	(void)json_object_set(answer, "samples", samples);
+	json_decref(stream->newest);
+	stream->newest = json_incref(answer);
+}
+
+/* Writes what waits to be written, if nothing written waits to be sent. */
+static void fill_queue(struct db_web_stream *stream)
+{
+	struct db_web_text *text = NULL;
+
+	if (stream->first)
+		return;
+	if (stream->newest)
+		text = write_newest(stream);
+	else if (stream->next && !stream->ended)
+		text = stream->next(stream->data, stream->seen);
+	if (text)
+		append(stream, text);
+}
+
+static size_t copy_bytes(struct db_web_stream *stream, char *buffer, size_t most)
+{
 	size_t used = 0;
 
-	(void)position;
-	while (used < most) {
-		size_t count;
+	for (fill_queue(stream); stream->first && used < most; fill_queue(stream)) {
+		size_t count = stream->first->text->size - stream->sent;
 
-		if (!stream->first && stream->next && !stream->ended) {
-			struct db_web_text *text = stream->next(stream->data, stream->seen);
-
-			if (text)
-				append(stream, text);
-		}
-		if (!stream->first)
-			break;
-		count = stream->first->text->size - stream->sent;
 		if (count > most - used)
 			count = most - used;
 		memcpy(buffer + used, stream->first->text->bytes + stream->sent, count);
@@ -177,6 +260,46 @@ static ssize_t take_bytes(void *data, uint64_t position, char *buffer, size_t mo
 		if (stream->sent == stream->first->text->size)
 			drop_first(stream);
 	}
+	return used;
+}
+
+/* The same, packed; what it has taken can be read as soon as these bytes have arrived. */
+static size_t pack_bytes(struct db_web_stream *stream, char *buffer, size_t most)
+{
+	z_stream *packer = stream->packer;
+
+	packer->next_out = (Bytef *)buffer;
+	packer->avail_out = (uInt)most;
+	for (fill_queue(stream); stream->first && packer->avail_out > 0; fill_queue(stream)) {
+		size_t left = stream->first->text->size - stream->sent;
+
+		packer->next_in = (Bytef *)stream->first->text->bytes + stream->sent;
+		packer->avail_in = (uInt)left;
+		(void)deflate(packer, Z_NO_FLUSH);
+		stream->unflushed = true;
+		stream->sent += left - packer->avail_in;
+		if (packer->avail_in == 0)
+			drop_first(stream);
+	}
+	packer->avail_in = 0;
+	if (stream->first || packer->avail_out == 0)
+		return most - packer->avail_out;
+	if (stream->ended && !stream->finished)
+		stream->finished = deflate(packer, Z_FINISH) == Z_STREAM_END;
+	else if (stream->unflushed)
+		(void)deflate(packer, Z_SYNC_FLUSH);
+	stream->unflushed = packer->avail_out == 0;
+	return most - packer->avail_out;
+}
+
+/* As many bytes as the connection has room for. */
+static ssize_t take_bytes(void *data, uint64_t position, char *buffer, size_t most)
+{
+	struct db_web_stream *stream = data;
+	size_t used = stream->packer ? pack_bytes(stream, buffer, most) :
+	                               copy_bytes(stream, buffer, most);
+
+	(void)position;
 	if (used > 0) {
 		stream->told = db_client_now();
 		return (ssize_t)used;
@@ -222,8 +345,40 @@ static void free_stream(struct db_web_stream *stream)
 	db_link_close(link);
 	while (stream->first)
 		drop_first(stream);
+	json_decref(stream->newest);
 	db_web_additions_free(stream->additions);
+	if (stream->packer)
+		(void)deflateEnd(stream->packer);
+	free(stream->packer);
 	free(stream);
+}
+
+/* Packs what it sends, if the browser can unpack it. Without memory it is sent as it is. */
+static void begin_packing(struct db_web_stream *stream)
+{
+	const char *accepted = MHD_lookup_connection_value(
+		stream->request->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_ACCEPT_ENCODING);
+	z_stream *packer = accepted && strstr(accepted, "gzip") ? calloc(1, sizeof(*packer)) : NULL;
+
+	if (packer && deflateInit2(packer, Z_DEFAULT_COMPRESSION, Z_DEFLATED, WINDOW_BITS,
+	                           MEMORY_LEVEL, Z_DEFAULT_STRATEGY) != Z_OK) {
+		free(packer);
+		packer = NULL;
+	}
+	stream->packer = packer;
+	stream->request->packed = packer;
+}
+
+static void limit_unsent(const struct db_web_stream *stream)
+{
+	const union MHD_ConnectionInfo *info = MHD_get_connection_info(
+		stream->request->connection, MHD_CONNECTION_INFO_CONNECTION_FD);
+	int most = UNSENT_MAX;
+
+	/* A kernel without it holds more, whose age the page knows. */
+	if (info)
+		(void)setsockopt(info->connect_fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &most,
+		                 sizeof(most));
 }
 
 /* From now on the request owns it. */
@@ -231,6 +386,8 @@ static void attach(struct db_web_stream *stream)
 {
 	struct db_web_request *request = stream->request;
 
+	begin_packing(stream);
+	limit_unsent(stream);
 	request->response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, BLOCK, take_bytes,
 	                                                      stream, NULL);
 	request->stream = stream;
@@ -253,7 +410,10 @@ static void on_answer(void *data, json_t *parameters, const struct db_client_err
 		return;
 	}
 	db_web_additions_complete(stream->additions, parameters);
-	append(stream, db_web_text_of(NULL, parameters));
+	if (stream->merges)
+		merge(stream, parameters);
+	else
+		append(stream, db_web_text_of(NULL, parameters));
 	if (!more)
 		end(stream, "end", json_object());
 }
@@ -327,6 +487,11 @@ void db_web_stream_begin(struct db_web_request *request)
 	stream = make(request);
 	if (!stream)
 		return;
+	/* The service does not know this one. */
+	stream->merges = strcmp(request->route.name, "Subscribe") == 0 &&
+	                 json_is_true(json_object_get(request->parameters, "merge"));
+	if (stream->merges)
+		(void)json_object_del(request->parameters, "merge");
 	stream->additions = db_web_additions_new(request, &problem);
 	if (problem) {
 		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadValue", "%s", problem);

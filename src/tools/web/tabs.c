@@ -6,6 +6,7 @@
 #include "web/order.h"
 #include "web/service.h"
 #include "web/stops.h"
+#include "web/stream.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -367,7 +368,9 @@ void db_web_tabs_keep_alive(struct db_web_request *request)
 
 	if (tab)
 		tab->heard = db_client_now();
-	db_web_request_answer(request, MHD_HTTP_OK, json_pack("{s:b}", "acting", tab != NULL));
+	db_web_request_answer(request, MHD_HTTP_OK,
+	                      json_pack("{s:b, s:I}", "acting", tab != NULL, "moment",
+	                                (json_int_t)db_web_moment()));
 }
 
 /* --- leaving ---------------------------------------------------------------------------------- */

@@ -8,6 +8,8 @@
  * either.
  */
 
+import { createLateness, isLate } from "./lateness.js";
+
 /* A stream sends something at least twice a second; after this time without data its values are
  * old. */
 export const SILENT_AFTER_MS = 1000;
@@ -22,6 +24,9 @@ const STOP_TIMEOUT_MS = 1000;
 const AUDIT_TIMEOUT_MS = 35000;
 const VERIFY_TIMEOUT_MS = 305000;
 const ALIVE_EVERY_MS = 1000;
+/* The gateway's clock is asked for at this interval. */
+const CLOCK_EVERY_MS = 2000;
+const CLOCK_FIRST_MS = 250;
 const EVENT_MOST = 4 * 1024 * 1024;
 /* Methods of the control socket that act; they name their tab, which then sends keep-alives. */
 const ACTING = new Set(["Write", "Run", "Reload", "SetUp", "Scan", "commission",
@@ -62,6 +67,8 @@ let aliveAt = 0;
  * from it the service knows the longest time that the call was on its way, and how old the
  * displayed values may be. This computer's clock is not used. */
 let newestToken = "";
+const lateness = createLateness();
+let clockAt = -Infinity;
 const streams = new Set();
 let asleep = false;
 let underWay = 0;
@@ -324,10 +331,24 @@ function sayAlive() {
 	if (!acted || now - aliveAt < ALIVE_EVERY_MS * 0.9)
 		return;
 	aliveAt = now;
-	ask("POST", "alive", {}, { named: true, timeout: 3000 }).catch((error) => {
-		if (error.name === "LoginRequired" || error.name === "BadToken")
-			loadSession().catch(() => {});
-	});
+	ask("POST", "alive", {}, { named: true, timeout: 3000 }).then(
+		({ moment }) => lateness.takeTrip(now, moment),
+		(error) => {
+			if (error.name === "LoginRequired" || error.name === "BadToken")
+				loadSession().catch(() => {});
+		});
+}
+
+/* The keep-alives of a tab that has acted tell the gateway's clock as well. */
+function askClock() {
+	const now = performance.now();
+	const every = lateness.isKnown() ? CLOCK_EVERY_MS : CLOCK_FIRST_MS;
+
+	if (acted || streams.size === 0 || asleep || now - clockAt < every)
+		return;
+	clockAt = now;
+	ask("POST", "clock", {}, { timeout: 5000 })
+		.then(({ moment }) => lateness.takeTrip(now, moment), () => {});
 }
 
 /* True if this tab has moved something, or taken control of it. */
@@ -336,8 +357,8 @@ export function hasActed() { return acted; }
 /* --- streams ---------------------------------------------------------------------------------- */
 
 /*
- * Reads server-sent events from pieces of text and calls onEvent(name, data) for each complete one;
- * comments and texts that are no JSON are skipped. Pure.
+ * Reads server-sent events from pieces of text and calls onEvent(name, data, moment) for each
+ * complete one; the moment is the gateway's, at which it was written (undefined: not told). Comments and texts that are no JSON are skipped. Pure.
  */
 export function createEventReader(onEvent) {
 	let rest = "";
@@ -349,12 +370,15 @@ export function createEventReader(onEvent) {
 		while ((end = rest.indexOf("\n\n")) >= 0) {
 			let name = "";
 			let data = "";
+			let moment;
 
 			for (const line of rest.slice(0, end).split("\n")) {
 				if (line.startsWith("data:"))
 					data += line.slice(5);
 				else if (line.startsWith("event:"))
 					name = line.slice(6).trim();
+				else if (line.startsWith("id:"))
+					moment = Number(line.slice(3));
 			}
 			rest = rest.slice(end + 2);
 			if (data === "")
@@ -364,7 +388,7 @@ export function createEventReader(onEvent) {
 			} catch {
 				continue;
 			}
-			onEvent(name, data);
+			onEvent(name, data, moment);
 		}
 		if (rest.length > EVENT_MOST)
 			rest = "";
@@ -373,19 +397,24 @@ export function createEventReader(onEvent) {
 
 /*
  * Opens a stream: "overview", or a method of the interface that streams. Handlers, all optional:
- *   onData(parameters)     each answer
+ *   onData(parameters, ms)  each answer, and how long it can have been under way at most (null: not
+ *                          known)
  *   onEvent(name, data)    other events by name, such as `service`
- *   onState(state, error)  connecting, live, silent (the values shown are old), lost (opened again
- *                          by itself), ended, failed (with an ApiError; not opened again)
+ *   onState(state, error)  connecting, live; the values shown are old: late (they come, but have been
+ *                          under way for more than a second), hung (the gateway is there, its
+ *                          service says nothing), silent (nothing comes), lost (opened again by
+ *                          itself); ended, failed (with an ApiError; not opened again)
  * A stream with `once` is not opened again when it is lost, and continues while the tab is hidden:
  * a scan. One that is `timed`, the overview, is live while it has tokens of the service's clock: its
- * server may run longer than the service. Returns { close() }.
+ * server may run longer than the service. Returns { close(), age() }: how old its newest values are
+ * at most in ms, null: not known.
  */
 export function openStream(method, parameters = {}, handlers = {}) {
 	const stream = {
 		state: "",
 		heardAt: 0,
 		clockAt: 0,
+		moment: undefined,
 		retry: RETRY_FIRST_MS,
 		timer: 0,
 		abort: null,
@@ -409,7 +438,30 @@ export function openStream(method, parameters = {}, handlers = {}) {
 		setState(state, error);
 	}
 
-	function takeEvent(name, data) {
+	/* Values are as old as the newest of them: of the overview, its tokens. */
+	function judgeAge(now) {
+		if (!stream.abort || !["live", "late", "connecting", "hung", "silent"].includes(stream.state))
+			return;
+		const age = lateness.ageOf(stream.moment, now);
+
+		if (now - stream.clockAt > SILENT_AFTER_MS) {
+			if (stream.state === "connecting")
+				return;
+			setState(now - stream.heardAt > SILENT_AFTER_MS ? "silent" : "hung");
+		} else if (age !== null) {
+			setState(isLate(age, stream.state === "late") ? "late" : "live");
+		}
+	}
+
+	function takeEvent(name, data, moment) {
+		const now = performance.now();
+
+		if (moment !== undefined) {
+			lateness.takeMoment(moment, now);
+			/* Values, and tokens of the service's clock: not what the gateway has kept. */
+			if (timed ? name === "token" : data.samples)
+				stream.moment = moment;
+		}
 		if (name === "error") {
 			finish("failed", new ApiError(data.error, data.text, data));
 			/* The session has ended, by time or because the user was changed. */
@@ -420,14 +472,15 @@ export function openStream(method, parameters = {}, handlers = {}) {
 		else if (name)
 			takeNamed(name, data);
 		else
-			onData?.(data);
+			onData?.(data, lateness.ageOf(timed ? stream.moment : moment, now));
 	}
 
 	function takeNamed(name, data) {
 		if (name === "token") {
 			newestToken = data.token;
 			stream.clockAt = performance.now();
-			setState("live");
+			if (timed)
+				judgeAge(stream.clockAt);
 		} else if (name === "service" && data.stops?.length > 0) {
 			session = { ...session, stops: data.stops };
 		}
@@ -464,6 +517,7 @@ export function openStream(method, parameters = {}, handlers = {}) {
 
 		stream.abort = abort;
 		stream.heardAt = performance.now();
+		stream.moment = undefined;
 		setState("connecting");
 		try {
 			await read(abort);
@@ -501,7 +555,9 @@ export function openStream(method, parameters = {}, handlers = {}) {
 	stream.look = (now) => {
 		if (!stream.abort || stream.state === "lost")
 			return;
-		if (now - (timed ? stream.clockAt : stream.heardAt) > SILENT_AFTER_MS && stream.state === "live")
+		if (timed)
+			judgeAge(now);
+		else if (now - stream.heardAt > SILENT_AFTER_MS && stream.state === "live")
 			setState("silent");
 		if (now - stream.heardAt > LOST_AFTER_MS)
 			stream.abort.abort();
@@ -517,7 +573,8 @@ export function openStream(method, parameters = {}, handlers = {}) {
 	streams.add(stream);
 	if (!asleep || once)
 		stream.open();
-	return { close: stream.close };
+	askClock();
+	return { close: stream.close, age: () => lateness.ageOf(stream.moment, performance.now()) };
 }
 
 /* While a tab that has moved nothing is hidden, its streams end, so that other tabs find a
@@ -544,5 +601,6 @@ export function startApi() {
 		for (const stream of streams)
 			stream.look(now);
 		sayAlive();
+		askClock();
 	}, 250);
 }

@@ -14,7 +14,11 @@
  *   may(what, drive)      whether the user may stop, move, engineer (a drive), manage (the gateway)
  *                         or appoint (users), or read the audit trail; whyNot(what, drive) is the reason in words, or ""
  *   whyNotRun(command, drive)  the same for a command
- *   link()                live; silent, lost, down (drivebridged) or connecting: the values are old
+ *   link()                live; late, hung, silent, lost, down (drivebridged) or connecting: the
+ *                         values are old
+ *   lateness()            how old the overview's values are at most because of the network, ms
+ *   sayOld()              "" while the link is live; else in words how old the values are: "late by
+ *                         4 s", "not known since 15:38:08"
  *   on(event, listener)   until the view is hidden, one of
  *                           "plant"     samples or figures arrived, at most some ten times a second
  *                           "describe"  drives or buses may have changed
@@ -30,8 +34,10 @@
  */
 import * as api from "./api.js";
 import { element, icon, setAttribute, setText } from "./dom.js";
+import { recall, remember } from "./kept_choice.js";
 import { createPlant, NEED } from "./plant.js";
 import { indexByName, inWords } from "./format.js";
+import { sayLate } from "./lateness.js";
 import * as login from "./login.js";
 import * as overview from "./overview.js";
 import { createStops } from "./stops.js";
@@ -69,6 +75,8 @@ const listeners = {
 };
 let plant = createPlant();
 let link = "connecting";
+/* When the link was live the last time, as a Date; null: never. */
+let knownAt = null;
 let stream = null;
 let registersByDrive = new Map();
 let commandsByDrive = new Map();
@@ -84,7 +92,7 @@ function emit(event, ...args) {
 /* --- shared by views
  * --------------------------------------------------------------------------- */
 
-function remember(known, drive, method, key) {
+function askOnce(known, drive, method, key) {
 	if (!known.has(drive)) {
 		const answer = api.call(method, { drive })
 			.then((parameters) => indexByName(parameters[key]));
@@ -97,12 +105,14 @@ function remember(known, drive, method, key) {
 
 const context = {
 	get plant() { return plant; },
-	registers: (drive) => remember(registersByDrive, drive, "Registers", "registers"),
-	commands: (drive) => remember(commandsByDrive, drive, "Commands", "commands"),
+	registers: (drive) => askOnce(registersByDrive, drive, "Registers", "registers"),
+	commands: (drive) => askOnce(commandsByDrive, drive, "Commands", "commands"),
 	may: api.may,
 	whyNot: api.whyNot,
 	whyNotRun: api.whyNotRun,
 	link: () => link,
+	lateness: () => stream?.age() ?? 0,
+	sayOld,
 	on(event, listener) {
 		listeners[event].add(listener);
 		shown.offs.push(() => listeners[event].delete(listener));
@@ -161,7 +171,7 @@ async function loadFamilies() {
 	}
 }
 
-function takeAnswer(answer) {
+function takeAnswer(answer, age) {
 	if (answer.describe) {
 		registersByDrive = new Map();
 		commandsByDrive = new Map();
@@ -171,7 +181,7 @@ function takeAnswer(answer) {
 		loadFamilies();
 	}
 	if (answer.samples)
-		plant.take(answer.samples, performance.now());
+		plant.take(answer.samples, performance.now(), age ?? 0);
 	if (answer.figures)
 		plant.takeFigures(answer.figures);
 	if (answer.troubles)
@@ -190,13 +200,12 @@ function openOverview() {
 				serviceUp = data.up;
 				if (!serviceUp)
 					setLink("down");
-			} else if (name === "token" && serviceUp) {
-				setLink("live");
 			}
 		},
-		/* Several attempts to connect show the same state. */
+		/* Several attempts to connect show the same state; without its service a gateway has
+		 * no tokens to send. */
 		onState(state) {
-			if (state === "live" || (state === "silent" && !serviceUp))
+			if (!serviceUp && ["late", "hung"].includes(state))
 				return;
 			if (state !== "connecting" || link !== "lost")
 				setLink(state === "failed" || state === "ended" ? "lost" : state);
@@ -209,38 +218,63 @@ function openOverview() {
 const LINK_WORDS = {
 	connecting: ["hint", "connecting"],
 	live: ["standstill", "live"],
+	late: ["warning", "late"],
+	hung: ["warning", "service hangs"],
 	silent: ["warning", "silent"],
 	lost: ["offline", "no connection"],
 	down: ["offline", "service is down"],
 };
 const BANNER_WORDS = {
-	silent: "Nothing comes from the gateway's service any more. What you see is old.",
-	lost: "The connection to the gateway is lost. What you see is old; it comes back by itself. " +
+	late: "The network is slow: what you see is old, and nothing can be jogged. Stops are sent at once.",
+	hung: "The gateway answers, but its service drivebridged says nothing.",
+	silent: "Nothing comes from the gateway any more.",
+	lost: "The connection to the gateway is lost; it comes back by itself. " +
 		"Drives that this page moves are stopped by their watchdog.",
-	down: "The service drivebridged does not answer. What you see is old; it comes back by itself.",
+	down: "The service drivebridged does not answer; it comes back by itself.",
 };
+
+function sayOld() {
+	if (link === "live")
+		return "";
+	if (link === "late")
+		return sayLate(context.lateness());
+	return knownAt ? `not known since ${knownAt.toLocaleTimeString("en-GB")}` : "not known yet";
+}
 
 function setLink(state) {
 	const node = find("link");
 
 	if (state === link && node.firstChild)
 		return;
+	/* What stops being live was known until now. */
+	if (link === "live")
+		knownAt = new Date();
 	link = state;
 	node.dataset.state = state;
-	node.replaceChildren(icon(LINK_WORDS[state][0]), LINK_WORDS[state][1]);
-	showBanner();
+	node.replaceChildren(icon(LINK_WORDS[state][0]), element("span", {}, LINK_WORDS[state][1]));
 	document.documentElement.classList.toggle("stale", state !== "live");
+	showLink();
 	showTitle();
 	emit("link", state);
 }
 
-function showBanner() {
+/* The words that change with time. */
+function showLink() {
 	const banner = find("banner");
 	const words = api.getSession().role === "none" ? "" : BANNER_WORDS[link] ?? "";
+	const old = sayOld();
 
+	if (link === "late")
+		setText(find("link").lastChild, old);
 	banner.hidden = words === "";
-	if (words)
-		banner.replaceChildren(icon("warning"), element("p", {}, words));
+	if (!words)
+		return;
+	if (banner.dataset.link !== link) {
+		banner.dataset.link = link;
+		banner.replaceChildren(icon("warning"), element("p", {}, words),
+			element("strong", { "aria-live": "off" }));
+	}
+	setText(banner.lastChild, old && old.charAt(0).toUpperCase() + old.slice(1));
 }
 
 /* --- stop of all ------------------------------------------------------------------------------ */
@@ -393,11 +427,7 @@ function setTheme(theme) {
 		delete document.documentElement.dataset.theme;
 	else
 		document.documentElement.dataset.theme = theme;
-	try {
-		localStorage.setItem("theme", theme);
-	} catch {
-		/* The browser stores nothing. */
-	}
+	remember("theme", theme);
 	button.replaceChildren(icon("theme"));
 	setAttribute(button, "aria-label", `Colours: ${THEMES[theme]}`);
 	setAttribute(button, "title", `Colours: ${THEMES[theme]}`);
@@ -407,13 +437,8 @@ function setTheme(theme) {
 
 function startTheme() {
 	const names = Object.keys(THEMES);
-	let theme = "auto";
+	const theme = recall("theme", "auto");
 
-	try {
-		theme = localStorage.getItem("theme") ?? "auto";
-	} catch {
-		/* As above. */
-	}
 	setTheme(names.includes(theme) ? theme : "auto");
 	find("theme").addEventListener("click",
 		() => setTheme(
@@ -504,6 +529,7 @@ function takeSession(session, before) {
 		stream?.close();
 		stream = null;
 		serviceUp = true;
+		knownAt = null;
 		setLink("connecting");
 		plant = createPlant();
 		registersByDrive = new Map();
@@ -514,7 +540,7 @@ function takeSession(session, before) {
 			location.hash = "#/";
 		showView();
 	}
-	showBanner();
+	showLink();
 	emit("session", session);
 }
 
@@ -532,6 +558,8 @@ function watchVisibility() {
 
 function runFrames() {
 	const frame = (now) => {
+		if (link !== "live")
+			showLink();
 		emit("frame", now);
 		requestAnimationFrame(frame);
 	};

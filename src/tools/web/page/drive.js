@@ -17,7 +17,8 @@ import {
 	labelOf
 } from "./format.js";
 import { createJog } from "./jog.js";
-import { ageOf, judgeDrive, NEED } from "./plant.js";
+import { LATE_MS, sayLate } from "./lateness.js";
+import { ageOf, judgeDrive, NEED, stateWord } from "./plant.js";
 import { createPlot } from "./plot.js";
 
 /* Ten minutes at twenty samples a second; four at 20 ms. */
@@ -189,7 +190,8 @@ function makeHead(mine) {
 	const drive = context.plant.drives.get(name)?.description;
 	const head = mine.head = {
 		icon: icon("offline"),
-		state: element("span", { id: "drive-state" }),
+		word: element("span", { class: "state-word" }),
+		state: element("small", { id: "drive-state", class: "state-name" }),
 		mustStand: element("small", { id: "drive-must-stand", class: "must-stand live" }),
 		position: element("span", { id: "position" }),
 		velocity: element("span", { id: "velocity" }),
@@ -218,7 +220,8 @@ function makeHead(mine) {
 	}
 	if (mine.identity)
 		place.push(mine.identity);
-	head.stateBox = element("span", { class: "state live" }, head.icon, head.state);
+	head.stateBox = element("span", { class: "state live" }, head.icon,
+		element("span", { class: "state-words" }, head.word, head.state));
 	head.clear =
 		makeButton("clear_fault", "clear-fault", () => mine.panel?.give("clear_fault", {}));
 	head.clear.hidden = true;
@@ -437,9 +440,16 @@ function watchKeys(mine) {
 function openSubscription(mine, interval_ms) {
 	mine.stream?.close();
 	mine.stream =
-		openStream("Subscribe", { drives: [mine.name], names: mine.names, interval_ms }, {
-			onData: (answer) =>
-				answer.samples.forEach((sample) => takeSample(mine, sample)),
+		openStream("Subscribe", {
+			drives: [mine.name],
+			names: mine.names,
+			interval_ms,
+			changes: true,
+			/* Behind a slow network the newest values count, not each of them. */
+			merge: true
+		}, {
+			onData: (answer, late) =>
+				answer.samples.forEach((sample) => takeSample(mine, sample, late ?? 0)),
 			onState(state, error) {
 				if (state === "failed")
 					mine.context.report(error);
@@ -449,15 +459,17 @@ function openSubscription(mine, interval_ms) {
 		});
 }
 
-function takeSample(mine, sample) {
-	const { values } = sample;
+/* A sample has the values that have changed since the one before. */
+function takeSample(mine, sample, late) {
+	const values = { ...mine.latest?.values, ...sample.values };
 	const known = values.position !== null && values.position !== undefined;
 
-	mine.latest = { values: { ...mine.latest?.values, ...values }, heardAt: performance.now() };
+	mine.latest = { values, heardAt: performance.now() - late, late };
 	if (known && sample.time_us > 0)
 		mine.plot.push(sample.time_us / 1e6, mine.signals.map(({ name }) =>
 			mine.scale.show(mine.registers.get(name), values[name])));
-	if (values.history1_sequence !== undefined && values.history1_sequence !== mine.sequence) {
+	if (values.history1_sequence !== undefined &&
+		values.history1_sequence !== mine.sequence) {
 		mine.sequence = values.history1_sequence;
 		mine.history.refresh();
 	}
@@ -514,11 +526,17 @@ function showHead(mine, now) {
 	const judgement = judgeDrive(registers, values, context.plant.troubles?.drives[mine.name]);
 	const number = (name) => formatFixed(scale.show(registers.get(name), values?.[name]),
 		Math.max(name === "velocity" ? 1 : 0, scale.decimals(registers.get(name))));
-	const age = ageOf({ values, heardAt: mine.latest?.heardAt ?? drive?.heardAt ?? 0 }, now);
+	const { heardAt = 0, late = 0 } = mine.latest ?? drive ?? {};
+	const age = ageOf({ values, heardAt, late }, now);
+	/* Of both streams; of this one also while it stands still. */
+	const old = context.sayOld() ||
+		(mine.latest && (now - heardAt) > LATE_MS ? sayLate(now - heardAt) : "");
 
 	setIcon(head.icon, judgement.shape);
+	setText(head.word, old || stateWord(judgement.state));
 	setText(head.state, judgement.state || "not known");
 	setAttribute(head.stateBox, "data-shape", judgement.shape);
+	mine.root.classList.toggle("stale", old !== "");
 	setText(head.mustStand, judgement.mustStand);
 	setText(head.position, number("position"));
 	setText(head.velocity, number("velocity"));
@@ -534,5 +552,5 @@ function showHead(mine, now) {
 	setText(head.advice, judgement.advice);
 	head.clear.hidden = !mine.panel || judgement.need !== NEED.act ||
 		judgement.state === "Offline" || !mine.commands.has("clear_fault");
-	mine.jog?.update({ judgement });
+	mine.jog?.update({ judgement, old });
 }

@@ -150,6 +150,15 @@ export function formatTime(time_us, now = new Date()) {
 	return `${date.getFullYear()}-${pad(date.getMonth() + 1)}-${pad(date.getDate())} ${time}`;
 }
 
+/* "since 16:20:02, for 3 min"; microseconds since 1970, and the present time in milliseconds. */
+export function formatSince(since_us, now) {
+	if (!since_us)
+		return "";
+	const [time] = formatTime(since_us, new Date(now)).split(/\.\d+$/);
+
+	return `since ${time}, for ${formatSpan(Math.max(0, now / 1000 - since_us / 1e6))}`;
+}
+
 /* Microseconds: "4.2 ms" */
 export function formatDuration(us) {
 	if (typeof us !== "number")

@@ -119,7 +119,8 @@ function createQuantity({ id, label, unit, value, presets, presetsLabel }) {
 /*
  * The panel. `registers` and `commands` are the drive's, by name; onMoved() is called when a press
  * moves it. Returns { node, release(), isPressed(), update(drive) }; the caller calls release when
- * focus, visibility or the link is lost, and update with the drive's state.
+ * focus, visibility or the link is lost, and update with the drive's state, and with how
+ * old it is in words ("": it is not).
  */
 export function createJog({ context, drive, registers, commands, scale, onMoved }) {
 	const velocity = registers.get("target_velocity");
@@ -156,6 +157,7 @@ export function createJog({ context, drive, registers, commands, scale, onMoved 
 		onChange: showGrip,
 	});
 	let ready = null;
+	let whyNot = "";
 
 	function makeHold(direction) {
 		const drawing = icon(direction < 0 ? "backward" : "forward");
@@ -243,9 +245,9 @@ export function createJog({ context, drive, registers, commands, scale, onMoved 
 			onMoved();
 	}
 
-	function sayWhyNot({ state, why }) {
-		if (context.link() !== "live")
-			return "The link is gone";
+	function sayWhyNot({ state, why }, old) {
+		if (old)
+			return `What you see is old (${old})`;
 		return state === "Disabled" ? "Enable the drive first" : `Not now: ${why || state}`;
 	}
 
@@ -269,18 +271,21 @@ export function createJog({ context, drive, registers, commands, scale, onMoved 
 		node,
 		release: () => grips.release(),
 		isPressed: () => grips.isPressed(),
-		update({ judgement }) {
-			const next = context.link() === "live" && !["", "Offline", "ErrorStop", "Disabled"]
+		update({ judgement, old }) {
+			const next = !old && context.link() === "live" && !["", "Offline", "ErrorStop", "Disabled"]
 				.includes(judgement.state) && judgement.shape !== "error";
 
-			if (next === ready)
+			const reason = next ? "" : sayWhyNot(judgement, old);
+
+			if (next === ready && reason === whyNot)
 				return;
 			ready = next;
+			whyNot = reason;
 			for (const button of [...holds, ...steps])
 				button.disabled = !ready;
-			setText(said, ready ? "" : sayWhyNot(judgement));
 			if (!ready)
 				grips.release();
+			setText(said, reason);
 		},
 	};
 }

@@ -68,6 +68,21 @@ function sayMustStand(registers, values) {
 		(typeof ms === "number" ? `, for ${(ms / 1000).toFixed(1)} s` : "");
 }
 
+/* The states of PLCopen in the words of those who wire and repair. */
+const STATE_WORDS = {
+	Disabled: "switched off",
+	Standstill: "stands",
+	DiscreteMotion: "moves to target",
+	ContinuousMotion: "runs",
+	SynchronizedMotion: "follows another",
+	Homing: "looks for its origin",
+	Stopping: "brakes",
+	ErrorStop: "fault",
+	Offline: "no answer",
+};
+
+export function stateWord(state) { return STATE_WORDS[state] ?? (state || "not known"); }
+
 /* Drawings differ in their form, not only in colour. */
 function shapeOf(state, values) {
 	switch (state) {
@@ -95,7 +110,8 @@ export function isMoving(state) {
 }
 
 /*
- * drives: Map of name to { name, bus, description, values, heardAt, place, judgement }; buses: Map
+ * drives: Map of name to { name, bus, description, values, heardAt (less the time
+ * that the values were under way, late), place, judgement }; buses: Map
  * of name to { description, figures }; troubles: what is wrong, from the service: { drives, buses,
  * configuration, well }, with records by name of those that need somebody; null until the first
  * message.
@@ -127,6 +143,7 @@ export function createPlant() {
 				place,
 				values: before?.values ?? null,
 				heardAt: before?.heardAt ?? 0,
+				late: before?.late ?? 0,
 				judgement: null
 			});
 		});
@@ -154,15 +171,17 @@ export function createPlant() {
 		plant.judge();
 	};
 
-	/* Samples of the stream; drives without one are unchanged. */
-	plant.take = (samples, now) => {
+	/* Samples of the stream, which were under way for `late` ms at most; drives without one are
+	 * unchanged. */
+	plant.take = (samples, now, late = 0) => {
 		for (const sample of samples) {
 			const drive = plant.drives.get(sample.drive);
 
 			if (!drive)
 				continue;
 			drive.values = { ...drive.values, ...sample.values };
-			drive.heardAt = now;
+			drive.heardAt = now - late;
+			drive.late = late;
 			drive.judgement = judge(drive);
 		}
 	};
@@ -189,20 +208,15 @@ export function createPlant() {
 		};
 	};
 
-	/* The worst first, else in the order of the configuration. */
-	plant.worstFirst = () => [...plant.drives.values()].sort(
-		(one, other) =>
-			other.judgement.need - one.judgement.need || one.place - other.place);
-
 	return plant;
 }
 
-/* The present age of a drive's values, in milliseconds: the reported age, plus the time since then
- * without data. */
+/* The present age of a drive's values at most, in milliseconds: the reported age, the time that they
+ * were under way, and the time since then without data. */
 export function ageOf(drive, now) {
 	const age = drive.values?.age_ms;
 
 	return typeof age === "number" && age < 0xffffffff ?
-		age + Math.max(0, now - drive.heardAt - TOLD_EVERY_MS) :
+		age + Math.max(drive.late ?? 0, now - drive.heardAt - TOLD_EVERY_MS) :
 		null;
 }

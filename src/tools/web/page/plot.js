@@ -5,7 +5,7 @@
  */
 import { element, newId, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
-import { formatFixed } from "./format.js";
+import { formatFixed, formatSpan } from "./format.js";
 import { DASHES, createSwatch, readColour } from "./plot_line.js";
 
 const SERIES_MOST = DASHES.length;
@@ -126,6 +126,7 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		paused: null,
 		dirty: true,
 		drawnAt: 0,
+		pushedAt: 0,
 		frozen: null
 	};
 	const id = newId("plot");
@@ -137,6 +138,7 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		"aria-label": `Plot of ${title}: arrow keys move the cursor, plus and minus zoom`
 	});
 	const legend = element("tbody");
+	const gap = element("p", { class: "plot-gap" }, "no data yet");
 	const cursorTime = element("span", { class: "muted plot-time" });
 	const pause = element("button",
 		{ class: "small plot-pause", type: "button", "aria-pressed": "false" }, "Pause");
@@ -157,7 +159,7 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		element("div", { class: "panel-head" }, element("h2", {}, "Plot"), cursorTime,
 			element("span", { class: "push" }), chooser, span, zoomOut, zoomIn, pause,
 			save),
-		holder,
+		element("div", { class: "plot-frame" }, holder, gap),
 		element("table", { class: "plot-legend" },
 			element("caption", { class: "hidden-label", id },
 				"Values at the cursor, or the latest"),
@@ -212,8 +214,16 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		state.dirty = true;
 	}
 
+	/* The time for which nothing has come, in seconds; 0 while values come. */
+	function silence() {
+		const seconds = (performance.now() - state.pushedAt) / 1000;
+
+		return ring.length > 0 && seconds > GAP_S ? seconds : 0;
+	}
+
+	/* Time goes on when no values come: a plot that stands still would look like a drive that does. */
 	function window() {
-		const last = ring.lastTime();
+		const last = ring.lastTime() + silence();
 
 		return state.paused ?? { from: last - state.span, to: last };
 	}
@@ -282,6 +292,25 @@ export function createPlot({ title, signals, chosen, capacity }) {
 			labelSize: 18, size: 62, grid: { ...lines, show: index === 0 }, values: writeNumbers }))];
 	}
 
+	/* From the last values on, when no more come. */
+	function drawSilence(uplot) {
+		const seconds = state.paused ? 0 : silence();
+
+		node.classList.toggle("silent", seconds > 0);
+		setText(gap, ring.length === 0 ? "no data yet" :
+			seconds > 0 ? `no data for ${formatSpan(seconds)}` : "");
+		if (seconds === 0)
+			return;
+		const { ctx, bbox } = uplot;
+		const from = Math.max(bbox.left, uplot.valToPos(ring.lastTime(), "x", true));
+
+		ctx.save();
+		ctx.fillStyle = colour("line");
+		ctx.globalAlpha = 0.6;
+		ctx.fillRect(from, bbox.top, bbox.left + bbox.width - from, bbox.height);
+		ctx.restore();
+	}
+
 	function takeSelection(uplot) {
 		const { left, width } = uplot.select;
 
@@ -314,7 +343,8 @@ export function createPlot({ title, signals, chosen, capacity }) {
 				gaps: findGaps,
 				paths: signal.names ? stepped : undefined,
 			}))],
-			hooks: { setSelect: [takeSelection], setCursor: [showValues] },
+			hooks: { setSelect: [takeSelection], setCursor: [showValues],
+				drawClear: [drawSilence] },
 		}, [[], ...shown.map(() => [])], holder);
 		state.uplot.over.addEventListener("dblclick", goOn);
 		state.dirty = true;
@@ -371,7 +401,8 @@ export function createPlot({ title, signals, chosen, capacity }) {
 			setText(cursorTime, state.paused ? "paused" : "");
 		state.chosen.forEach((name, index) => {
 			const signal = signals[column(name)];
-			const value = under ? uplot.data[index + 1][at] : ring.last(column(name));
+			const latest = silence() > 0 && !state.paused ? NaN : ring.last(column(name));
+			const value = under ? uplot.data[index + 1][at] : latest;
 
 			setText(legend.rows[index].cells[2],
 				signal.names?.[value] ?? formatFixed(value, signal.decimals));
@@ -476,11 +507,14 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		node,
 		choose,
 		push(time, values) {
-			if (ring.push(time, values) && !state.paused)
+			if (!ring.push(time, values))
+				return;
+			state.pushedAt = performance.now();
+			if (!state.paused)
 				state.dirty = true;
 		},
 		frame(now) {
-			if (!state.dirty || !state.uplot || now - state.drawnAt < REDRAW_EVERY_MS)
+			if ((!state.dirty && silence() === 0) || !state.uplot || now - state.drawnAt < REDRAW_EVERY_MS)
 				return;
 			state.dirty = false;
 			state.drawnAt = now;

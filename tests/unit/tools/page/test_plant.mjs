@@ -3,6 +3,8 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { indexByName } from "../../../../src/tools/web/page/format.js";
 import { ageOf, createPlant, judgeDrive, NEED } from "../../../../src/tools/web/page/plant.js";
+import { isWanted } from "../../../../src/tools/web/page/drive_rows.js";
+import { listTroubles } from "../../../../src/tools/web/page/trouble_strip.js";
 
 const REGISTERS = indexByName([
 	{ name: "axis_state", type: "u16", codes: { 0: "Offline", 1: "Disabled", 2: "Standstill", 4: "ContinuousMotion",
@@ -59,19 +61,21 @@ function makePlant() {
 	return plant;
 }
 
-test("the worst comes first, else the order of the configuration", () => {
+test("what needs somebody comes from the service, the worst first", () => {
 	const plant = makePlant();
 	const tell = (drives, others = {}) =>
 		plant.takeTroubles({ drives, buses: {}, configuration: record("none", "nothing"), well: false, ...others });
 
 	tell({ lift: record("params_unsaved", "hint"), arm: record("no_answer", "act"), gone: record("late", "act") });
-	assert.deepEqual(plant.worstFirst().map(({ name }) => name), ["arm", "lift", "feeder"]);
+	assert.deepEqual(listTroubles(plant.troubles).map(({ key }) => key), ["drive arm", "drive gone"]);
 	plant.take([{ drive: "arm", values: { axis_state: 2, error: 0 } }], 0);
 	assert.equal(plant.drives.get("arm").judgement.need, NEED.act);
 	tell({ lift: record("params_unsaved", "hint") });
-	assert.deepEqual(plant.worstFirst().map(({ name }) => name), ["lift", "feeder", "arm"]);
+	assert.deepEqual(listTroubles(plant.troubles), []);
 	tell({ lift: record("aside", "look") }, { buses: { line: record("aside", "look") },
 		configuration: record("refused", "act") });
+	assert.deepEqual(listTroubles(plant.troubles).map(({ key, href }) => [key, href]),
+		[["bus line", "#/trace/line"], ["drive lift", "#/drive/lift"]]);
 	assert.deepEqual(plant.countNeeds(), { drives: [2, 0, 1, 0], buses: [0, 0, 1, 0], configuration: [0, 0, 0, 1] });
 });
 
@@ -85,6 +89,32 @@ test("an age is as it was told, and grows when nothing comes", () => {
 	assert.equal(ageOf(drive, 4000), 2020);
 	plant.take([{ drive: "feeder", values: { age_ms: 0xffffffff } }], 4000);
 	assert.equal(ageOf(drive, 4000), null);
+});
+
+test("an age includes the time that the network took", () => {
+	const plant = makePlant();
+	const drive = plant.drives.get("feeder");
+
+	plant.take([{ drive: "feeder", values: { age_ms: 20 } }], 5000, 4000);
+	assert.equal(ageOf(drive, 5000), 4020);
+	assert.equal(ageOf(drive, 5900), 4020);
+	assert.equal(ageOf(drive, 7000), 5020);
+});
+
+test("drives are filtered by words, bus and state", () => {
+	const plant = makePlant();
+	const names = (wanted) => [...plant.drives.values()].filter((drive) => isWanted(drive, wanted))
+		.map(({ name }) => name);
+
+	plant.take([{ drive: "feeder", values: { axis_state: 2 } }, { drive: "lift", values: { axis_state: 4 } }], 1);
+	plant.takeTroubles({ drives: { arm: record("no_answer", "act") }, buses: {}, well: false });
+	assert.deepEqual(names({}), ["feeder", "lift", "arm"]);
+	assert.deepEqual(names({ words: " LIFT " }), ["lift"]);
+	assert.deepEqual(names({ words: "runs" }), ["lift"]);
+	assert.deepEqual(names({ state: "needs" }), ["arm"]);
+	assert.deepEqual(names({ state: "moving" }), ["lift"]);
+	assert.deepEqual(names({ state: "standing" }), ["feeder"]);
+	assert.deepEqual(names({ bus: "other" }), []);
 });
 
 test("a new description keeps what is known of those that stay, and what is wrong with them", () => {
