@@ -220,6 +220,13 @@ def test_help_is_asked_for_in_each_way(fake):
     assert "/drivebridgectl: unrecognized option '--bogus'" in ctl(fake, "status", "stop", "--bogus", status=2)
 
 
+def test_options_have_their_former_names_too(fake):
+    """Of scripts that were written for them."""
+    assert "goes without --all-bauds" in ctl(fake, "scan", "line", "--speed", "9600", "--all-speeds", status=2)
+    assert "get has no option --baud" in ctl(fake, "get", "feeder", "position", "--speed=9600", status=2)
+    assert "speed" not in ctl(fake, "help", "scan")
+
+
 def test_a_service_of_before_an_upgrade_does_not_say_it(fake):
     del fake.answers["Troubles"]
     said = ctl(fake, "status", status=1)

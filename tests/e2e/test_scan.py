@@ -96,9 +96,9 @@ def test_drives_at_another_speed_are_found(make_bridge):
     bridge.reload()
     bridge.drive().reconnect()
     eventually(lambda: bridge.drive().read("axis_state") == OFFLINE)
-    refused = run(bridge, "scan", "line", "--all-speeds")
+    refused = run(bridge, "scan", "line", "--all-bauds")
     assert refused.returncode == 2 and "--yes" in refused.stderr
-    found = scan(bridge, "--all-speeds", "--addresses", "1-3", "--yes")
+    found = scan(bridge, "--all-bauds", "--addresses", "1-3", "--yes")
     assert places(found) == [(115200, 1, "one")]
     assert "at 115200 bit/s, while bus line is set to 57600" in found["configuration"]
     eventually(lambda: re.search("bus line: .* is out of service for a scan", bridge.log_since(offset)))
@@ -113,14 +113,14 @@ def test_a_bus_is_set_aside_only_when_its_drives_stand(make_bridge):
     bridge = make_bridge(drives=2, drive={"on-exit": "disable"}, sim_bus={"follow-host": True})
     drive = bridge.drive(2)
     assert drive.command("move_velocity", target_velocity=500) == 0
-    done = run(bridge, "scan", "line", "--all-speeds", "--yes")
+    done = run(bridge, "scan", "line", "--all-bauds", "--yes")
     assert done.returncode == 1 and "drive2 does not stand" in done.stderr
     eventually(lambda: drive.read("velocity") == 500)
     assert drive.command("stop") == 0
     bridge.wait_standing(2)
     # On-exit is honoured before, and the client's end ends the scan.
     process = subprocess.Popen([find_program("drivebridgectl"), "--socket", bridge.control_path,
-                                "scan", "line", "--all-speeds", "--yes"], stdout=subprocess.PIPE,
+                                "scan", "line", "--all-bauds", "--yes"], stdout=subprocess.PIPE,
                                stderr=subprocess.STDOUT, text=True)
     eventually(lambda: bridge.gateway().read("bus1_up") == 0 or process.poll() is not None)
     eventually(lambda: drive.read("axis_state") == OFFLINE)
@@ -145,7 +145,7 @@ def test_a_bus_is_set_aside_only_when_its_drives_stand(make_bridge):
 def test_the_service_ends_while_a_bus_is_set_aside(make_bridge):
     bridge = make_bridge(drives=1, sim_bus={"follow-host": True})
     process = subprocess.Popen([find_program("drivebridgectl"), "--socket", bridge.control_path,
-                                "scan", "line", "--all-speeds", "--yes"], stdout=subprocess.DEVNULL,
+                                "scan", "line", "--all-bauds", "--yes"], stdout=subprocess.DEVNULL,
                                stderr=subprocess.DEVNULL)
     eventually(lambda: "out of service" in bridge.log_path.read_text())
     assert bridge.stop_bridge() == 0
@@ -156,7 +156,7 @@ def test_the_service_ends_while_a_bus_is_set_aside(make_bridge):
 def test_only_one_scan_of_a_bus_at_a_time(make_bridge):
     bridge = make_bridge(drives=1, sim_bus={"follow-host": True})
     words = [find_program("drivebridgectl"), "--socket", bridge.control_path, "scan", "line"]
-    process = subprocess.Popen([*words, "--all-speeds", "--yes"], stdout=subprocess.DEVNULL)
+    process = subprocess.Popen([*words, "--all-bauds", "--yes"], stdout=subprocess.DEVNULL)
     eventually(lambda: "out of service" in bridge.log_path.read_text())
     second = run(bridge, "scan", "line")
     assert second.returncode == 1 and "too much" in second.stderr
@@ -285,7 +285,7 @@ def test_a_configured_drive_gets_another_address(make_bridge):
 def test_what_another_client_controls_is_left_alone(make_bridge):
     bridge = make_bridge(drives=2, sim_drives=3, bus=ROOMY, modbus={"control": "drive"})
     assert bridge.drive(2).write("control_request", 1) == 0
-    for words in (["address", "line", "2", "9"], ["scan", "line", "--all-speeds"]):
+    for words in (["address", "line", "2", "9"], ["scan", "line", "--all-bauds"]):
         done = run(bridge, *words, "--yes")
         assert done.returncode == 1 and "another client has control of drive2" in done.stderr
         assert bridge.drive(2).read("axis_state") == STANDSTILL
@@ -327,19 +327,19 @@ def test_a_drive_gets_another_speed(make_bridge, settles):
         switch_power(bridge, "drive1")
         told, _ = process.communicate("\n", timeout=30)
         assert process.returncode == 0, told
-        assert "all drives of a bus must have the same speed" in told
-        assert "drivebridgectl baud line 1 115200 --speed 57600" in told
+        assert "all drives of a bus must have the same bit rate" in told
+        assert "drivebridgectl baud line 1 115200 --baud 57600" in told
         assert re.search(r"^bus line {\n    baud = 57600$", told, re.M)
     else:
         # It is at its new speed already, and not saved.
         told, _ = process.communicate(timeout=30)
         assert process.returncode == 1 and "former speed or at 57600 bit/s" in told
-    found = scan(bridge, "--speed", "57600", "--addresses", "1-1", "--yes")
+    found = scan(bridge, "--baud", "57600", "--addresses", "1-1", "--yes")
     assert places(found) == [(57600, 1, "one")]
     # And back.
     mark = bridge.sim.mark()
     saves = len(heard(bridge, "drive1", "1 sav"))
-    process = start(bridge, "baud", "line", "1", "115200", "--speed", "57600", "--yes")
+    process = start(bridge, "baud", "line", "1", "115200", "--baud", "57600", "--yes")
     if settles == "power-up":
         eventually(lambda: ("1", "sav") in said(bridge, mark) or process.poll() is not None, 20)
         eventually(lambda: len(heard(bridge, "drive1", "1 sav")) > saves or process.poll() is not None)
@@ -407,6 +407,6 @@ def test_the_transcripts_of_the_guide(make_bridge):
             switch_power(bridge, "drive2")
         told, _ = process.communicate(timeout=60)
         # What a machine adds that stood still for most of a cycle.
-        told = re.sub(r"\neach address was given .*\n.*\(--speed\)\n", "", told)
+        told = re.sub(r"\neach address was given .*\n.*\(--baud\)\n", "", told)
         assert re.fullmatch(pattern_of(expected), told), told
     assert typed == 3

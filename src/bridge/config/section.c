@@ -6,6 +6,7 @@
 #include "config/text.h"
 #include "drivebridge/driver.h"
 
+#include <ctype.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -131,11 +132,24 @@ static void refuse_value(const struct db_section *section, const struct db_confi
 	                      "%s = %s %s; %s", key->name, text, wrong, range);
 }
 
+/* The number's characters in a text such as 40ms or 640mm, 0 in any other text. */
+static size_t number_before_unit(const char *text)
+{
+	size_t digits = strspn(text, "0123456789.");
+	const char *unit = text + digits;
+
+	while (isalpha((unsigned char)*unit) || *unit == '/' || (unsigned char)*unit >= 0x80)
+		unit++;
+	return *unit == '\0' && text[digits] != '\0' ? digits : 0;
+}
+
 /* False when it is no such number, which is reported. */
 static bool parse_number(const struct db_section *section, const struct db_config_key *key,
                          const char *text, double *number)
 {
 	bool whole = key->kind != DB_KEY_REAL;
+	size_t length = number_before_unit(text);
+	char unit[64];
 	unsigned small;
 	bool good;
 
@@ -148,10 +162,12 @@ static bool parse_number(const struct db_section *section, const struct db_confi
 	}
 	if (good && *number >= key->min && *number <= key->max)
 		return true;
+	snprintf(unit, sizeof(unit), "has a unit behind its number; write %.*s", (int)length, text);
 	refuse_value(section, key, text,
-	             good  ? "is out of range" :
-	             whole ? "is no whole number" :
-	                     "is no number");
+	             good       ? "is out of range" :
+	             length > 0 ? unit :
+	             whole      ? "is no whole number" :
+	                          "is no number");
 	return false;
 }
 

@@ -32,7 +32,7 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		{ "yes", &ctl->yes },
 		{ "save", &ctl->save },
 		{ "with-address", &ctl->with_address },
-		{ "all-speeds", &ctl->all_speeds },
+		{ "all-bauds", &ctl->all_speeds },
 		{ "past", &ctl->past },
 		{ "list", &ctl->list },
 		{ "help", &ctl->help },
@@ -45,7 +45,7 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 	} values[] = {
 		{ "socket", &ctl->socket },     { "velocity", &ctl->velocity },
 		{ "interval", &ctl->interval }, { "addresses", &ctl->addresses },
-		{ "speed", &ctl->speed },       { "kept", &ctl->kept },
+		{ "baud", &ctl->speed },        { "kept", &ctl->kept },
 		{ "output", &ctl->output },     { "duration", &ctl->duration },
 		{ "samples", &ctl->samples },   { "trigger", &ctl->trigger },
 		{ "before", &ctl->before },     { "plot", &ctl->plot },
@@ -67,6 +67,48 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 	}
 }
 
+/* Names that options had before, and those that they have now. */
+static const struct {
+	const char *before;
+	const char *now;
+} renamed[] = { { "all-speeds", "all-bauds" }, { "speed", "baud" } };
+
+#define RENAMED_COUNT (int)(sizeof(renamed) / sizeof(renamed[0]))
+
+/* Fills in all names that an option can be given by: those of the table in their order, then the
+ * former ones. Returns the number of the first. */
+static int list_options(struct option *known)
+{
+	int count = 0;
+
+	for (; count < OPTIONS_MAX && db_ctl_options[count].name; count++)
+		known[count] = (struct option){ .name = db_ctl_options[count].name,
+			                        .has_arg = db_ctl_options[count].value ?
+			                                           required_argument :
+			                                           no_argument };
+	for (int i = 0; i < RENAMED_COUNT; i++) {
+		for (int at = 0; at < count; at++) {
+			if (strcmp(known[at].name, renamed[i].now) != 0)
+				continue;
+			known[count + i] = known[at];
+			known[count + i].name = renamed[i].before;
+		}
+	}
+	return count;
+}
+
+/* The place of an option in the table, whatever name it was given by. */
+static int place_of(const struct option *known, int count, int at)
+{
+	int place = 0;
+
+	if (at < count)
+		return at;
+	while (strcmp(known[place].name, renamed[at - count].now) != 0)
+		place++;
+	return place;
+}
+
 /* A negative number is an argument, not an option. */
 #define NEGATIVE "-0::1::2::3::4::5::6::7::8::9::.::"
 
@@ -76,14 +118,11 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
  */
 static int read_options(struct db_ctl *ctl, int argc, char **argv, bool *given, int *count)
 {
-	struct option known[OPTIONS_MAX + 1] = { { .name = NULL } };
+	struct option known[OPTIONS_MAX + RENAMED_COUNT + 1] = { { .name = NULL } };
+	int known_count = list_options(known);
 	int at = 0;
 	int found;
 
-	for (int i = 0; i < OPTIONS_MAX && db_ctl_options[i].name; i++)
-		known[i] = (struct option){ .name = db_ctl_options[i].name,
-			                    .has_arg = db_ctl_options[i].value ? required_argument :
-			                                                         no_argument };
 	while ((found = getopt_long(argc, argv, NEGATIVE, known, &at)) != -1) {
 		if (found == '?') {
 			(void)fputs("drivebridgectl --help says what there is\n", stderr);
@@ -93,6 +132,7 @@ static int read_options(struct db_ctl *ctl, int argc, char **argv, bool *given, 
 			argv[++*count] = found == 1 ? optarg : argv[optind - 1];
 			continue;
 		}
+		at = place_of(known, known_count, at);
 		given[at] = true;
 		if (strcmp(db_ctl_options[at].name, "version") == 0) {
 			(void)puts("drivebridgectl " DB_VERSION);

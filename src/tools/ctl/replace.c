@@ -141,7 +141,7 @@ static const json_t *choose_new(const struct replacement *of, const struct db_ct
 			"no new drive answers: check its power and its cable%s",
 			of->ctl->all_speeds ?
 				"" :
-				"; it may have another speed: --all-speeds looks there, too");
+				"; it may have another baud rate: --all-bauds looks there, too");
 	return NULL;
 }
 

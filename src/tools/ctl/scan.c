@@ -132,7 +132,7 @@ static void print_advice(const struct db_ctl_search *search)
 	if (json_array_size(search->finds) == 0)
 		(void)puts(
 			"no drive answers: check power and wiring (A and B may be swapped), whether "
-			"protocol and line are right, and the speed: --all-speeds tries all of them");
+			"protocol and line are right, and the baud rate: --all-bauds tries all of them");
 }
 
 /* --- the command ------------------------------------------------------------------------------ */
@@ -164,7 +164,7 @@ static void print_found(const struct db_ctl *ctl, const struct db_ctl_search *se
 		(void)printf(
 			"\neach address was given %.1f ms to begin its answer, as much as the cycle "
 			"leaves: a slower drive is found\nwith a longer cycle-ms, or with the "
-			"bus out of service (--speed)\n",
+			"bus out of service (--baud)\n",
 			(double)search->wait_us / 1000);
 	if (configuration && configuration[0])
 		(void)printf("\nfor the configuration, then drivebridgectl reload:\n\n%s",
@@ -196,7 +196,7 @@ static json_t *read_options(const struct db_ctl *ctl, const char *bus)
 	if (!ctl->speed || (speed > 0 && !ctl->all_speeds))
 		return parameters;
 	(void)db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-	                      "--speed takes one speed in bit/s, and goes without --all-speeds");
+	                      "--baud takes one number of bit/s, and goes without --all-bauds");
 	json_decref(parameters);
 	return NULL;
 }

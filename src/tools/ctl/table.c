@@ -8,7 +8,7 @@ const struct db_ctl_task_text db_ctl_tasks[DB_CTL_TASK_COUNT] = {
 	[DB_CTL_TASK_MOVE] = { "Move and stop", "move feeder 10mm" },
 	[DB_CTL_TASK_WHY] = { "Find out what happened", "history feeder" },
 	[DB_CTL_TASK_PARAMETERS] = { "Change, save and restore parameters", "params save feeder" },
-	[DB_CTL_TASK_SET_UP] = { "Find and set up drives", "scan line --all-speeds" },
+	[DB_CTL_TASK_SET_UP] = { "Find and set up drives", "scan line --all-bauds" },
 	[DB_CTL_TASK_SERVICE] = { "Run the gateway", "check" },
 };
 
@@ -183,7 +183,7 @@ const struct db_ctl_option db_ctl_options[] = {
 	{ "state", "FILE", " commission ", "Keep what is known in this file after each step, and go on from it" },
 	{ "save", NULL, " params restore ", "Run save_parameters afterwards, so that the drive keeps them without power" },
 	{ "with-address", NULL, " params restore ", "Also its address and bit rate" },
-	{ "all-speeds", NULL, " scan replace ", "At every bit rate that drives of the family can have, with the bus out of service" },
+	{ "all-bauds", NULL, " scan replace ", "At every bit rate that drives of the family can have, with the bus out of service" },
 	{ "kept", "NUMBER", " trace ", "A trace that was kept, of those that traces lists; or last" },
 	{ "past", NULL, " trace ", "Begin with the last seconds, which are still remembered" },
 	{ "for", "PROGRAM", " export ",
@@ -211,7 +211,7 @@ const struct db_ctl_option db_ctl_options[] = {
 	{ "before", "S", " record ", "So many seconds before the trigger, 1 when not given" },
 	{ "plot", "PICTURE", " record ", "Behind it a picture by gnuplot: terminal, or FILE.svg" },
 	{ "addresses", "FIRST-LAST", " scan replace ", "Only these addresses" },
-	{ "speed", "BIT/S", " scan address baud ", "At this bit rate, with the bus out of service, where it is not the bus's own" },
+	{ "baud", "BIT/S", " scan address baud ", "At this bit rate, with the bus out of service, where it is not the bus's own" },
 	{ "help", NULL, NULL, "Print what there is" },
 	{ "version", NULL, NULL, "Print the version" },
 	{ NULL, NULL, NULL, NULL },

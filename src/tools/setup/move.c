@@ -105,7 +105,7 @@ static void doubt(struct db_setup_move *move, const char *why)
 		    move->is_address ? "" : " at all speeds");
 	else
 		add(move, "drivebridgectl scan %s%s shows where", bus_of(move),
-		    move->is_address ? "" : " --all-speeds");
+		    move->is_address ? "" : " --all-bauds");
 	fail(move, FOUND_ERROR("Doubtful"), move->text);
 }
 
@@ -154,17 +154,17 @@ static void announce(struct db_setup_move *move)
 	                                   "at once");
 	if (!move->is_address)
 		add(move,
-		    "  all drives of a bus must have the same speed, and the bus in the configuration "
+		    "  all drives of a bus must have the same bit rate, and the bus in the configuration "
 		    "too: as long as%sthey differ, those at ",
 		    wrap);
 	if (!move->is_address && move->on_page)
 		add(move,
-		    "%lld bit/s are offline. The way back: the speed %lld for address %lld, spoken "
+		    "%lld bit/s are offline. The way back: the bit rate %lld for address %lld, spoken "
 		    "to at %lld bit/s\n",
 		    to, now, from, to);
 	else if (!move->is_address)
 		add(move,
-		    "%lld bit/s are offline. The way back: drivebridgectl baud %s %lld %lld --speed "
+		    "%lld bit/s are offline. The way back: drivebridgectl baud %s %lld %lld --baud "
 		    "%lld\n",
 		    to, bus_of(move), from, now, to);
 	else if (move->on_page)
@@ -179,7 +179,7 @@ static void announce(struct db_setup_move *move)
 		    move->drive, to);
 	if (is_set_aside(move))
 		add(move,
-		    "  to look for it at another speed, bus %s is taken out of service: its drives, which must "
+		    "  to look for it at another bit rate, bus %s is taken out of service: its drives, which must "
 		    "stand, are left as%son-exit says, and are offline for every PLC meanwhile\n",
 		    bus_of(move), wrap);
 }

@@ -168,6 +168,8 @@ static const struct wrong_case WRONG[] = {
 	/* Values. */
 	{ "modbus {\n confirm-ms = fast\n}\n", 2,
 	  "confirm-ms = fast is no whole number; a whole number from 1 to 10000 ms" },
+	{ "modbus {\n confirm-ms = 40ms\n}\n", 2,
+	  "confirm-ms = 40ms has a unit behind its number; write 40; a whole number from 1 to 10000 ms" },
 	{ "modbus {\n confirm-ms = -1\n}\n", 2, "is no whole number" },
 	{ "modbus {\n confirm-ms = 0x10\n}\n", 2, "is no whole number" },
 	{ "modbus {\n confirm-ms = \"\"\n}\n", 2, "is no whole number" },
