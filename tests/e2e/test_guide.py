@@ -69,9 +69,11 @@ FOREIGN = {
     "drivebridge_web_certificate_expires_timestamp_seconds", "libpam-ldapd",
     "drivebridge_web_failed_logins_total", "drivebridge_web_late_jogs_total",
     # events of the log
-    "hold-lost", "drive-may-have-restarted",
+    "hold-lost", "drive-may-have-restarted", "line-lost",
+    # figures of lines with a PLC, and what Wireshark calls a kind of packets
+    "drivebridge_modbus_rtu_bad_total", "LINKTYPE_USER0",
     # sections of the configuration
-    "modbus", "bus", "drive",
+    "modbus", "bus", "drive", "modbus-rtu",
 }
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*([_-][A-Za-z0-9]+)*")

@@ -3,6 +3,7 @@
 
 import os
 import random
+import signal
 import struct
 import subprocess
 import time
@@ -201,15 +202,28 @@ def test_a_repeated_request_is_executed_once(rtu_bridge, line):
 
 
 def test_a_repeated_request_after_an_answer_that_came_too_late(rtu_bridge, line):
-    bridge = rtu_bridge(modbus={"confirm-ms": 2000}, line_keys={"answer-timeout-ms": 30})
-    bridge.sim.fault("lose-request 2")
-    assert line.request(step(bridge), timeout=0.5) is None
-    bridge.wait_standing()
+    bridge = rtu_bridge(modbus={"confirm-ms": 2000})
+
+    def unanswered(rests):
+        """The PLC does not wait for the answer, and asks another device."""
+        bridge.sim.fault("lose-request 1")
+        line.send(framed(1, step(bridge)))
+        time.sleep(PAUSE)
+        line.send(framed(77, POSITION))
+        eventually(lambda: bridge.sim.get()["position"] == rests)
+        bridge.wait_standing()
+
+    unanswered(300)
     assert line.request(step(bridge))[0] == 16
     rests_at(bridge, 300)
     # What was answered is a new wish when it comes again.
     assert line.request(step(bridge))[0] == 16
     rests_at(bridge, 600)
+    # So is what comes much later than a PLC repeats something.
+    unanswered(900)
+    time.sleep(2.1)
+    assert line.request(step(bridge))[0] == 16
+    rests_at(bridge, 1200)
 
 
 def test_an_answer_is_not_sent_into_another_request(rtu_bridge, line):
@@ -232,6 +246,36 @@ def test_of_requests_without_a_silence_the_last_one_counts(rtu_bridge, line):
     assert line.is_silent()
     rests_at(bridge, 300)
     assert figure(bridge, "missed_total") == 2
+
+
+def test_requests_of_a_time_in_which_the_service_stood_still(rtu_bridge, line):
+    """A PLC sends its move again and again, and then asks for the position: that is what it waits for."""
+    bridge = rtu_bridge()
+    bridge.process.send_signal(signal.SIGSTOP)
+    for _ in range(4):
+        line.send(framed(1, step(bridge)))
+        time.sleep(PAUSE)
+    line.send(framed(1, POSITION))
+    bridge.process.send_signal(signal.SIGCONT)
+    assert line.receive()[:3] == b"\x01\x03\x04"
+    assert line.is_silent()
+    rests_at(bridge, 0)
+
+
+def test_a_plc_that_never_waits(rtu_bridge, line):
+    """Each request has a silence before it, and comes before the answer to the one before."""
+    bridge = rtu_bridge(modbus={"confirm-ms": 2000})
+    bridge.sim.fault("lose-request 1")
+    for distance in range(1, 21):
+        line.send(framed(1, step(bridge, distance=distance)))
+        time.sleep(0.004)
+    # The last one has an answer, perhaps others when this machine was slow to send.
+    assert line.receive()[1] & 0x7F == 16
+    assert line.request(POSITION)[0] == 3
+    bridge.wait_standing()
+    assert len([text for text in bridge.sim.sent() if " pos " in text]) <= 20
+    # Other clients have not noticed.
+    assert bridge.drive().command("stop") == 0
 
 
 @pytest.mark.parametrize("late_s", (0, 0.004))

@@ -285,3 +285,58 @@ def test_the_line_keeps_its_pace_under_a_flood_of_reads(bridge):
         raise AssertionError(f"{late} of 25 cycles were late, {short} polls are missing")
     for client in clients:
         client.close()
+
+
+# --- FC 8 -----------------------------------------------------------------------------------------------------
+
+
+def test_a_loopback_waits_for_what_came_before_it(make_bridge):
+    """Its data are echoed in full, behind the answer to a write that a drive is slow to confirm."""
+    bridge = make_bridge(modbus={"confirm-ms": 2000})
+    drive = bridge.drive()
+    bridge.sim.fault("lose-request 1")
+    command = drive.row("command").address
+    enable = struct.pack(">BHH", 6, command, int(bridge.commands["enable"]["code"]))
+    data = bytes(range(250))
+    with bridge.raw() as raw:
+        raw.send(raw.adu(1, 1, enable) + raw.adu(2, 1, b"\x08\0\0" + data) + raw.adu(3, 1, READ))
+        assert raw.receive()[0] == 1
+        assert raw.receive()[::2] == (2, b"\x08\0\0" + data)
+        assert raw.receive()[0] == 3
+
+
+def test_counters_are_of_the_connection(make_bridge):
+    bridge = make_bridge()
+    with bridge.raw() as raw, bridge.raw() as other:
+        def counter(number):
+            return struct.unpack(">BHH", raw.request(struct.pack(">BHH", 8, number, 0)))[2]
+
+        other.request(READ)
+        assert raw.request(b"\x07") == bytes([0x87, ILLEGAL_FUNCTION])
+        assert [counter(number) for number in (11, 12, 13, 14, 18)] == [2, 0, 1, 5, 0]
+        before = bridge.gateway().read("requests")
+        assert raw.request(struct.pack(">BHH", 8, 10, 0)) == struct.pack(">BHH", 8, 10, 0)
+        assert counter(11) == 1
+        # What monitoring reads goes on.
+        assert bridge.gateway().read("requests") > before
+        # No such function of a device on a line, and wrong forms.
+        assert raw.request(struct.pack(">BHH", 8, 4, 0)) == bytes([0x88, ILLEGAL_FUNCTION])
+        assert raw.request(struct.pack(">BHH", 8, 11, 1)) == bytes([0x88, ILLEGAL_VALUE])
+
+
+def test_identification_of_each_unit(bridge):
+    def objects(unit):
+        found, at = {}, 0
+        with bridge.raw() as raw:
+            answer = raw.request(b"\x2b\x0e\x02\0", unit=unit)
+        assert answer[:6] == b"\x2b\x0e\x02\x82\0\0"
+        at = 7
+        for _ in range(answer[6]):
+            found[answer[at]] = answer[at + 2:at + 2 + answer[at + 1]].decode()
+            at += 2 + answer[at + 1]
+        return found
+
+    drive, gateway = objects(1), objects(255)
+    assert drive[1] == "vsmd-serial" and drive[4] == "VSMD stepper on RS485 or RS232"
+    assert drive[5].startswith("VSMD113") and drive[6] == "drive1"
+    assert gateway[1] == "gateway" and gateway[4] == "drivebridge gateway" and gateway[5] == "gateway"

@@ -41,6 +41,10 @@ static void answer(const struct db_modbus_request *request, const uint8_t *frame
 		db_pdu_values(request, values);
 	if (request->function == MODBUS_FC_REPORT_SLAVE_ID) {
 		made = db_pdu_server_id(request, (const char *)frame, length, true, adu);
+	} else if (request->function == DB_FC_DIAGNOSTICS) {
+		struct db_diagnostics counted = { .counters = { 0 } };
+
+		made = db_pdu_diagnostic(request, &counted, adu);
 	} else if (request->function == DB_FC_DEVICE_ID) {
 		memcpy(text, frame, length);
 		memset(text, 'x', 8);

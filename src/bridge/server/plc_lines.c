@@ -193,13 +193,18 @@ static void handle_broadcast(struct line *line, const struct db_modbus_request *
 		refuse(line, DB_REFUSED_BROADCAST);
 }
 
-/* The same write again, while the first one is in work, or was done too late to be answered: its
- * PLC has had no answer, and repeats it. */
+/*
+ * The same write again, while the first one is in work, or was done too late to be answered: its
+ * PLC has had no answer, and repeats it. Long after that it is a new wish: its PLC has given up.
+ */
 static bool is_repeated(const struct line *line, const struct db_rtu_frame *frame)
 {
+	db_time soon = 2 * (db_time)line->config->answer_timeout_ms * DB_NS_PER_MS;
+
 	return line->request.write_count > 0 && frame->length == line->frame.length &&
 	       memcmp(frame->bytes, line->frame.bytes, frame->length) == 0 &&
-	       line->seen.sent != line->frame.number;
+	       line->seen.sent != line->frame.number &&
+	       (line->pending || frame->at - line->frame.at < soon);
 }
 
 /* What the port has counted counts for FC 8, too. */
@@ -246,6 +251,7 @@ static void handle_frame(struct line *line, const struct db_rtu_frame *frame)
 	if (is_repeated(line, frame)) {
 		line->repeated++;
 		line->frame.number = frame->number;
+		line->frame.at = frame->at;
 		if (!line->pending)
 			send_answer(line, &line->request, line->exception);
 		return;
