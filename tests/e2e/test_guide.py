@@ -55,7 +55,7 @@ FOREIGN = {
     "drivebridge-opcua", "trusted", "issuers", "revoked", "Objects", "Server", "Reason", "ClearFault", "Stop",
     "EngineeringUnits", "EURange",
     "DriveEventType", "DriveLostEventType", "DriveOnlineEventType", "WatchdogTrippedEventType", "Standstill", "GATEWAY",
-    "GeneralModelChangeEvent", "NodeAdded", "NodeDeleted", "ReferenceAdded", "ReferenceDeleted", "Trouble",
+    "GeneralModelChangeEvent", "customDataTypes", "DataTypeDefinition", "NodeAdded", "NodeDeleted", "ReferenceAdded", "ReferenceDeleted", "Trouble",
     "VsmdSerialDriveType", "VsmdCanDriveType", "XyzaDriveType", "ServoCanDriveType", "DriveType",
     "AxisStateEnum", "ResultEnum", "CommandEnum", "StatusBits",
     "Good", "GoodCompletesAsynchronously", "UncertainLastUsableValue", "BadNoCommunication", "BadWaitingForInitialData",

@@ -10,6 +10,7 @@ from asyncua import Server, ua
 from bridgelib import DOCS, MAP
 from opcualib import (  # noqa: F401
     NAMESPACE,
+    OPERATOR,
     TYPES,
     Follower,
     at,
@@ -220,6 +221,21 @@ async def test_the_node_set_loads_without_a_server(tmp_path):
     assert {one.DisplayName.Text: one.Value for one in words} == MAP.find("axis_state").codes
     arguments = await server.get_node(ua.NodeId("DriveType.MoveAbsolute.InputArguments", space)).read_value()
     assert [one.Name for one in arguments] == ["TargetPosition", "TargetVelocity"]
+
+
+@in_loop
+async def test_methods_of_types_do_nothing(make_bridge, make_server, certificate):
+    """A drive's methods are called by their own ids; those of its type and of others are refused."""
+    bridge = make_bridge(**FAMILIES["xyza"])
+    server = make_server(bridge)
+    async with server.session(certificate, OPERATOR) as session:
+        obeyed = bridge.sim.trace_path.read_text(encoding="utf-8").count(" ! obeyed ")
+        for place, method in (("drive1", "DriveType.Enable"), ("drive1", "XyzaDriveType.JogPositive"),
+                              ("drive1", "VsmdDriveType.Home"), ("/Gateway", "DriveType.Enable")):
+            request = ua.CallMethodRequest(at(session, place).nodeid, type_at(session, method).nodeid, [])
+            status = (await session.uaclient.call([request]))[0].StatusCode.name
+            assert status in ("BadMethodInvalid", "BadNotExecutable"), (place, method, status)
+        assert bridge.sim.trace_path.read_text(encoding="utf-8").count(" ! obeyed ") == obeyed
 
 
 UNECE = "http://www.opcfoundation.org/UA/units/un/cefact"

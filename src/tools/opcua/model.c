@@ -344,11 +344,14 @@ static struct db_opcua_kind *make_kind(const struct db_opcua_type_row *type, jso
 void db_opcua_registers_shorten(json_t *registers, bool history)
 {
 	static const char first[] = "history1_";
+	static const char *const others[] = { "table", "address", "default", "traits" };
 
 	for (size_t i = json_array_size(registers); i-- > 0;) {
-		const json_t *reg = json_array_get(registers, i);
+		json_t *reg = json_array_get(registers, i);
 		const char *name = db_client_text(reg, "name");
 
+		for (size_t j = 0; j < sizeof(others) / sizeof(others[0]); j++)
+			(void)json_object_del(reg, others[j]);
 		if (is_history(name) && !history)
 			(void)json_array_remove(registers, i);
 		else if (is_history(name) && strncmp(name, first, sizeof(first) - 1) != 0)

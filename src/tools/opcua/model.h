@@ -141,8 +141,9 @@ struct db_opcua_drive {
 	char reason[256];    /* why it was refused, "": it was not */
 };
 
-/* Removes from the history's entries, except the first one, what is equal to the first: the common
- * part is given once. Without `history` the entries are left out. */
+/* Removes what is not shown here, such as addresses of Modbus; and from the history's entries, except
+ * the first one, what is equal to the first: the common part is given once. Without `history` the
+ * entries are left out. */
 void db_opcua_registers_shorten(json_t *registers, bool history);
 
 /* Adds the diagnosis to the registers of a drive, or of the gateway. */

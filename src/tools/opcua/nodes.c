@@ -237,6 +237,27 @@ static UA_StatusCode call_method(UA_Server *server, const UA_NodeId *session, vo
 	return status;
 }
 
+/* A drive's methods are called by their own ids: of a type's the library finds only those of the
+ * drive's own type, not of those above it (1.4.11). */
+static UA_StatusCode refuse_call(UA_Server *server, const UA_NodeId *session, void *session_context,
+                                 const UA_NodeId *method_id, void *method_context,
+                                 const UA_NodeId *object, void *object_context, size_t input_count,
+                                 const UA_Variant *input, size_t output_count, UA_Variant *output)
+{
+	(void)server;
+	(void)session;
+	(void)session_context;
+	(void)method_id;
+	(void)method_context;
+	(void)object;
+	(void)object_context;
+	(void)input_count;
+	(void)input;
+	(void)output_count;
+	(void)output;
+	return UA_STATUSCODE_BADMETHODINVALID;
+}
+
 struct db_opcua_need db_opcua_nodes_need(const struct db_opcua_nodes *nodes, const UA_NodeId *node,
                                          void *node_context)
 {
@@ -477,6 +498,8 @@ static void fill_row(const struct db_opcua_nodes *nodes, struct db_opcua_node *n
 	if (row->class == DB_OPCUA_VARIABLE_ROW) {
 		set_type(node, type, row->array, row->writable);
 		node->node.variableNode.valueSource = UA_VALUESOURCE_DATA;
+	} else if (row->class == DB_OPCUA_METHOD_ROW) {
+		node->node.methodNode.method = refuse_call;
 	} else if (row->class >= DB_OPCUA_NAMES_ROW) {
 		void *values = valued ? db_opcua_row_value(row, &count) : NULL;
 
