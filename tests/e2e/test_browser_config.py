@@ -34,7 +34,12 @@ def test_a_drive_is_added_without_a_terminal(make_site, visit):  # noqa: F811
     view.locator('#config-messages [data-line="4"]').focus()
     page.keyboard.press("Enter")
     expect(text).to_be_focused()
+    # The numbers stand next to their lines.
+    at, beside = (view.locator(one).bounding_box() for one in (".line-numbers span >> nth=0", "#config-text"))
+    assert at["x"] < beside["x"] and beside["y"] < at["y"] < beside["y"] + 20
     assert text.evaluate("node => node.value.slice(node.selectionStart, node.selectionEnd)") == "\tunti = 2"
+    # In the guide's picture the file is where the package has it.
+    view.locator("code").evaluate("node => { node.textContent = '/etc/drivebridge/edited/edited.conf' }")
     picture(page, "web-configuration")
     found = findings(page)
     assert not found, "\n".join(found)

@@ -277,8 +277,9 @@ export async function show(root, context) {
 	mine.editor.text.addEventListener("input", () => checkLater(mine));
 	root.append(
 		element("div", { class: "view-head" }, element("h1", {}, "Configuration")),
-		element("div", { class: "panel" },
-			createField("Buses and drives that are edited here", mine.editor.text),
+		element("div", { class: "panel", id: "config" },
+			element("label", { class: "field", for: mine.editor.text.id },
+				"Buses and drives that are edited here"),
 			mine.editor.node, mine.state, mine.messages, tools,
 			element("p", { class: "muted" }, "This text is the file ", path,
 				"; other files, and who may do what, are root's.")),
