@@ -159,6 +159,7 @@ struct db_control_config {
 	char *act_group;
 	bool audit_off;     /* audit = off, default on */
 	unsigned audit_mib; /* audit-mib, 1..4096, default 32 */
+	bool edit;          /* edit = off (default) or on: clients may change buses and drives */
 };
 
 #define DB_NO_SOCKET "off"
@@ -262,8 +263,8 @@ struct db_config {
 };
 
 /*
- * Reads and checks a file, and after it those of the folder conf.d next to it whose names end in
- * .conf, in the order of their names, with the profiles that they name. On success 0, and *config
+ * Reads and checks a file, after it those of the folder conf.d next to it whose names end in
+ * .conf, in the order of their names, and then the edited one, with the profiles that they name. On success 0, and *config
  * is to be freed. Otherwise -1 and every error was written to `errors`, a line each: "FILE:LINE:
  * what is wrong; what would be right". Warnings (a cycle that cannot fit, a confirm-ms that cannot
  * be met) go to `errors` too, as "FILE:LINE: warning: ...", and do not fail.
@@ -289,7 +290,17 @@ struct db_config_reading {
 
 /* As db_config_load(), with all details. Must be cleared in any case. */
 int db_config_read(const char *path, FILE *errors, struct db_config_reading *reading);
+/* The same as if the edited file had this text; with null, as it is. */
+int db_config_read_edited(const char *path, const char *edited, FILE *errors,
+                          struct db_config_reading *reading);
 void db_config_reading_clear(struct db_config_reading *reading);
+
+/*
+ * The file that clients of the service write (src/bridge/service/edit.h): edited/edited.conf next to
+ * `path`, which need not exist. It has only buses and drives, and names profiles of the folder
+ * profiles alone: who writes it must not change who may. To be freed; null: no memory.
+ */
+char *db_config_edited_path(const char *path);
 
 /* The configuration that was at `path` when the file `copy` was written. Messages name the original
  * files and their lines. Refuses a damaged copy, and one of another path. */

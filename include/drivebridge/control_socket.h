@@ -18,6 +18,8 @@
 struct db_audit;
 struct db_audit_entry;
 struct db_control_socket;
+struct db_edit_answer;
+struct db_edit_request;
 struct db_registers;
 struct db_scan_find;
 struct db_scan_foreign;
@@ -36,6 +38,9 @@ struct db_control_socket_ops {
 	bool (*reload)(void *context);
 	/* The running configuration compared with the files. */
 	struct db_configuration_report (*configuration)(void *context);
+	/* Begins it: db_control_socket_edited() gets the answer. 0, -EBUSY, -EPERM (it is not allowed
+	 * to change anything) or another negative errno. May be null: there is no editing. */
+	int (*edit)(void *context, const struct db_edit_request *request);
 	void (*server_stats)(void *context, struct db_server_stats *stats);
 	/* As db_server_secure_status(). May be null: there is no secure socket. */
 	bool (*secure_status)(void *context, struct db_secure_status *status);
@@ -126,6 +131,10 @@ void db_control_socket_recall(struct db_control_socket *control, uint32_t user, 
 
 /* A reload has ended: its errors, one line each; "" or null: it is in force. */
 void db_control_socket_reloaded(struct db_control_socket *control, const char *errors);
+
+/* The answer to the latest op `edit`; whoever asked may be gone. */
+void db_control_socket_edited(struct db_control_socket *control,
+                              const struct db_edit_answer *answer);
 
 /* Serves requests that wait on the sockets, as the loop does: called late before acting on
  * silence. */

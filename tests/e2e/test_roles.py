@@ -95,6 +95,9 @@ PAGE = {
     "frames by hand": [run("raw_frame", raw_length=0)],
     "commissioning": [stream("commission", drive="drive1", only=["nothing"])],
     "reload of the configuration": [lambda page: page.call("Reload")],
+    "buses and drives of the configuration": [
+        lambda page: page.call("Configuration"), lambda page: page.call("CheckConfiguration", text=""),
+        lambda page: page.call("SetConfiguration", text="", version="0")],
     "scan of a bus, addresses": [stream("Scan", bus="line", first=1, last=1),
                                  lambda page: page.call("SetUp", bus="line", address=9, what="save"),
                                  stream("setup", bus="line", address=9, what="nothing")],

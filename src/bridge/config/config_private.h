@@ -34,11 +34,13 @@ int db_load_sources(const struct db_built_in *built_in, struct db_source *source
 /* The files that make a configuration. */
 
 /*
- * Reads the file at `path` and those of the folder conf.d next to it, in the order of their names.
- * 0, or -1 after a message to `errors` for each that cannot be read. To be freed by
- * db_sources_free() in any case.
+ * Reads the file at `path`, those of the folder conf.d next to it, in the order of their names, and
+ * the edited one (db_config_edited_path()), which has the text `edited` unless that is null. 0, or
+ * -1 after a message to `errors` for each that cannot be read. To be freed by db_sources_free() in
+ * any case.
  */
-int db_files_read(const char *path, FILE *errors, struct db_source **sources, size_t *count);
+int db_files_read(const char *path, const char *edited, FILE *errors, struct db_source **sources,
+                  size_t *count);
 
 /* --- copy.c ----------------------------------------------------------------------------------- */
 

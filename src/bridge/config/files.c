@@ -11,6 +11,7 @@
 #include <sys/stat.h>
 
 #define FOLDER "conf.d"
+#define EDITED "edited/edited.conf"
 #define SUFFIX ".conf"
 
 /* False after a message. */
@@ -41,15 +42,20 @@ static int by_name(const struct dirent **a, const struct dirent **b)
 	return strcmp((*a)->d_name, (*b)->d_name);
 }
 
-/* The folder next to the file; to be freed. */
-static char *folder_beside(const char *path)
+/* A name in the folder of the file; to be freed. */
+static char *name_beside(const char *path, const char *name)
 {
 	const char *slash = strrchr(path, '/');
-	char *folder;
+	char *made;
 
-	return asprintf(&folder, "%.*s" FOLDER, slash ? (int)(slash - path + 1) : 0, path) < 0 ?
+	return asprintf(&made, "%.*s%s", slash ? (int)(slash - path + 1) : 0, path, name) < 0 ?
 	               NULL :
-	               folder;
+	               made;
+}
+
+char *db_config_edited_path(const char *path)
+{
+	return name_beside(path, EDITED);
 }
 
 static bool read_entry(const char *folder, const char *name, FILE *errors, struct db_source *source)
@@ -67,7 +73,7 @@ static bool read_entry(const char *folder, const char *name, FILE *errors, struc
 /* Appends to the one source already there. */
 static bool read_folder(const char *path, FILE *errors, struct db_source **sources, size_t *count)
 {
-	char *folder = folder_beside(path);
+	char *folder = name_beside(path, FOLDER);
 	struct dirent **entries = NULL;
 	struct db_source *more = NULL;
 	int found = folder ? scandir(folder, &entries, is_ours, by_name) : -1;
@@ -94,7 +100,40 @@ static bool read_folder(const char *path, FILE *errors, struct db_source **sourc
 	return good;
 }
 
-int db_files_read(const char *path, FILE *errors, struct db_source **sources, size_t *count)
+/* Appends the edited file, if there is one; with `text` as if that were its content. */
+static bool read_edited(const char *path, const char *text, FILE *errors,
+                        struct db_source **sources, size_t *count)
+{
+	char *edited = db_config_edited_path(path);
+	struct db_source *more;
+	struct stat about;
+	bool good = false;
+
+	if (edited && !text && stat(edited, &about) != 0 && (errno == ENOENT || errno == ENOTDIR)) {
+		free(edited);
+		return true;
+	}
+	more = edited ? realloc(*sources, (*count + 1) * sizeof(*more)) : NULL;
+	if (more) {
+		*sources = more;
+		more[*count] = (struct db_source){ .edited = true };
+		if (!text) {
+			good = read_source(edited, errors, &more[(*count)++]);
+		} else {
+			more[*count].path = strdup(edited);
+			more[*count].text = strdup(text);
+			good = more[*count].path && more[*count].text;
+			(*count)++;
+		}
+	}
+	if (!more || (text && !good))
+		db_file_explain(path, ENOMEM, errors);
+	free(edited);
+	return good;
+}
+
+int db_files_read(const char *path, const char *edited, FILE *errors, struct db_source **sources,
+                  size_t *count)
 {
 	bool good;
 
@@ -107,6 +146,7 @@ int db_files_read(const char *path, FILE *errors, struct db_source **sources, si
 	}
 	good = read_source(path, errors, *sources);
 	good = read_folder(path, errors, sources, count) && good;
+	good = read_edited(path, edited, errors, sources, count) && good;
 	return good ? 0 : -1;
 }
 
@@ -141,12 +181,16 @@ static void add_file(uint64_t *sum, const char *path)
 uint64_t db_config_signature(const char *path, const char *profiles)
 {
 	uint64_t sum = UINT64_C(14695981039346656037);
-	char *folder = folder_beside(path);
+	char *folder = name_beside(path, FOLDER);
+	char *edited = db_config_edited_path(path);
 	struct dirent **entries = NULL;
 	int found = folder ? scandir(folder, &entries, is_ours, by_name) : 0;
 	int error = found < 0 ? errno : 0;
 
 	add_file(&sum, path);
+	if (edited)
+		add_file(&sum, edited);
+	free(edited);
 	add_bytes(&sum, &error, sizeof(error));
 	for (int i = 0; i < found; i++) {
 		char *entry;

@@ -118,6 +118,10 @@ static const struct db_config_key KEYS[] = {
 	{ NUMBER("control", "audit-mib", "32", 1, 4096, "MiB",
 	         "What these files take at most: then the oldest records go"),
 	  AT(control, audit_mib) },
+	{ WORD("control", "edit", "off", "off on",
+	       "Whether engineers may change buses and drives over it, which is over the page as well: in the file "
+	       "edited/edited.conf next to this one"),
+	  AT(control, edit) },
 
 	{ .section = "role", .name = "read", .kind = DB_KEY_DRIVES, .preset = "all", .unit = "",
 	  .words = "all none",

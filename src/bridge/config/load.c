@@ -11,6 +11,25 @@
 
 const struct db_built_in db_load_built_in = { db_drivers, db_transports };
 
+/* Who edits that file may change buses and drives, and not who may do that. */
+static void refuse_reserved(struct db_load *load)
+{
+	for (size_t i = 0; i < load->reader.section_count; i++) {
+		const struct db_reader_section *section = &load->reader.sections[i];
+		const struct db_source *source = db_messages_find_source(&load->messages,
+		                                                         section->line);
+
+		if (source->edited &&
+		    (strcmp(section->name, "modbus") == 0 ||
+		     strcmp(section->name, "control") == 0 || strcmp(section->name, "role") == 0))
+			db_messages_add_error(
+				&load->messages, section->line,
+				"section %s is reserved to the files of root; a file that is "
+				"edited over the page has sections bus and drive",
+				section->name);
+	}
+}
+
 /* All steps from the texts to the configuration; mistakes are errors. */
 static void read_sources(struct db_load *load)
 {
@@ -20,6 +39,7 @@ static void read_sources(struct db_load *load)
 
 	if (!db_reader_read(&load->reader, &rules, &load->messages))
 		return;
+	refuse_reserved(load);
 	db_names_check(load->built_in->drivers, &load->reader, &load->messages);
 	if (!db_profiles_read(load, &rules))
 		return;
@@ -137,6 +157,12 @@ int db_load_sources(const struct db_built_in *built_in, struct db_source *source
 
 int db_config_read(const char *path, FILE *errors, struct db_config_reading *reading)
 {
+	return db_config_read_edited(path, NULL, errors, reading);
+}
+
+int db_config_read_edited(const char *path, const char *edited, FILE *errors,
+                          struct db_config_reading *reading)
+{
 	struct db_load load = { .built_in = &db_load_built_in, .path = path };
 	struct db_source *sources;
 	size_t count;
@@ -144,7 +170,7 @@ int db_config_read(const char *path, FILE *errors, struct db_config_reading *rea
 
 	*reading = (struct db_config_reading){ 0 };
 	load.signature = db_config_signature(path, NULL);
-	if (db_files_read(path, errors, &sources, &count) == 0) {
+	if (db_files_read(path, edited, errors, &sources, &count) == 0) {
 		error = load_sources(&load, sources, count, errors, &reading->config,
 		                     &reading->copy);
 	} else {

@@ -230,6 +230,12 @@ static bool is_title(const char *text)
 	return length >= 1 && length <= 31 && text[length] == '\0';
 }
 
+/* Several files may have a part of it: a file of one's own, next to that of the package. */
+static bool is_shared(const struct db_reader_section *section)
+{
+	return strcmp(section->name, "modbus") == 0 || strcmp(section->name, "control") == 0;
+}
+
 /* True when the section may stay. */
 static bool check_section(const struct db_reader *reader, size_t index,
                           struct db_messages *messages)
@@ -273,10 +279,8 @@ static bool check_section(const struct db_reader *reader, size_t index,
 		if (strcmp(other->name, section->name) != 0 ||
 		    strcmp(other->title, section->title) != 0)
 			continue;
-		/* Several files may share the section modbus. */
-		if (strcmp(section->name, "modbus") == 0 &&
-		    db_messages_find_source(messages, other->line) !=
-		            db_messages_find_source(messages, section->line))
+		if (is_shared(section) && db_messages_find_source(messages, other->line) !=
+		                                  db_messages_find_source(messages, section->line))
 			continue;
 		db_messages_add_error(
 			messages, section->line,
@@ -289,8 +293,8 @@ static bool check_section(const struct db_reader *reader, size_t index,
 	return true;
 }
 
-/* Keys of modbus in other files are looked up in the first section. */
-static void join_modbus(struct db_reader *reader, const struct db_messages *messages)
+/* Keys of modbus and control in other files are looked up in the first section. */
+static void join_shared(struct db_reader *reader, const struct db_messages *messages)
 {
 	for (size_t i = 0; i < reader->key_count; i++) {
 		struct db_reader_key *key = &reader->keys[i];
@@ -299,10 +303,10 @@ static void join_modbus(struct db_reader *reader, const struct db_messages *mess
 		if (key->section == DB_READER_NO_SECTION)
 			continue;
 		section = &reader->sections[key->section];
-		for (size_t j = 0; strcmp(section->name, "modbus") == 0 && j < key->section; j++) {
+		for (size_t j = 0; is_shared(section) && j < key->section; j++) {
 			const struct db_reader_section *other = &reader->sections[j];
 
-			if (strcmp(other->name, "modbus") == 0 &&
+			if (strcmp(other->name, section->name) == 0 &&
 			    db_messages_find_source(messages, other->line) !=
 			            db_messages_find_source(messages, section->line))
 				key->section = j;
@@ -368,7 +372,7 @@ void db_names_check(const struct db_driver *const *drivers, struct db_reader *re
 {
 	for (size_t i = 0; i < reader->section_count; i++)
 		reader->sections[i].refused = !check_section(reader, i, messages);
-	join_modbus(reader, messages);
+	join_shared(reader, messages);
 	for (size_t i = 0; i < reader->key_count; i++) {
 		struct db_reader_key *key = &reader->keys[i];
 

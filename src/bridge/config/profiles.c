@@ -107,6 +107,24 @@ static char *path_of(const struct db_load *load, const char *name)
 	return asprintf(&path, "%.*s%s", (int)(slash - first + 1), first, name) < 0 ? NULL : path;
 }
 
+/* Messages about a file show a part of it: who edits the configuration must not read others so. */
+static bool is_open(struct db_load *load, const struct db_reader_key *key)
+{
+	static const char folder[] = "profiles/";
+	const char *name = key->values;
+
+	if (!db_messages_find_source(&load->messages, key->line)->edited ||
+	    (strncmp(name, folder, strlen(folder)) == 0 && !strchr(name + strlen(folder), '/') &&
+	     name[strlen(folder)] != '.' && name[strlen(folder)] != '\0'))
+		return true;
+	db_messages_add_error(
+		&load->messages, key->line,
+		"profile = %s is no file of the folder profiles; a file that is edited "
+		"over the page may name only those, as profiles/NAME.conf",
+		name);
+	return false;
+}
+
 /* False after a message: no section can have such a profile. */
 static bool is_possible(struct db_load *load, const char *path, unsigned line)
 {
@@ -173,6 +191,8 @@ static bool list_profiles(struct profiles *profiles, size_t *of)
 			                      "profile is no path; 1 to 255 characters");
 			continue;
 		}
+		if (!is_open(load, key))
+			continue;
 		path = path_of(load, key->values);
 		if (!path)
 			return false;

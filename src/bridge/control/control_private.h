@@ -11,6 +11,7 @@
 #include "control/ids.h"
 #include "control/session.h"
 #include "drivebridge/control_socket.h"
+#include "drivebridge/edit.h"
 #include "drivebridge/scan.h"
 #include "identity/rights.h"
 
@@ -159,6 +160,18 @@ void db_audit_note(const struct db_call *call);
 void db_audit_look(struct db_session *session, db_time now);
 /* The session is over. */
 void db_audit_leave(struct db_session *session);
+
+/* --- edit.c ----------------------------------------------------------------------------------- */
+
+/* The calls that read, check and change buses and drives of the configuration: Configuration,
+ * CheckConfiguration and SetConfiguration. */
+
+void db_edit_read(const struct db_call *call);
+void db_edit_check(const struct db_call *call);
+void db_edit_set(const struct db_call *call);
+
+/* Called for each session when an answer has come: it is that of one with DB_WAITS_FOR_EDIT. */
+void db_edit_answered(struct db_session *session, const struct db_edit_answer *answer);
 
 /* --- metrics.c -------------------------------------------------------------------------------- */
 

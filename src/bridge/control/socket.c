@@ -607,6 +607,15 @@ void db_control_socket_reloaded(struct db_control_socket *control, const char *e
 		want_turn(control, true);
 }
 
+void db_control_socket_edited(struct db_control_socket *control,
+                              const struct db_edit_answer *answer)
+{
+	for (size_t i = 0; control && i < control->count; i++)
+		db_edit_answered(control->sessions[i], answer);
+	if (control)
+		want_turn(control, true);
+}
+
 /* --- making ----------------------------------------------------------------------------------- */
 
 /* Tools must not keep PLCs from being served: an error in listening is logged, and nothing else. */

@@ -175,6 +175,10 @@ static int on_news(sd_event_source *source, int fd, uint32_t events, void *conte
 	(void)events;
 	if (!disk_take_news(service->configuration->disk, &news))
 		return 0;
+	if (news.job) {
+		news.job->done(news.job);
+		return 0;
+	}
 	if (news.kept) {
 		struct configuration *known = service->configuration;
 
@@ -229,6 +233,11 @@ void configuration_refused(struct service *service, uint64_t signature, const ch
 	                                                       DB_CONFIGURATION_REFUSED,
 	          reasons);
 	disk_expect(known->disk, signature);
+}
+
+bool configuration_work(struct service *service, struct disk_job *job)
+{
+	return service->configuration && disk_do(service->configuration->disk, job);
 }
 
 struct db_configuration_report configuration_report(const struct service *service)

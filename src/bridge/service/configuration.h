@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 struct db_config;
+struct disk_job;
 struct service;
 
 /* The data with which the service starts. */
@@ -37,6 +38,10 @@ void configuration_end(struct service *service);
  * `copy` of it is taken over; or it was refused, for reasons given one per line. */
 void configuration_loaded(struct service *service, uint64_t signature, char *copy);
 void configuration_refused(struct service *service, uint64_t signature, const char *reasons);
+
+/* Has a job worked on by the thread that reads the files, see disk.h; its `done` is called in the
+ * loop. False: it has no place. */
+bool configuration_work(struct service *service, struct disk_job *job);
 
 /* The present report; messages are valid until the next turn of the loop. */
 struct db_configuration_report configuration_report(const struct service *service);

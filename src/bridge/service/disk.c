@@ -30,13 +30,14 @@ struct disk {
 	pthread_mutex_t lock; /* of what follows */
 	pthread_cond_t wake;
 	bool ending;
-	char *copy;        /* copy to be written; null: none */
-	uint64_t expected; /* signature of the files that the owner knows */
-	unsigned turn;     /* number of times it was set */
-	uint64_t seen;     /* signature found last */
-	char *profiles;    /* profiles that the files named when last read; the thread's own */
-	unsigned looks;    /* checks until the next one for an upgrade; the thread's own */
-	bool replaced;     /* its result: something was replaced, which was reported */
+	char *copy;           /* copy to be written; null: none */
+	struct disk_job *job; /* to be worked on; null: none */
+	uint64_t expected;    /* signature of the files that the owner knows */
+	unsigned turn;        /* number of times it was set */
+	uint64_t seen;        /* signature found last */
+	char *profiles;       /* profiles that the files named when last read; the thread's own */
+	unsigned looks;       /* checks until the next one for an upgrade; the thread's own */
+	bool replaced;        /* its result: something was replaced, which was reported */
 	bool has_news;
 	struct disk_news news;
 };
@@ -94,25 +95,25 @@ static int sync_folder_of(const char *path)
 	return error;
 }
 
-/* 0 or an errno. The old file stays until the new one is complete. */
-static int write_copy(const struct disk *disk, const char *text)
+/* The old file stays until the new one is complete. */
+int disk_replace_file(const char *path, const char *written_to, const char *text)
 {
 	size_t length = strlen(text);
 	int error;
 	int fd;
 
-	if (is_there(disk->copy_path, text, length))
+	if (is_there(path, text, length))
 		return 0;
-	fd = open(disk->written_to, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC,
+	fd = open(written_to, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC,
 	          S_IRUSR | S_IWUSR);
 	if (fd < 0)
 		return errno;
 	error = write_all(fd, text, length) ? 0 : errno;
 	if (close(fd) != 0 && error == 0)
 		error = errno;
-	if (error == 0 && rename(disk->written_to, disk->copy_path) != 0)
+	if (error == 0 && rename(written_to, path) != 0)
 		error = errno;
-	return error != 0 ? error : sync_folder_of(disk->copy_path);
+	return error != 0 ? error : sync_folder_of(path);
 }
 
 /* --- the thread ------------------------------------------------------------------------------- */
@@ -203,7 +204,7 @@ static void wait_for_work(struct disk *disk)
 	until.tv_nsec += LOOK_EVERY_NS;
 	until.tv_sec += until.tv_nsec / SECOND_NS;
 	until.tv_nsec %= SECOND_NS;
-	while (!disk->ending && (!disk->copy || disk->has_news)) {
+	while (!disk->ending && ((!disk->copy && !disk->job) || disk->has_news)) {
 		if (pthread_cond_timedwait(&disk->wake, &disk->lock, &until) != 0)
 			return;
 	}
@@ -223,12 +224,20 @@ static void *run(void *context)
 
 			disk->copy = NULL;
 			pthread_mutex_unlock(&disk->lock);
-			news.error = write_copy(disk, copy);
+			news.error = disk_replace_file(disk->copy_path, disk->written_to, copy);
 			free(copy);
 			pthread_mutex_lock(&disk->lock);
 			/* At the end there may be news that were not fetched. */
 			if (!disk->ending)
 				give_news(disk, &news);
+		} else if (disk->job && !disk->has_news) {
+			struct disk_news news = { .job = disk->job };
+
+			disk->job = NULL;
+			pthread_mutex_unlock(&disk->lock);
+			news.job->work(news.job);
+			pthread_mutex_lock(&disk->lock);
+			give_news(disk, &news);
 		} else if (!disk->has_news && !look_for_upgrade(disk))
 			look_at_files(disk);
 		wait_for_work(disk);
@@ -351,6 +360,19 @@ void disk_expect(struct disk *disk, uint64_t signature)
 		disk->has_news = false;
 	}
 	pthread_mutex_unlock(&disk->lock);
+}
+
+bool disk_do(struct disk *disk, struct disk_job *job)
+{
+	bool free_place;
+
+	pthread_mutex_lock(&disk->lock);
+	free_place = !disk->job;
+	if (free_place)
+		disk->job = job;
+	pthread_cond_signal(&disk->wake);
+	pthread_mutex_unlock(&disk->lock);
+	return free_place;
 }
 
 void disk_keep(struct disk *disk, char *copy)

@@ -15,8 +15,15 @@
 struct db_config;
 struct disk;
 
+/* Work that may wait for the disk. */
+struct disk_job {
+	void (*work)(struct disk_job *job); /* on the disk's thread */
+	void (*done)(struct disk_job *job); /* for who takes the news, to be called there */
+};
+
 /* The result of the checks. */
 struct disk_news {
+	struct disk_job *job;     /* it was worked on; null: the following */
 	bool read;                /* the files may have changed; the following is about them */
 	struct db_config *config; /* null: they are invalid */
 	char *messages;           /* one line each; null: out of memory */
@@ -42,6 +49,14 @@ bool disk_take_news(struct disk *disk, struct disk_news *news);
 
 /* The files with this signature were read elsewhere: only other files are news. */
 void disk_expect(struct disk *disk, uint64_t signature);
+
+/* Has a job worked on, which must stay until it is among the news or disk_free() has returned.
+ * False: there is one already. */
+bool disk_do(struct disk *disk, struct disk_job *job);
+
+/* Replaces a file as a whole, by way of another name in its folder: a loss of power leaves the old
+ * or the new text. 0 or an errno. Any thread. */
+int disk_replace_file(const char *path, const char *written_to, const char *text);
 
 /* Has a copy written, see db_config_load_with_copy(), and takes it over. Nothing is written if the
  * file has this content already. */

@@ -34,25 +34,24 @@ static void log_about(const struct service *service, const struct db_bus_config 
 	db_log(&log, service_now(service), DB_EVENT_RELOAD, &about, "reload: %s", text);
 }
 
-static void log_buses(const struct service *service, const struct plant *next)
+static void tell_buses(const struct plant *running, const struct plant *next, reload_tell_fn *tell,
+                       void *context)
 {
-	const struct plant *running = service->plant;
-
 	for (size_t i = 0; i < running->bus_count; i++) {
 		const struct db_bus_config *bus_config = running->buses[i]->config;
 
 		if (plant_has_bus(next, running->buses[i]))
 			continue;
-		log_about(service, bus_config, NULL,
-		          plant_bus_named(next, bus_config->name) ?
-		                  "it is changed and starts with the new settings" :
-		                  "it is removed");
+		tell(context, bus_config, NULL,
+		     plant_bus_named(next, bus_config->name) ?
+		             "it is changed and starts with the new settings" :
+		             "it is removed");
 	}
 	for (size_t i = 0; i < next->bus_count; i++) {
 		const struct db_bus_config *bus_config = next->buses[i]->config;
 
 		if (!plant_bus_named(running, bus_config->name))
-			log_about(service, bus_config, NULL, "it is added");
+			tell(context, bus_config, NULL, "it is added");
 	}
 }
 
@@ -68,9 +67,9 @@ static const char *describe_fate(const struct plant_drive *drive, const struct p
 }
 
 /* Returns the number of drives that are not affected. */
-static size_t log_drives(const struct service *service, const struct plant *next)
+static size_t tell_drives(const struct plant *running, const struct plant *next,
+                          reload_tell_fn *tell, void *context)
 {
-	const struct plant *running = service->plant;
 	size_t kept = 0;
 
 	for (size_t i = 0; i < running->drive_count; i++) {
@@ -80,16 +79,35 @@ static size_t log_drives(const struct service *service, const struct plant *next
 		if (after == drive)
 			kept++;
 		else
-			log_about(service, drive->bus->config, drive->config->name,
-			          describe_fate(drive, after));
+			tell(context, drive->bus->config, drive, describe_fate(drive, after));
 	}
 	for (size_t i = 0; i < next->drive_count; i++) {
 		const struct plant_drive *drive = next->drives[i];
 
 		if (!plant_drive_named(running, drive->config->name))
-			log_about(service, drive->bus->config, drive->config->name, "it is added");
+			tell(context, drive->bus->config, drive, "it is added");
 	}
 	return kept;
+}
+
+static void log_effect(void *context, const struct db_bus_config *bus_config,
+                       const struct plant_drive *drive, const char *text)
+{
+	log_about(context, bus_config, drive ? drive->config->name : NULL, text);
+}
+
+int reload_foresee(struct service *service, struct db_config *config, struct plant **next,
+                   reload_tell_fn *tell, void *context)
+{
+	/* Numbers of drives are not used up. */
+	uint16_t last_number = service->last_number;
+	int error = plant_new(service, config, service->plant, &last_number, next);
+
+	if (error != 0)
+		return error;
+	tell_buses(service->plant, *next, tell, context);
+	(void)tell_drives(service->plant, *next, tell, context);
+	return 0;
 }
 
 /* The reason for a failed reload: for the log, and for the client that requested it. */
@@ -324,8 +342,8 @@ static bool begin_reload(struct service *service, struct reading *reading)
 		free_reload(reload, service->plant);
 		return false;
 	}
-	log_buses(service, reload->next);
-	kept = log_drives(service, reload->next);
+	tell_buses(service->plant, reload->next, log_effect, service);
+	kept = tell_drives(service->plant, reload->next, log_effect, service);
 	if (!db_config_same_modbus(service->plant->edition->config, reload->next->edition->config))
 		log_about(service, NULL, NULL, "the section modbus is changed");
 	if (!db_config_same_control(service->plant->edition->config, reload->next->edition->config))

@@ -3,6 +3,7 @@
 
 #include "drivebridge/log.h"
 #include "service/configuration.h"
+#include "service/edit.h"
 #include "service/service_private.h"
 #include "service/status.h"
 
@@ -150,11 +151,17 @@ static const struct db_trace *find_trace(void *context, const char *name, uint32
 	return db_bus_trace(bus->bus);
 }
 
+static int begin_edit(void *context, const struct db_edit_request *request)
+{
+	return edit_begin(context, request);
+}
+
 static int listen_for_tools(struct service *service)
 {
 	static const struct db_control_socket_ops ops = {
 		.reload = ask_reload,
 		.configuration = report_configuration,
+		.edit = begin_edit,
 		.server_stats = read_server_stats,
 		.secure_status = read_secure_status,
 		.line = read_line,
@@ -233,6 +240,7 @@ static void tear_down(struct service *service)
 		plant_end(service->plant);
 	reload_abandon(service);
 	configuration_end(service);
+	edit_end(service);
 	must_stand_end(service);
 	audit_end(service);
 	db_registers_free(service->registers);

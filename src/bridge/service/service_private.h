@@ -20,6 +20,7 @@
 #include <systemd/sd-event.h>
 
 struct configuration;
+struct edit;
 struct must_stand;
 struct reload;
 struct service;
@@ -52,6 +53,7 @@ struct service {
 	sd_event_source *keeping;            /* timer for the next trace to be kept */
 	uint32_t last_bus;                   /* last number used */
 	struct configuration *configuration; /* compared with its files */
+	struct edit *edit;                   /* in progress; null */
 	struct must_stand *must_stand;       /* drives that must stand, across a restart */
 	struct db_audit *audit;
 	bool log_in_use;       /* by a thread of the audit trail that a disk holds up */
@@ -122,6 +124,17 @@ extern const struct db_registers_ops service_registers_ops;
  * That takes some time, in which the network thread continues its work. When all of it has ended,
  * so that its ports and addresses are free, the new plant takes its place.
  */
+
+/* Tells of a bus, or of a drive (else null), what a reload does to it; not of those that go on. */
+typedef void reload_tell_fn(void *context, const struct db_bus_config *bus,
+                            const struct plant_drive *drive, const char *text);
+
+/*
+ * Tells what a reload with this configuration, which it takes over, would do. *next, which is to be
+ * freed by plant_free() with the running plant, has what was told of. 0 or a negative errno.
+ */
+int reload_foresee(struct service *service, struct db_config *config, struct plant **next,
+                   reload_tell_fn *tell, void *context);
 
 /* SIGHUP: begins a reload, or remembers that another one is wanted. */
 void reload_ask(struct service *service);

@@ -26,6 +26,7 @@ struct db_source {
 	unsigned lines_before; /* number of lines in the texts before it */
 	bool ended;            /* its last line is `end` */
 	bool profile;          /* it was read because another source names it */
+	bool edited;           /* clients of the service write it: not all sections are theirs */
 };
 
 /* One source with copies of both. Null when out of memory. */

@@ -17,6 +17,7 @@ static const struct {
 	{ DB_CLIENT_SERVICE "NoSuchCommand", "{drive} has no command \"{command}\"" },
 	{ DB_CLIENT_SERVICE "NoSuchBus", "no bus is called \"{bus}\"" },
 	{ DB_CLIENT_SERVICE "ScanFailed", "{text}" },
+	{ DB_CLIENT_SERVICE "EditFailed", "{text}" },
 	{ DB_CLIENT_SERVICE "BadValue", "{name}: {reason}" },
 	{ DB_CLIENT_SERVICE "NotAllowed", "not allowed: {reason}" },
 	{ DB_CLIENT_SERVICE "Refused", "{result}: {reason}" },

@@ -46,6 +46,7 @@ static const struct {
 	{ DB_CLIENT_SERVICE "NoSuchCommand", "NoSuchCommand", MHD_HTTP_NOT_FOUND },
 	{ DB_CLIENT_SERVICE "Refused", "Refused", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "ScanFailed", "ScanFailed", MHD_HTTP_CONFLICT },
+	{ DB_CLIENT_SERVICE "EditFailed", "EditFailed", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "TooOld", "TooOld", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "Busy", "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
 };

@@ -35,6 +35,7 @@ enum db_web_kind {
 	DB_WEB_SETUP,            /* the stream of setting up a drive */
 	DB_WEB_SETUP_SAY,        /* an answer to it */
 	DB_WEB_CALL,             /* a call with one answer */
+	DB_WEB_CONFIGURATION,    /* a call about the configuration's text */
 	DB_WEB_STREAM,           /* a call with many answers */
 	DB_WEB_OVERVIEW,         /* the shared stream of all drives */
 	DB_WEB_TRAIL_SEARCH,     /* records of the audit trail, newest first */
@@ -56,7 +57,9 @@ struct db_web_route {
 
 static inline size_t db_web_body_max(const struct db_web_route *route)
 {
-	return route->kind == DB_WEB_PARAMETERS_READ ? DB_WEB_FILE_BODY_MAX : DB_WEB_BODY_MAX;
+	return route->kind == DB_WEB_PARAMETERS_READ || route->kind == DB_WEB_CONFIGURATION ?
+	               DB_WEB_FILE_BODY_MAX :
+	               DB_WEB_BODY_MAX;
 }
 
 /* `name` of a file points into `path`. HEAD counts as GET. */

@@ -156,6 +156,7 @@ static void dispatch(struct db_web_request *request)
 		[DB_WEB_SETUP] = db_web_setup_take,
 		[DB_WEB_SETUP_SAY] = db_web_setup_take,
 		[DB_WEB_CALL] = make_call,
+		[DB_WEB_CONFIGURATION] = make_call,
 		[DB_WEB_STREAM] = begin_stream,
 		[DB_WEB_OVERVIEW] = begin_overview,
 		[DB_WEB_TRAIL_SEARCH] = db_web_trail_search,

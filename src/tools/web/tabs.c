@@ -305,7 +305,10 @@ void db_web_tabs_act(struct db_web_request *request)
 	struct db_web_tab *tab;
 	const char *drive;
 
-	db_web_log_action(request, request->route.name, request->parameters);
+	/* The page asks for checks while somebody types. */
+	if (request->route.kind != DB_WEB_CONFIGURATION ||
+	    strcmp(request->route.name, "SetConfiguration") == 0)
+		db_web_log_action(request, request->route.name, request->parameters);
 	if (is_stop(request, &drive)) {
 		stop(request, drive);
 		return;

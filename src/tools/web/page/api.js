@@ -30,7 +30,7 @@ const CLOCK_FIRST_MS = 250;
 const EVENT_MOST = 4 * 1024 * 1024;
 /* Methods of the control socket that act; they name their tab, which then sends keep-alives. */
 const ACTING = new Set(["Write", "Run", "Reload", "SetUp", "Scan", "commission",
-	"parameters", "setup"]);
+	"parameters", "setup", "Configuration", "CheckConfiguration", "SetConfiguration"]);
 
 /* An error in place of an answer: name and parameters as in the interface, the message for
  * people. */

@@ -52,6 +52,7 @@ const VIEWS = {
 	scope: { nav: "Oscilloscope", load: () => import("./scope.js") },
 	trace: { nav: "Trace", load: () => import("./trace.js") },
 	events: { nav: "Events", load: () => import("./events.js") },
+	config: { nav: "Config", needs: "manage", load: () => import("./config.js") },
 	audit: { nav: "Audit", needs: "audit", load: () => import("./audit.js") },
 	users: { nav: "Users", needs: "appoint", load: () => import("./users.js") },
 	account: { load: () => import("./account.js") },
