@@ -895,12 +895,21 @@ def test_the_wire_and_the_log_are_read(site, visit):
     assert "pos" in download.value.path().read_text(encoding="utf-8")
     # Trouble: it is in the log as it happens, and the seconds before it are kept.
     view = visitor.go("events")
-    view.locator("#events-level").select_option("warning")
+    expect(view.locator("#events-level")).to_have_value("warning")
     site.bridge.sim.fault("silence on", "drive2")
     expect(view.get_by_text("drive-lost").first).to_be_visible()
     view.locator("#events-drive").select_option("drive1")
     expect(view.get_by_text("drive-lost")).to_have_count(0)
     view.locator("#events-drive").select_option("drive2")
+    # The newest is above.
+    view.locator("#events-level").select_option("debug")
+    expect(view.get_by_text("drive-lost").first).to_be_visible()
+    moments = view.locator(".newest-list tbody td:first-child").all_inner_texts()
+    assert len(moments) > 1 and moments == sorted(moments, reverse=True)
+    # It is on the plot of its drive.
+    view = visitor.go("drive/drive2")
+    expect(view.locator("#drive-state")).to_have_text("Offline")
+    expect(view.locator("section.plot")).to_have_attribute("data-marks", re.compile(r"[1-9]"))
     view = visitor.go("trace")
     expect(view.locator("#trace-kept tbody tr").first).to_contain_text("drive2")
     view.locator("#trace-kept tbody tr").first.get_by_role("button").click()

@@ -143,7 +143,9 @@ function build(mine, names) {
 	const acts = context.may("move", name);
 	const part = { context, drive: name, registers, commands, scale };
 
-	mine.history = createHistory(part);
+	mine.history = createHistory({ ...part, onEntries: (entries) => entries.forEach((entry) =>
+		mine.plot.mark({ of: `command ${entry.sequence}`, time: entry.time_us / 1e6,
+			label: entry.command, kind: "muted" })) });
 	mine.control = createControl(part);
 	mine.lamps = createLamps(registers);
 	mine.signals = findSignals(mine, names);
@@ -476,6 +478,16 @@ function frame(mine, now) {
 	}
 }
 
+/* The event of a trouble on the plot. */
+function markTrouble({ context, name, plot }) {
+	const record = context.plant.troubles?.drives[name];
+	const event = record?.event;
+
+	if (event)
+		plot.mark({ of: `${event.time_us} ${event.text}`, time: event.time_us / 1e6,
+			label: inWords(record.cause), kind: "error" });
+}
+
 /* One button for what comes next: clear the fault, enable, home. */
 function showNext(mine, judgement, old) {
 	const { next } = mine.head;
@@ -522,5 +534,6 @@ function showHead(mine, now) {
 	setText(head.advice, judgement.advice);
 	head.bar?.show(values);
 	showNext(mine, judgement, old);
+	markTrouble(mine);
 	mine.jog?.update({ judgement, old });
 }

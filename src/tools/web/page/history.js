@@ -171,8 +171,8 @@ function makeEntry(entry) {
 		element("td", { class: "muted nowrap" }, entry.client));
 }
 
-/* The panel; refresh() reads the history again. */
-export function createHistory({ context, drive, registers, commands, scale }) {
+/* The panel; refresh() reads the history again, and onEntries() gets what it has. */
+export function createHistory({ context, drive, registers, commands, scale, onEntries }) {
 	const body = element("tbody");
 	const heads = ["Time", "Command", "Values", "Result", "Took", "By"].map((head) =>
 		element("th", { scope: "col", class: head === "Took" ? "number" : null }, head));
@@ -233,6 +233,7 @@ export function createHistory({ context, drive, registers, commands, scale }) {
 			const entries = Array.from({ length: HISTORY_SHOWN }, (none, index) =>
 				readHistory(values, index + 1, registers, commands, scale)).filter(Boolean);
 
+			onEntries(entries);
 			await complete(entries);
 			const rows = entries.map((entry) => {
 				const { args, client } = completed.get(entry.sequence) ?? entry;

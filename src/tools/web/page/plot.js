@@ -14,6 +14,7 @@ const REDRAW_EVERY_MS = 50;
 /* No line is drawn over a gap longer than this. */
 const GAP_S = 0.6;
 const HEIGHT_PX = 340;
+const MARKS_MOST = 100;
 
 /*
  * Ascending times, each with `width` values, the latest `capacity` of them. Everything is written
@@ -114,8 +115,8 @@ function timeOfDay(time, decimals) {
 
 /*
  * signals: array of { name, label, unit, decimals, names } in the order of the ring's columns;
- * chosen: names shown first. Returns { node, push(time_s, values), frame(now), choose(names),
- * destroy() }.
+ * chosen: names shown first. Returns { node, push(time_s, values), mark({ of, time, label, kind }), frame(now),
+ * choose(names), destroy() }.
  */
 export function createPlot({ title, signals, chosen, capacity }) {
 	const ring = createRing(signals.length, capacity);
@@ -129,6 +130,8 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		pushedAt: 0,
 		frozen: null
 	};
+	/* By what they are of. */
+	const marks = new Map();
 	const id = newId("plot");
 	const holder = element("div", {
 		class: "plot-canvas",
@@ -292,6 +295,30 @@ export function createPlot({ title, signals, chosen, capacity }) {
 			labelSize: 18, size: 62, grid: { ...lines, show: index === 0 }, values: writeNumbers }))];
 	}
 
+	/* Lines at moments at which something happened, and what. */
+	function drawMarks(uplot) {
+		const { ctx, bbox } = uplot;
+		const ratio = globalThis.devicePixelRatio;
+
+		ctx.save();
+		ctx.font = `${11 * ratio}px ${getComputedStyle(node).fontFamily}`;
+		ctx.lineWidth = ratio;
+		ctx.setLineDash([2 * ratio, 3 * ratio]);
+		for (const { time, label, kind } of marks.values()) {
+			const x = Math.round(uplot.valToPos(time, "x", true));
+
+			if (x < bbox.left || x > bbox.left + bbox.width)
+				continue;
+			ctx.strokeStyle = ctx.fillStyle = colour(kind);
+			ctx.beginPath();
+			ctx.moveTo(x, bbox.top);
+			ctx.lineTo(x, bbox.top + bbox.height);
+			ctx.stroke();
+			ctx.fillText(label, x + 3 * ratio, bbox.top + 11 * ratio);
+		}
+		ctx.restore();
+	}
+
 	/* From the last values on, when no more come. */
 	function drawSilence(uplot) {
 		const seconds = state.paused ? 0 : silence();
@@ -344,7 +371,7 @@ export function createPlot({ title, signals, chosen, capacity }) {
 				paths: signal.names ? stepped : undefined,
 			}))],
 			hooks: { setSelect: [takeSelection], setCursor: [showValues],
-				drawClear: [drawSilence] },
+				drawClear: [drawSilence], draw: [drawMarks] },
 		}, [[], ...shown.map(() => [])], holder);
 		state.uplot.over.addEventListener("dblclick", goOn);
 		state.dirty = true;
@@ -512,6 +539,17 @@ export function createPlot({ title, signals, chosen, capacity }) {
 			state.pushedAt = performance.now();
 			if (!state.paused)
 				state.dirty = true;
+		},
+		/* Marks a moment; `kind` is a colour of the style sheet, `of` says what it is of: the
+		 * same is marked once. */
+		mark({ of, time, label, kind }) {
+			if (marks.has(of))
+				return;
+			marks.set(of, { time, label, kind });
+			if (marks.size > MARKS_MOST)
+				marks.delete(marks.keys().next().value);
+			node.dataset.marks = String(marks.size);
+			state.dirty = true;
 		},
 		frame(now) {
 			if ((!state.dirty && silence() === 0) || !state.uplot || now - state.drawnAt < REDRAW_EVERY_MS)
