@@ -858,10 +858,12 @@ def test_a_move_is_captured_around_its_trigger(site, visit):
     view.locator("#scope-limit").fill("far")
     view.locator("#scope-start").click()
     expect(view.locator("#scope-problem")).to_contain_text('"far" is no whole number')
-    view.locator("#scope-limit").fill("100")
+    # In the drive's unit: 320 counts each.
+    expect(view.locator("#scope-unit")).to_have_text("mm")
+    view.locator("#scope-limit").fill("0.5")
     view.locator("#scope-duration").fill("0.2")
     view.locator("#scope-start").click()
-    expect(view.locator("#scope-said")).to_contain_text("Waits for drive1.position>100")
+    expect(view.locator("#scope-said")).to_contain_text("Waits for drive1.position rises above 0.5 mm")
 
     def captured():
         """Its samples may come only after some moves."""
@@ -873,11 +875,18 @@ def test_a_move_is_captured_around_its_trigger(site, visit):
     expect(view.locator("#scope-said")).to_contain_text("samples")
     with visitor.page.expect_download() as download:
         view.locator("#scope-save").click()
-    rows = [line.split(",") for line in download.value.path().read_text(encoding="utf-8").splitlines()[1:]]
+    heads, *lines = download.value.path().read_text(encoding="utf-8").splitlines()
+    rows = [line.split(",") for line in lines]
+    assert "drive1.position [mm]" in heads
     # What was before it, and the position at it.
     assert float(rows[0][0]) < 0
     at = [row for row in rows if float(row[0]) == 0]
-    assert at and float(at[0][2]) > 100
+    assert at and 0.5 < float(at[0][2]) <= 2
+    # The next move needs no settings.
+    view.locator("#scope-move").click()
+    expect(view.locator("#scope-said")).to_contain_text("Waits for drive1.velocity is not 0 mm/s")
+    eventually(captured, 60, "the move")
+    expect(view.locator("#scope-said")).to_contain_text("samples")
 
 
 def test_the_wire_and_the_log_are_read(site, visit):

@@ -210,6 +210,10 @@ function makeHead(mine) {
 		needIcon: icon("fine"),
 		why: element("span"),
 		advice: element("span", { class: "advice-text" }),
+		stateBox: null,
+		next: null,
+		bar: null,
+		need: null,
 	};
 	const links =
 		[element("a", { href: `#/parameters/${encodeURIComponent(name)}` }, "Parameters")];

@@ -48,7 +48,7 @@ function listBits(registers) {
 		description: MEANINGS[name],
 		own: false,
 		known: "status",
-		read: (values) => Math.floor((values.status ?? 0) / 2 ** bit) % 2 === 1,
+		read: (values) => Math.floor((values.status ?? 0) / 2 ** Number(bit)) % 2 === 1,
 	}));
 	const own = [...registers.values()]
 		.filter(({ type, name }) => type === "bool" && name.startsWith("drive_"))

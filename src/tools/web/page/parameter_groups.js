@@ -8,27 +8,28 @@ import { hasTrait } from "./parameter_set.js";
 
 /* In this order; the first one that fits. */
 const GROUPS = [
-	["Communication", ({ traits }) => hasTrait({ traits }, "address"),
-		/\b(address|baud|bit rate|station|node)\b/i],
-	["Homing and origin", () => false, /\b(homing|home|origin)\b|^safe position/i],
-	["Encoder and control loop", () => false, /\b(encoder|loop|gain|stall|filter|closed loop)\b/i],
-	["Inputs, outputs and limits", () => false,
-		/\b(sensors?|inputs?|outputs?|ports?|limit|emergency|alarm)\b/i],
-	["Current and power", ({ unit }) => /^(m?A|m?V|W|°C|%)$/.test(unit),
-		/\b(current|voltage|power|torque|temperature|enable the motor)\b/i],
-	["Motion", ({ unit }) => /pulses|counts|rpm|\/s/.test(unit ?? ""),
-		/\b(speed|velocity|accelerat\w*|decelerat\w*|position|microstep\w*|steps?|direction|jog)\b/i],
-	["Other", () => true, /$/],
+	{ name: "Communication", fits: (register) => hasTrait(register, "address"),
+		words: /\b(address|baud|bit rate|station|node)\b/i },
+	{ name: "Homing and origin", words: /\b(homing|home|origin)\b|^safe position/i },
+	{ name: "Encoder and control loop",
+		words: /\b(encoder|loop|gain|stall|filter|closed loop)\b/i },
+	{ name: "Inputs, outputs and limits",
+		words: /\b(sensors?|inputs?|outputs?|ports?|limit|emergency|alarm)\b/i },
+	{ name: "Current and power", fits: ({ unit }) => /^(m?A|m?V|W|°C|%)$/.test(unit),
+		words: /\b(current|voltage|power|torque|temperature|enable the motor)\b/i },
+	{ name: "Motion", fits: ({ unit }) => /pulses|counts|rpm|\/s/.test(unit ?? ""),
+		words: /\b(speed|velocity|accelerat\w*|decelerat\w*|position|microstep\w*|steps?|direction|jog)\b/i },
 ];
+const OTHER = "Other";
 
 export const GROUP_NAMES = ["Motion", "Current and power", "Homing and origin",
-	"Inputs, outputs and limits", "Encoder and control loop", "Communication", "Other"];
+	"Inputs, outputs and limits", "Encoder and control loop", "Communication", OTHER];
 
 export function groupOf(register) {
 	/* What its values mean is not what it is about. */
 	const [about] = (register.description ?? "").split(/\s\d+=/);
 
-	return GROUPS.find(([, fits, words]) => fits(register) || words.test(about))[0];
+	return GROUPS.find(({ fits, words }) => fits?.(register) || words.test(about))?.name ?? OTHER;
 }
 
 /* Values of which people choose one in words; more of them are typed. */

@@ -6,7 +6,7 @@
 import { element, newId, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
 import { formatFixed, formatSpan } from "./format.js";
-import { DASHES, createSwatch, readColour } from "./plot_line.js";
+import { DASHES, createSwatch, makeAxis, padRange, readColour, writeNumbers } from "./plot_line.js";
 
 const SERIES_MOST = DASHES.length;
 const SPANS_S = [5, 10, 30, 60, 300];
@@ -273,13 +273,11 @@ export function createPlot({ title, signals, chosen, capacity }) {
 	function makeScale({ names }) {
 		const last = Math.max(...Object.keys(names ?? { 0: "" }).map(Number));
 
-		return { auto: true, range: (uplot, low, high) => (names ? [-0.5, last + 0.5] : pad(low, high)) };
+		return { auto: true, range: (uplot, low, high) => (names ? [-0.5, last + 0.5] : padRange(low, high)) };
 	}
 
 	function makeAxes(shown) {
-		const lines = { stroke: colour("line"), width: 1 };
-		const axis = { stroke: colour("muted"), font: `12px ${getComputedStyle(node).fontFamily}`,
-			grid: lines, ticks: lines };
+		const axis = makeAxis(node);
 		const units = [...new Set(shown.filter(({ names }) => !names).map(({ unit }) => unit))];
 		const writeTimes = (uplot, ticks) => {
 			const apart = ticks.length > 1 ? ticks[1] - ticks[0] : 1;
@@ -287,12 +285,9 @@ export function createPlot({ title, signals, chosen, capacity }) {
 
 			return ticks.map((tick) => timeOfDay(tick, decimals));
 		};
-		const writeNumbers = (uplot, ticks) => ticks.map((tick) => (tick === null ? "" :
-			String(Number(tick.toPrecision(7))).replace("-", "−")));
-
 		return [{ ...axis, space: 90, values: writeTimes }, ...units.map((unit, index) => ({ ...axis,
 			scale: `y ${unit}`, side: index === 0 ? 3 : 1, label: unit, labelFont: axis.font,
-			labelSize: 18, size: 62, grid: { ...lines, show: index === 0 }, values: writeNumbers }))];
+			labelSize: 18, size: 62, grid: { ...axis.grid, show: index === 0 }, values: writeNumbers }))];
 	}
 
 	/* Lines at moments at which something happened, and what. */
@@ -375,16 +370,6 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		}, [[], ...shown.map(() => [])], holder);
 		state.uplot.over.addEventListener("dblclick", goOn);
 		state.dirty = true;
-	}
-
-	/* A constant line is in the middle, and noise of the last digit does not fill the
-	 * picture. */
-	function pad(low, high) {
-		if (!Number.isFinite(low) || !Number.isFinite(high))
-			return [0, 1];
-		const room = Math.max((high - low) * 0.08, Math.abs(high) * 1e-4, 0.05);
-
-		return [low - room, high + room];
 	}
 
 	function plotHeight() {
