@@ -269,7 +269,7 @@ def test_a_move_is_watched_on_the_plot(site, visit):
     expect(view.locator("#position")).to_have_text("20.000")
     expect(view.locator("#command-result")).to_contain_text("ok")
     expect(view.locator("#history tbody tr").first).to_contain_text("move absolute", ignore_case=True)
-    expect(view.locator("#history tbody tr").first).to_contain_text(f"for {OPERATOR[0]}, session")
+    expect(view.locator("#history tbody tr").first).to_contain_text(re.compile(rf"{OPERATOR[0]} \((through|page)"))
     picture(visitor.page, "web-drive")
     view.locator(".plot-pause").click()
     expect(view.locator(".plot-pause")).to_have_text("Go on")
@@ -444,7 +444,7 @@ def test_two_browsers_and_a_plc_want_one_drive(make_site, visit):
     anna.page.locator("#control-take").click()
     expect(anna.page.locator("#control")).to_have_attribute("data-control", "mine")
     expect(ben.page.locator("#control")).to_have_attribute("data-control", "other")
-    expect(ben.page.locator("#control-holder")).to_contain_text(f"for {OPERATOR[0]}, session")
+    expect(ben.page.locator("#control-holder")).to_contain_text(re.compile(rf"{OPERATOR[0]} \((through|page)"))
     assert plc.command("move_velocity", target_velocity=640) == 6
     hold(anna)
     eventually(lambda: bridge.sim.get()["velocity"] == 3200, what="the one who has control to move it")
@@ -858,10 +858,12 @@ def test_a_move_is_captured_around_its_trigger(site, visit):
     view.locator("#scope-limit").fill("far")
     view.locator("#scope-start").click()
     expect(view.locator("#scope-problem")).to_contain_text('"far" is no whole number')
-    view.locator("#scope-limit").fill("100")
+    # In the drive's unit: 320 counts each.
+    expect(view.locator("#scope-unit")).to_have_text("mm")
+    view.locator("#scope-limit").fill("0.5")
     view.locator("#scope-duration").fill("0.2")
     view.locator("#scope-start").click()
-    expect(view.locator("#scope-said")).to_contain_text("Waits for drive1.position>100")
+    expect(view.locator("#scope-said")).to_contain_text("Waits for drive1.position rises above 0.5 mm")
 
     def captured():
         """Its samples may come only after some moves."""
@@ -873,11 +875,18 @@ def test_a_move_is_captured_around_its_trigger(site, visit):
     expect(view.locator("#scope-said")).to_contain_text("samples")
     with visitor.page.expect_download() as download:
         view.locator("#scope-save").click()
-    rows = [line.split(",") for line in download.value.path().read_text(encoding="utf-8").splitlines()[1:]]
+    heads, *lines = download.value.path().read_text(encoding="utf-8").splitlines()
+    rows = [line.split(",") for line in lines]
+    assert "drive1.position [mm]" in heads
     # What was before it, and the position at it.
     assert float(rows[0][0]) < 0
     at = [row for row in rows if float(row[0]) == 0]
-    assert at and float(at[0][2]) > 100
+    assert at and 0.5 < float(at[0][2]) <= 2
+    # The next move needs no settings.
+    view.locator("#scope-move").click()
+    expect(view.locator("#scope-said")).to_contain_text("Waits for drive1.velocity is not 0 mm/s")
+    eventually(captured, 60, "the move")
+    expect(view.locator("#scope-said")).to_contain_text("samples")
 
 
 def test_the_wire_and_the_log_are_read(site, visit):
@@ -895,12 +904,21 @@ def test_the_wire_and_the_log_are_read(site, visit):
     assert "pos" in download.value.path().read_text(encoding="utf-8")
     # Trouble: it is in the log as it happens, and the seconds before it are kept.
     view = visitor.go("events")
-    view.locator("#events-level").select_option("warning")
+    expect(view.locator("#events-level")).to_have_value("warning")
     site.bridge.sim.fault("silence on", "drive2")
     expect(view.get_by_text("drive-lost").first).to_be_visible()
     view.locator("#events-drive").select_option("drive1")
     expect(view.get_by_text("drive-lost")).to_have_count(0)
     view.locator("#events-drive").select_option("drive2")
+    # The newest is above.
+    view.locator("#events-level").select_option("debug")
+    expect(view.get_by_text("drive-lost").first).to_be_visible()
+    moments = view.locator(".newest-list tbody td:first-child").all_inner_texts()
+    assert len(moments) > 1 and moments == sorted(moments, reverse=True)
+    # It is on the plot of its drive.
+    view = visitor.go("drive/drive2")
+    expect(view.locator("#drive-state")).to_have_text("Offline")
+    expect(view.locator("section.plot")).to_have_attribute("data-marks", re.compile(r"[1-9]"))
     view = visitor.go("trace")
     expect(view.locator("#trace-kept tbody tr").first).to_contain_text("drive2")
     view.locator("#trace-kept tbody tr").first.get_by_role("button").click()

@@ -10,7 +10,7 @@ import zlib
 from bridgelib import eventually
 from browserlib import expect
 from relay import SlowLine
-from test_browser import chromium, hung, is_moving, make_site, site, visit, wait_moving  # noqa: F401 (fixtures)
+from test_browser import chromium, hung, make_site, site, visit, wait_moving  # noqa: F401 (fixtures)
 from weblib import OPERATOR, Page
 
 STATE = 'tr[data-drive="drive1"]'

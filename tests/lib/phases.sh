@@ -220,12 +220,19 @@ check_text() {
 	return $bad
 }
 
+# Types of the page's modules, as far as they follow from the code and its comments; names that nothing uses.
+check_page_types() {
+	need_page &&
+		build/page/venv/bin/node build/page/node_modules/typescript/bin/tsc -p src/tools/web/page/tsconfig.json
+}
+
 phase_style() {
 	step format check_format
 	step text check_text
 	step rooms tests/tools/rooms
 	step form tests/tools/form
 	step spelling tests/tools/spelling
+	step "types of the page" check_page_types
 	step shellcheck check_shell
 	step cppcheck check_cppcheck
 	step clang-tidy check_clang_tidy

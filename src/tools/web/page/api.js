@@ -170,7 +170,15 @@ export async function logOut() { return takeSession(await ask("POST", "logout", 
 
 /* --- calls ------------------------------------------------------------------------------------ */
 
+/**
+ * @param {string} method
+ * @param {string} path
+ * @param {object | undefined} parameters
+ * @param {{ signal?: AbortSignal, keepalive?: boolean, named?: boolean, number?: number,
+ *	stops?: boolean }} options
+ */
 async function request(method, path, parameters, { signal, keepalive, named, number, stops } = {}) {
+	/** @type {Record<string, string>} */
 	const headers = {};
 
 	if (method === "POST") {
@@ -309,7 +317,7 @@ export function sendBeat(drive, grip, beat, velocity) {
  * the tab is there; { motion }: the user watches this motion; { question, answer }; or { end: true
  * }.
  */
-export function sayToCommission(parameters, { keepalive } = {}) {
+export function sayToCommission(parameters, { keepalive = false } = {}) {
 	return ask("POST", "commission", { ...parameters, token: newestToken },
 		{ named: true, keepalive, timeout: 2000 });
 }

@@ -376,7 +376,7 @@ function showRights() {
 	for (const anchor of find("navigation").querySelectorAll("a")) {
 		const { needs } = VIEWS[anchor.dataset.view];
 
-		anchor.parentNode.hidden = Boolean(needs) && !api.may(needs);
+		anchor.parentElement.hidden = Boolean(needs) && !api.may(needs);
 	}
 }
 

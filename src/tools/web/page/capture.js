@@ -111,22 +111,23 @@ export function createCapture({ mode, trigger, beforeUs, durationUs }) {
 }
 
 /*
- * Seconds from the trigger, and an array of values for each channel { drive, name }: numbers, null
- * where a sample is of another drive or has no such value.
+ * Seconds from the trigger, and an array of values for each channel { drive, name, show }: numbers as
+ * show() makes them of the drive's own (without it: these), null where a sample is of another drive or
+ * has no such value.
  */
 export function readColumns({ rows, zeroUs }, channels) {
 	const ordered = [...rows].sort((one, other) => one.time_us - other.time_us);
 
 	return [
 		ordered.map((row) => (row.time_us - zeroUs) / 1e6),
-		...channels.map(({ drive, name }) =>
+		...channels.map(({ drive, name, show = Number }) =>
 			ordered.map((row) => {
 				const value =
 					row.drive === drive ? (row.values[name] ?? null) : null;
 
 				return value === null || typeof value === "string"
 					? null
-					: Number(value);
+					: show(Number(value));
 			})
 		)
 	];
@@ -138,19 +139,24 @@ function writeSeconds(us) {
 	return `${us < 0 ? "-" : ""}${digits.slice(0, -6)}.${digits.slice(-6)}`;
 }
 
+/* With ten digits, as formatCsv() of plot.js. */
+function writeValue(value, show) {
+	return writeField(typeof value === "number" && show
+		? Number(show(value).toPrecision(10))
+		: value);
+}
+
 /*
- * The file in the format of `drivebridgectl record`. Channels with their registers: { drive, name,
- * register }.
+ * The file in the format of `drivebridgectl record`, in the users' units. Channels: { drive, name, unit, show },
+ * show as above.
  */
 export function writeCsv({ rows, zeroUs }, channels) {
 	const lines = [
 		[
 			"time_s",
 			"unix_time_s",
-			...channels.map(({ drive, name, register }) =>
-				writeField(
-					`${drive}.${name}${register.unit ? ` [${register.unit}]` : ""}`
-				)
+			...channels.map(({ drive, name, unit }) =>
+				writeField(`${drive}.${name}${unit ? ` [${unit}]` : ""}`)
 			)
 		]
 	];
@@ -159,8 +165,8 @@ export function writeCsv({ rows, zeroUs }, channels) {
 		lines.push([
 			writeSeconds(row.time_us - zeroUs),
 			writeSeconds(row.time_us),
-			...channels.map(({ drive, name }) =>
-				row.drive === drive ? writeField(row.values[name]) : ""
+			...channels.map(({ drive, name, show }) =>
+				row.drive === drive ? writeValue(row.values[name], show) : ""
 			)
 		]);
 	return lines.map((fields) => `${fields.join(",")}\r\n`).join("");

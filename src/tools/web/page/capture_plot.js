@@ -3,7 +3,7 @@
 import { readColumns } from "./capture.js";
 import { element, newId, setText } from "./dom.js";
 import { NONE, formatFixed, formatReal, formatWithUnit, hasBits } from "./format.js";
-import { DASHES, createSwatch, readColour } from "./plot_line.js";
+import { DASHES, createSwatch, makeAxis, padRange, readColour, writeNumbers } from "./plot_line.js";
 
 export const CHANNELS_MOST = DASHES.length;
 const CURSOR_STEPS = 1000;
@@ -30,10 +30,11 @@ function findValue(times, column, time) {
 }
 
 /*
- * channels: { drive, name, register }, CHANNELS_MOST at most. Returns { node, show(capture),
+ * channels: { drive, name, register, unit, show }, CHANNELS_MOST at most, unit and show() of the
+ * users; level: { unit, value } of the trigger, or null. Returns { node, show(capture),
  * destroy() }; a capture has the form of createCapture()'s `shown`.
  */
-export function createCapturePlot(channels) {
+export function createCapturePlot(channels, level = null) {
 	const holder = element("div", { class: "plot-canvas" });
 	const id = newId("cursors");
 	const sliders = ["A", "B"].map((name) =>
@@ -160,15 +161,16 @@ export function createCapturePlot(channels) {
 		times.forEach((time, at) =>
 			sliders[at].setAttribute("aria-valuetext", `${time.toFixed(4)} seconds`)
 		);
-		channels.forEach(({ register }, index) => {
+		channels.forEach(({ register, unit }, index) => {
+			const shown = { ...register, unit, type: unit === register.unit ? register.type : "f32" };
 			const values = times.map((time) =>
 				findValue(data[0], data[index + 1], time)
 			);
-			const words = values.map((value) => formatWithUnit(register, value));
+			const words = values.map((value) => formatWithUnit(shown, value));
 			const counts =
 				values.includes(null) || hasBits(register) || register.codes
 					? NONE
-					: formatWithUnit(register, values[1] - values[0]);
+					: formatWithUnit(shown, values[1] - values[0]);
 
 			[...words, counts].forEach((text, at) =>
 				setText(rows[index].cells[at + 2], text)
@@ -200,18 +202,35 @@ export function createCapturePlot(channels) {
 		ctx.restore();
 	}
 
+	/* The trigger's level belongs into the picture. */
+	function rangeOf(unit) {
+		return (chart, low, high) => (level?.unit === unit && low !== null
+			? padRange(Math.min(low, level.value), Math.max(high, level.value))
+			: padRange(low ?? NaN, high ?? NaN));
+	}
+
+	function drawLevel({ ctx, bbox }) {
+		if (level === null || !uplot?.scales[level.unit])
+			return;
+		const y = Math.round(uplot.valToPos(level.value, level.unit, true));
+		const ratio = globalThis.devicePixelRatio;
+
+		ctx.save();
+		ctx.strokeStyle = readColour(node, "warning");
+		ctx.lineWidth = ratio;
+		ctx.setLineDash([6 * ratio, 4 * ratio]);
+		ctx.beginPath();
+		ctx.moveTo(bbox.left, y);
+		ctx.lineTo(bbox.left + bbox.width, y);
+		ctx.stroke();
+		ctx.restore();
+	}
+
 	/* --- the picture --- */
 
 	function build() {
-		const style = getComputedStyle(node);
-		const lines = { stroke: readColour(node, "line"), width: 1 };
-		const axis = {
-			stroke: readColour(node, "muted"),
-			font: `12px ${style.fontFamily}`,
-			grid: lines,
-			ticks: lines
-		};
-		const units = [...new Set(channels.map(({ register }) => register.unit))];
+		const axis = makeAxis(node);
+		const units = [...new Set(channels.map(({ unit }) => unit))];
 
 		uplot?.destroy();
 		holder.replaceChildren();
@@ -221,7 +240,12 @@ export function createCapturePlot(channels) {
 				height: HEIGHT_PX,
 				legend: { show: false },
 				cursor: { drag: { x: true, y: false }, y: false },
-				scales: { x: { time: false } },
+				scales: {
+					x: { time: false },
+					...Object.fromEntries(
+						units.map((unit) => [unit, { auto: true, range: rangeOf(unit) }])
+					)
+				},
 				axes: [
 					{
 						...axis,
@@ -239,14 +263,15 @@ export function createCapturePlot(channels) {
 						labelFont: axis.font,
 						labelSize: 18,
 						size: 64,
+						values: writeNumbers,
 						grid: { ...axis.grid, show: index === 0 }
 					}))
 				],
 				series: [
 					{},
-					...channels.map(({ drive, name, register }, index) => ({
+					...channels.map(({ drive, name, register, unit }, index) => ({
 						label: `${drive}.${name}`,
-						scale: register.unit,
+						scale: unit,
 						stroke: readColour(node, `series-${index + 1}`),
 						width: 1.75,
 						dash: DASHES[index],
@@ -261,7 +286,7 @@ export function createCapturePlot(channels) {
 					}))
 				],
 				hooks: {
-					draw: [drawCursors],
+					draw: [drawLevel, drawCursors],
 					ready: [
 						({ over }) =>
 							over.addEventListener("click", moveCursor)

@@ -6,7 +6,7 @@
 import { call } from "./api.js";
 import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import { formatSpan } from "./format.js";
-import { formatClient } from "./commands.js";
+import { formatClient } from "./history.js";
 
 const NOT_CONFIGURED = "Nobody has to take control here: it is not configured " +
 	"(control = drive in drivebridge.conf)";

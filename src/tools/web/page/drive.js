@@ -4,7 +4,7 @@
  * made from the service's description of the drive.
  */
 import { call, openStream } from "./api.js";
-import { createCommands, createHistory } from "./commands.js";
+import { createCommands } from "./commands.js";
 import { createControl } from "./control.js";
 import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import {
@@ -16,8 +16,12 @@ import {
 	inWords,
 	labelOf
 } from "./format.js";
+import { createHistory } from "./history.js";
 import { createJog } from "./jog.js";
+import { createLamps } from "./lamps.js";
 import { LATE_MS, sayLate } from "./lateness.js";
+import { createLimitBar } from "./limit_bar.js";
+import { nextStep } from "./next_step.js";
 import { ageOf, judgeDrive, NEED, stateWord } from "./plant.js";
 import { createPlot } from "./plot.js";
 
@@ -34,6 +38,8 @@ const NOT_LISTED = new Set([
 ]);
 /* Of the handshake with a PLC; people use the history. */
 const BOOKKEEPING = /_(id|limit|register)$|result|heartbeat|active_command/;
+/* A drive's own speed, in steps: the parameter of the families that have one. */
+const PRESET_SPEED = "spd";
 const PLOTTED_FIRST = ["position", "velocity"];
 /* Names of counters and codes, which are no quantities to plot. */
 const NOT_PLOTTED = /(^|_)(port|holder|request|trips|timestamp_us)$/;
@@ -73,7 +79,7 @@ export async function show(root, context, name) {
 	const names = Object.keys(all.values);
 	const { values } = await call("Read", {
 		drive: name,
-		names: ["counts_per_unit", "identity", "unit_name"].filter(
+		names: ["counts_per_unit", "identity", "unit_name", PRESET_SPEED].filter(
 			(one) => registers.has(one))
 	});
 
@@ -83,6 +89,7 @@ export async function show(root, context, name) {
 		registers,
 		commands,
 		identity: values.identity,
+		preset: values[PRESET_SPEED] ?? 0,
 		scale: createScale(values.unit_name, values.counts_per_unit),
 		names: [
 			...names,
@@ -136,8 +143,11 @@ function build(mine, names) {
 	const acts = context.may("move", name);
 	const part = { context, drive: name, registers, commands, scale };
 
-	mine.history = createHistory(part);
+	mine.history = createHistory({ ...part, onEntries: (entries) => entries.forEach((entry) =>
+		mine.plot.mark({ of: `command ${entry.sequence}`, time: entry.time_us / 1e6,
+			label: entry.command, kind: "muted" })) });
 	mine.control = createControl(part);
+	mine.lamps = createLamps(registers);
 	mine.signals = findSignals(mine, names);
 	mine.plot = createPlot({
 		title: name,
@@ -151,12 +161,13 @@ function build(mine, names) {
 
 		mine.panel = createCommands({ ...part, onDone: learn });
 		if (commands.has("move_velocity") && registers.has("target_velocity"))
-			mine.jog = createJog({ ...part, onMoved: learn });
+			mine.jog = createJog({ ...part, preset: mine.preset, onMoved: learn,
+				onEnable: () => mine.panel.give("enable", {}) });
 	}
 	root.replaceChildren(makeHead(mine),
 		element("div", { class: "drive-grid" },
 			element("div", { class: "drive-main" }, mine.plot.node,
-				makeValues(mine, names), makeStatus(mine), makePorts(mine),
+				makeValues(mine, names), mine.lamps.node, makePorts(mine),
 				mine.history.node),
 			element("div", { class: "drive-side" }, mine.jog?.node ?? null,
 				mine.control.node, mine.panel?.node ?? makeReason(mine))));
@@ -199,6 +210,10 @@ function makeHead(mine) {
 		needIcon: icon("fine"),
 		why: element("span"),
 		advice: element("span", { class: "advice-text" }),
+		stateBox: null,
+		next: null,
+		bar: null,
+		need: null,
 	};
 	const links =
 		[element("a", { href: `#/parameters/${encodeURIComponent(name)}` }, "Parameters")];
@@ -206,11 +221,11 @@ function makeHead(mine) {
 
 	if (context.may("engineer", name))
 		links.push(element("a", { href: `#/commission/${encodeURIComponent(name)}` }, "Commission"));
-	const quantity = (label, node, register) => element("div", { class: "quantity live" },
+	const quantity = (label, node, register, bar) => element("div", { class: "quantity live" },
 		element("span", { class: "muted" }, label),
 		element("span", { class: "quantity-value" }, node,
 			element("span", { class: "unit" },
-				register ? mine.scale.unit(register) : "")));
+				register ? mine.scale.unit(register) : "")), bar ?? null);
 
 	if (drive) {
 		links.push(element(
@@ -222,19 +237,20 @@ function makeHead(mine) {
 		place.push(mine.identity);
 	head.stateBox = element("span", { class: "state live" }, head.icon,
 		element("span", { class: "state-words" }, head.word, head.state));
-	head.clear =
-		makeButton("clear_fault", "clear-fault", () => mine.panel?.give("clear_fault", {}));
-	head.clear.hidden = true;
+	head.next = element("button", { id: "drive-next", class: "primary", type: "button", hidden: true,
+		onclick: () => mine.panel?.give(head.next.dataset.next, {}) });
+	head.bar = createLimitBar(drive ?? {});
 	head.need = element("div",
 		{ id: "drive-need", class: "need drive-need", hidden: true, role: "status" },
-		head.needIcon, head.why, head.advice, head.clear);
+		head.needIcon, head.why, head.advice);
 	return element("header", { class: "drive-head", "data-drive": name },
 		element("div", { class: "drive-title" }, element("h1", {}, name),
 			element("nav", { class: "drive-links", "aria-label": `More of ${name}` },
 				links),
 			element("small", { class: "muted", title: mine.identity },
 				place.join(" · "))),
-		head.stateBox, head.mustStand, quantity("Position", head.position, mine.registers.get("position")),
+		head.stateBox, head.next, head.mustStand,
+		quantity("Position", head.position, mine.registers.get("position"), head.bar?.node),
 		quantity("Velocity", head.velocity, mine.registers.get("velocity")),
 		quantity("Age", head.age, null), context.may("stop") ? makeStops(mine) : null,
 		head.need);
@@ -258,54 +274,6 @@ function makeStops(mine) {
 	return element("div", { class: "drive-stop" }, now,
 		commands.has("quick_stop") ?
 			makeButton("quick_stop", "quick-stop", () => stop(mine, "quick_stop")) :
-			null);
-}
-
-/* The bits of `status`, and of the drive's own word by the vendor's names. */
-function makeStatus(mine) {
-	const bits =
-		Object.entries(mine.registers.get("status")?.codes ?? {}).map(([bit, name]) => ({
-			name,
-			read: (values) => Math.floor((values.status ?? 0) / 2 ** bit) % 2 === 1,
-			known: "status"
-		}));
-	const own =
-		[...mine.registers.values()]
-			.filter(({ type, name }) => type === "bool" && name.startsWith("drive_"))
-			.map(({ name, description }) => ({
-				name: name.slice("drive_".length),
-				description,
-				known: name,
-				read: (values) => values[name] === true
-			}));
-	const troubles = new Set([
-		"error_stop", "warning", "latched", "origin_lost", "refused", "aborted",
-		"params_unsaved"
-	]);
-
-	mine.lamps = [];
-	const lamps = (list) => element("ul", { class: "lamps" }, list.map((bit) => {
-		const node = element("li", {
-			class: "badge lamp",
-			title: bit.description,
-			"data-bit": bit.name,
-			"data-trouble": String(troubles.has(bit.name))
-		},
-			element("span", { class: "lamp-mark", "aria-hidden": "true" }),
-			asLabel(bit.name), element("span", { class: "hidden-label" }));
-
-		mine.lamps.push({ ...bit, node, word: node.lastChild });
-		return node;
-	}));
-
-	return element("section", { id: "status", class: "panel live", "aria-label": "Status" },
-		element("div", { class: "panel-head" }, element("h2", {}, "Status")), lamps(bits),
-		own.length > 0 ?
-			[
-				element("h3", { class: "muted lamps-head" },
-					"The drive's own bits"),
-				lamps(own)
-			] :
 			null);
 }
 
@@ -489,12 +457,7 @@ function frame(mine, now) {
 	const { values } = mine.latest;
 
 	mine.control.update(values);
-	for (const { node, word, read, known } of mine.lamps) {
-		const on = read(values);
-
-		setAttribute(node, "data-on", values[known] === null ? "unknown" : String(on));
-		setText(word, on ? ": yes" : ": no");
-	}
+	mine.lamps.update(values);
 	for (const { node, word, bit, acts } of mine.ports) {
 		const on = Math.floor((values[word] ?? 0) / 2 ** bit) % 2 === 1;
 
@@ -517,6 +480,29 @@ function frame(mine, now) {
 		setText(text, shown.text);
 		setText(unit, shown.unit);
 	}
+}
+
+/* The event of a trouble on the plot. */
+function markTrouble({ context, name, plot }) {
+	const record = context.plant.troubles?.drives[name];
+	const event = record?.event;
+
+	if (event)
+		plot.mark({ of: `${event.time_us} ${event.text}`, time: event.time_us / 1e6,
+			label: inWords(record.cause), kind: "error" });
+}
+
+/* One button for what comes next: clear the fault, enable, home. */
+function showNext(mine, judgement, old) {
+	const { next } = mine.head;
+	const command = mine.panel && !old ? nextStep(judgement, mine.commands) : "";
+
+	next.hidden = command === "";
+	if (command !== "" && next.dataset.next !== command) {
+		next.dataset.next = command;
+		setText(next, asLabel(command));
+	}
+	mine.panel?.update({ judgement, old, gone: ["lost", "down"].includes(mine.context.link()) });
 }
 
 function showHead(mine, now) {
@@ -550,7 +536,8 @@ function showHead(mine, now) {
 	setIcon(head.needIcon, ["fine", "hint", "warning", "error"][judgement.need]);
 	setText(head.why, judgement.why);
 	setText(head.advice, judgement.advice);
-	head.clear.hidden = !mine.panel || judgement.need !== NEED.act ||
-		judgement.state === "Offline" || !mine.commands.has("clear_fault");
+	head.bar?.show(values);
+	showNext(mine, judgement, old);
+	markTrouble(mine);
 	mine.jog?.update({ judgement, old });
 }

@@ -5,6 +5,7 @@
  */
 import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import { formatAge, formatFixed, lookUpUnit } from "./format.js";
+import { createLimitBar } from "./limit_bar.js";
 import { ageOf, isMoving, NEED, stateWord } from "./plant.js";
 
 const NEED_ICONS = ["fine", "hint", "warning", "error"];
@@ -57,6 +58,7 @@ function makeRow(context, drive) {
 		"data-stop": name, "aria-label": `Stop ${name}`, onclick: () => context.stop(name) },
 	icon("stop"), "Stop") : null;
 
+	cells.bar = createLimitBar(description);
 	cells.stateBox = element("span", { class: "state" }, cells.stateIcon,
 		element("span", { class: "state-words" }, cells.word, cells.state));
 	cells.need = element("span", { class: "need" }, cells.needIcon, cells.why);
@@ -66,7 +68,7 @@ function makeRow(context, drive) {
 			element("a", { class: "row-link", href: `#/drive/${encodeURIComponent(name)}` }, name),
 			element("small", { class: "muted" }, `${bus} · ${address} · unit ${description.unit}`)),
 		element("td", { class: "number live", "data-label": "Position" }, cells.position,
-			cells.positionUnit),
+			cells.positionUnit, cells.bar?.node ?? null),
 		element("td", { class: "number live", "data-label": "Velocity" }, cells.velocity,
 			cells.velocityUnit),
 		cells.age, element("td", { class: "needs live" }, cells.need, cells.advice),
@@ -102,6 +104,7 @@ function updateRow(cells, drive, registers) {
 	setAttribute(cells.stateBox, "data-shape", judgement.shape);
 	setText(cells.mustStand, judgement.mustStand);
 	showQuantities(cells, drive, registers);
+	cells.bar?.show(drive.values);
 	showNeed(cells, drive, "");
 	setAttribute(cells.row, "data-need", NEED_KEYS[judgement.need]);
 }

@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The log: latest and new events. */
+/* The log: latest and new events, the newest first; warnings and errors unless more is asked for. */
 import { openStream } from "./api.js";
 import { createField, element, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
-import { createLongList } from "./long_list.js";
+import { createNewestList } from "./newest_list.js";
 import { cleanText, writeClock, writeDay } from "./plain.js";
 
 export const title = "Events";
 
 /* The chosen level and the more severe ones. */
 const LEVELS = ["debug", "info", "notice", "warning", "error"];
+const LEVEL_FIRST = "warning";
 const EVENTS_MOST = 5000;
 /* Most former events that the service sends, also after a lost connection. */
 const PAST_MOST = 256;
@@ -65,6 +66,8 @@ export function show(root, context, driveName) {
 		LEVELS.map((name) => [name, name === "error" ? name : `${name} and worse`]),
 		applyFilter
 	);
+
+	level.select.value = LEVEL_FIRST;
 	const bus = createSelect("events-bus", "Bus", [], applyFilter);
 	const drive = createSelect(
 		"events-drive",
@@ -75,7 +78,7 @@ export function show(root, context, driveName) {
 	let leftOut = 0;
 	let fresh = true;
 
-	rows = createLongList({
+	rows = createNewestList({
 		label: "Events",
 		most: EVENTS_MOST,
 		kind: (event) => event.level,

@@ -117,35 +117,41 @@ function createQuantity({ id, label, unit, value, presets, presetsLabel }) {
 }
 
 /*
- * The panel. `registers` and `commands` are the drive's, by name; onMoved() is called when a press
- * moves it. Returns { node, release(), isPressed(), update(drive) }; the caller calls release when
+ * The panel. `registers` and `commands` are the drive's, by name; preset is its own speed in counts/s,
+ * 0 if it has none; onEnable() enables it, and onMoved() is called when a press moves it. Returns { node, release(), isPressed(), update(drive) }; the caller calls release when
  * focus, visibility or the link is lost, and update with the drive's state, and with how
  * old it is in words ("": it is not).
  */
-export function createJog({ context, drive, registers, commands, scale, onMoved }) {
+export function createJog({ context, drive, registers, commands, scale, preset = 0, onEnable, onMoved }) {
 	const velocity = registers.get("target_velocity");
 	const distance = registers.get("target_position");
 	const velocityUnit = scale.unit(velocity);
 	const distanceUnit = scale.unit(distance);
 	const { min = 0, max = 0 } = scale.typed(velocity);
-	const most = Math.max(Math.abs(max), Math.abs(min));
+	/* Where the configuration has no highest velocity, parts of the drive's own speed are offered. */
+	const limit = Math.max(Math.abs(max), Math.abs(min));
+	const most = limit || Math.abs(scale.show(velocity, preset));
 	const lengths = scale.isScaled(distance) ? STEPS : COUNT_STEPS;
 	const speed = createQuantity({ id: "jog-speed", label: "Speed", unit: velocityUnit,
 		value: most ? formatReal(most * SHARE_FIRST / 100) : "",
 		presets: most ? SHARES.map((share) => [`${share} %`, most * share / 100]) : [],
-		presetsLabel: "Part of the highest velocity" });
+		presetsLabel: limit ? "Part of the highest velocity" : "Part of the drive's own speed" });
 	const length = createQuantity({ id: "jog-step", label: "Step", unit: distanceUnit,
 		value: formatReal(lengths[2]), presets: lengths.map((value) => [String(value), value]),
 		presetsLabel: "Lengths of a step" });
-	const limit = most ? `At most ${formatReal(most)} ${velocityUnit}` :
-		"No limit is configured for its velocity";
+	const limits = limit ? `At most ${formatReal(limit)} ${velocityUnit}` :
+		"No max-velocity is configured" +
+			(most ? `; the drive's own speed is ${formatReal(most)} ${velocityUnit}` : "");
+	const enable = element("button", { id: "jog-enable", class: "small", type: "button", hidden: true,
+		onclick: onEnable }, "Enable");
 	const said = element("p", { id: "jog-state", class: "jog-state", role: "status" });
 	const problem = element("p", { class: "problem", role: "alert" });
 	const holds = [makeHold(-1), makeHold(1)];
 	const steps = [makeStep(-1), makeStep(1)];
 	const node = element("section", { id: "jog", class: "panel jog", "aria-label": "Jog" },
-		element("div", { class: "panel-head" }, element("h2", {}, "Jog")),
-		speed.field, speed.presets, element("small", { class: "muted" }, limit),
+		element("div", { class: "panel-head" }, element("h2", {}, "Jog"),
+			element("span", { class: "push" }), enable),
+		speed.field, speed.presets, element("small", { class: "muted" }, limits),
 		element("div", { class: "hold-pair" }, holds), said,
 		element("small", { class: "muted" }, "Hold a button, or with the focus on one an arrow key. ",
 			"Letting go stops the drive; so do Space and Escape, from anywhere."),
@@ -277,6 +283,7 @@ export function createJog({ context, drive, registers, commands, scale, onMoved 
 
 			const reason = next ? "" : sayWhyNot(judgement, old);
 
+			enable.hidden = judgement.state !== "Disabled" || !commands.has("enable");
 			if (next === ready && reason === whyNot)
 				return;
 			ready = next;

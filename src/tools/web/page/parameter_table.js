@@ -5,6 +5,7 @@
  */
 import { element, newId, setAttribute, setText } from "./dom.js";
 import { formatRange, formatValue, formatWithUnit, hasBits, inWords } from "./format.js";
+import { GROUP_NAMES, groupOf, readChoices } from "./parameter_groups.js";
 import { agree, hasTrait, isKept, valueOf } from "./parameter_set.js";
 
 /* A value in the form for typing. */
@@ -23,7 +24,39 @@ function explainFixed(register) {
 	return register.writable ? "" : "can only be read";
 }
 
+/* Choices in words, with the numbers that the drive's documents have. */
+function createChoice(register, about, choices) {
+	const select = element(
+		"select",
+		{
+			id: `parameter-${register.name}`,
+			"aria-label": register.name,
+			"aria-describedby": about
+		},
+		element("option", { value: "" }, "not told"),
+		choices.map(([number, words]) =>
+			element(
+				"option",
+				{ value: writeTyped(register, number) },
+				`${words} (${number})`
+			)
+		)
+	);
+
+	return [select, null];
+}
+
+/* A value that no choice has: the drive may hold one. */
+function offer(select, typed) {
+	if (![...select.options].some((option) => option.value === typed))
+		select.append(element("option", { value: typed }, typed));
+}
+
 function createInput(register, about) {
+	const choices = hasTrait(register, "secret") ? null : readChoices(register);
+
+	if (choices !== null)
+		return createChoice(register, about, choices);
 	const secret = hasTrait(register, "secret");
 	const names = hasBits(register) ? [] : Object.values(register.codes ?? {});
 	const list =
@@ -59,7 +92,7 @@ function createInput(register, about) {
  */
 export function createParameterTable({ registers, mayEdit, onEdit }) {
 	const besideHead = element("th", { scope: "col", class: "number beside" });
-	const body = element("tbody");
+	const groups = createGroups();
 	const node = element(
 		"div",
 		{ class: "panel table-frame" },
@@ -85,10 +118,37 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 					element("th", { scope: "col" }, "Written")
 				)
 			),
-			body
+			[...groups.values()].map(({ body }) => body)
 		)
 	);
 	const rows = new Map(registers.map((register) => [register.name, createRow(register)]));
+
+	/* By name; only those that have parameters. */
+	function createGroups() {
+		const used = new Set(registers.map(groupOf));
+
+		return new Map(
+			GROUP_NAMES.filter((name) => used.has(name)).map((name) => [
+				name,
+				{
+					body: element(
+						"tbody",
+						{ "data-group": name },
+						element(
+							"tr",
+							{ class: "group" },
+							element(
+								"th",
+								{ scope: "rowgroup", colspan: 6 },
+								name
+							)
+						)
+					),
+					members: []
+				}
+			])
+		);
+	}
 
 	function createRow(register) {
 		const about = newId("about");
@@ -144,7 +204,10 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 		);
 
 		input?.addEventListener("input", () => onEdit(register, input.value));
+		const { body, members } = groups.get(groupOf(register));
+
 		body.append(row);
+		members.push(row);
 		return { register, row, input, value, note, fixed, beside, result };
 	}
 
@@ -169,8 +232,11 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 		if (input) {
 			setAttribute(input, "aria-invalid", String(edit?.problem !== undefined));
 			input.disabled = state.busy;
-			if (input.value !== typed && (edit || document.activeElement !== input))
+			if (input.value !== typed && (edit || document.activeElement !== input)) {
+				if (input.tagName === "SELECT")
+					offer(input, typed);
 				input.value = typed;
+			}
 		} else {
 			setText(
 				value,
@@ -212,6 +278,8 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 			row.hidden = !matches(register);
 			shown += row.hidden ? 0 : 1;
 		}
+		for (const { body, members } of groups.values())
+			body.hidden = members.every((row) => row.hidden);
 		return shown;
 	}
 
@@ -219,6 +287,7 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 		const { row, input } = rows.get(name);
 
 		row.hidden = false;
+		row.parentNode.hidden = false;
 		input?.focus();
 	}
 

@@ -125,33 +125,33 @@ function createReport({ drive, canSave, written, failed, over, others }) {
  * failed, over }, which is rejected when nothing can be said; close() gives up.
  */
 function writeInto(drive, values, standing, report) {
-	let stream = null;
+	let settle = null;
 	const result = new Promise((resolve, reject) => {
-		let told = null;
-
-		stream = openStream(
-			"parameters",
-			{ drive, values, standing },
-			{
-				once: true,
-				onEvent(name, data) {
-					if (name === "parameter")
-						report(data);
-					else if (name === "result")
-						told = data;
-				},
-				onState(state, error) {
-					if (state === "ended")
-						resolve({
-							...told,
-							failed: new Map(Object.entries(told.failed))
-						});
-					else if (state === "failed")
-						reject(error);
-				}
-			}
-		);
+		settle = { resolve, reject };
 	});
+	let told = null;
+	const stream = openStream(
+		"parameters",
+		{ drive, values, standing },
+		{
+			once: true,
+			onEvent(name, data) {
+				if (name === "parameter")
+					report(data);
+				else if (name === "result")
+					told = data;
+			},
+			onState(state, error) {
+				if (state === "ended")
+					settle.resolve({
+						...told,
+						failed: new Map(Object.entries(told.failed))
+					});
+				else if (state === "failed")
+					settle.reject(error);
+			}
+		}
+	);
 
 	return { result, close: stream.close };
 }
@@ -306,14 +306,14 @@ function createView(root, context, drive) {
 	/* --- typing --- */
 
 	/* True if it equals the drive's value. */
-	function isHeld(register, typed, { value, problem: wrong }) {
+	function isHeld(register, typed, parsed) {
 		if (hasTrait(register, "secret"))
 			return typed === "";
 		if (typed.trim() === "")
 			return valueOf(held, register.name) === null;
 		return (
-			wrong === undefined &&
-			agree({ values: { [register.name]: value } }, held, register)
+			parsed.problem === undefined &&
+			agree({ values: { [register.name]: parsed.value } }, held, register)
 		);
 	}
 

@@ -23,7 +23,8 @@ const TOLD_EVERY_MS = 1000;
 /*
  * The state of a drive. From values of one moment and the registers of its family: state (of
  * axis_state), shape (of the drawing), mustStand (the reason, and for how long; "" if it may move).
- * Only from the service's trouble record (null: nothing is wrong): need, why, advice.
+ * Only from the service's trouble record (null: nothing is wrong): need, why, advice, cause ("":
+ * nothing is wrong).
  */
 export function judgeDrive(registers, values, record) {
 	const state = codeName(registers?.get("axis_state"), values?.axis_state);
@@ -45,6 +46,7 @@ export function readRecord(record) {
 
 	return {
 		need,
+		cause: need === NEED.nothing ? "" : cause,
 		why: need === NEED.nothing ? "" :
 			inWords(cause === "fault" && detail ? detail : cause) +
 				(cause !== "fault" && detail ? ` (${detail})` : ""),

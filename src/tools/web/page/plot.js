@@ -6,7 +6,7 @@
 import { element, newId, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
 import { formatFixed, formatSpan } from "./format.js";
-import { DASHES, createSwatch, readColour } from "./plot_line.js";
+import { DASHES, createSwatch, makeAxis, padRange, readColour, writeNumbers } from "./plot_line.js";
 
 const SERIES_MOST = DASHES.length;
 const SPANS_S = [5, 10, 30, 60, 300];
@@ -14,6 +14,7 @@ const REDRAW_EVERY_MS = 50;
 /* No line is drawn over a gap longer than this. */
 const GAP_S = 0.6;
 const HEIGHT_PX = 340;
+const MARKS_MOST = 100;
 
 /*
  * Ascending times, each with `width` values, the latest `capacity` of them. Everything is written
@@ -114,8 +115,8 @@ function timeOfDay(time, decimals) {
 
 /*
  * signals: array of { name, label, unit, decimals, names } in the order of the ring's columns;
- * chosen: names shown first. Returns { node, push(time_s, values), frame(now), choose(names),
- * destroy() }.
+ * chosen: names shown first. Returns { node, push(time_s, values), mark({ of, time, label, kind }), frame(now),
+ * choose(names), destroy() }.
  */
 export function createPlot({ title, signals, chosen, capacity }) {
 	const ring = createRing(signals.length, capacity);
@@ -129,6 +130,8 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		pushedAt: 0,
 		frozen: null
 	};
+	/* By what they are of. */
+	const marks = new Map();
 	const id = newId("plot");
 	const holder = element("div", {
 		class: "plot-canvas",
@@ -270,13 +273,11 @@ export function createPlot({ title, signals, chosen, capacity }) {
 	function makeScale({ names }) {
 		const last = Math.max(...Object.keys(names ?? { 0: "" }).map(Number));
 
-		return { auto: true, range: (uplot, low, high) => (names ? [-0.5, last + 0.5] : pad(low, high)) };
+		return { auto: true, range: (uplot, low, high) => (names ? [-0.5, last + 0.5] : padRange(low, high)) };
 	}
 
 	function makeAxes(shown) {
-		const lines = { stroke: colour("line"), width: 1 };
-		const axis = { stroke: colour("muted"), font: `12px ${getComputedStyle(node).fontFamily}`,
-			grid: lines, ticks: lines };
+		const axis = makeAxis(node);
 		const units = [...new Set(shown.filter(({ names }) => !names).map(({ unit }) => unit))];
 		const writeTimes = (uplot, ticks) => {
 			const apart = ticks.length > 1 ? ticks[1] - ticks[0] : 1;
@@ -284,12 +285,33 @@ export function createPlot({ title, signals, chosen, capacity }) {
 
 			return ticks.map((tick) => timeOfDay(tick, decimals));
 		};
-		const writeNumbers = (uplot, ticks) => ticks.map((tick) => (tick === null ? "" :
-			String(Number(tick.toPrecision(7))).replace("-", "−")));
-
 		return [{ ...axis, space: 90, values: writeTimes }, ...units.map((unit, index) => ({ ...axis,
 			scale: `y ${unit}`, side: index === 0 ? 3 : 1, label: unit, labelFont: axis.font,
-			labelSize: 18, size: 62, grid: { ...lines, show: index === 0 }, values: writeNumbers }))];
+			labelSize: 18, size: 62, grid: { ...axis.grid, show: index === 0 }, values: writeNumbers }))];
+	}
+
+	/* Lines at moments at which something happened, and what. */
+	function drawMarks(uplot) {
+		const { ctx, bbox } = uplot;
+		const ratio = globalThis.devicePixelRatio;
+
+		ctx.save();
+		ctx.font = `${11 * ratio}px ${getComputedStyle(node).fontFamily}`;
+		ctx.lineWidth = ratio;
+		ctx.setLineDash([2 * ratio, 3 * ratio]);
+		for (const { time, label, kind } of marks.values()) {
+			const x = Math.round(uplot.valToPos(time, "x", true));
+
+			if (x < bbox.left || x > bbox.left + bbox.width)
+				continue;
+			ctx.strokeStyle = ctx.fillStyle = colour(kind);
+			ctx.beginPath();
+			ctx.moveTo(x, bbox.top);
+			ctx.lineTo(x, bbox.top + bbox.height);
+			ctx.stroke();
+			ctx.fillText(label, x + 3 * ratio, bbox.top + 11 * ratio);
+		}
+		ctx.restore();
 	}
 
 	/* From the last values on, when no more come. */
@@ -344,20 +366,10 @@ export function createPlot({ title, signals, chosen, capacity }) {
 				paths: signal.names ? stepped : undefined,
 			}))],
 			hooks: { setSelect: [takeSelection], setCursor: [showValues],
-				drawClear: [drawSilence] },
+				drawClear: [drawSilence], draw: [drawMarks] },
 		}, [[], ...shown.map(() => [])], holder);
 		state.uplot.over.addEventListener("dblclick", goOn);
 		state.dirty = true;
-	}
-
-	/* A constant line is in the middle, and noise of the last digit does not fill the
-	 * picture. */
-	function pad(low, high) {
-		if (!Number.isFinite(low) || !Number.isFinite(high))
-			return [0, 1];
-		const room = Math.max((high - low) * 0.08, Math.abs(high) * 1e-4, 0.05);
-
-		return [low - room, high + room];
 	}
 
 	function plotHeight() {
@@ -512,6 +524,17 @@ export function createPlot({ title, signals, chosen, capacity }) {
 			state.pushedAt = performance.now();
 			if (!state.paused)
 				state.dirty = true;
+		},
+		/* Marks a moment; `kind` is a colour of the style sheet, `of` says what it is of: the
+		 * same is marked once. */
+		mark({ of, time, label, kind }) {
+			if (marks.has(of))
+				return;
+			marks.set(of, { time, label, kind });
+			if (marks.size > MARKS_MOST)
+				marks.delete(marks.keys().next().value);
+			node.dataset.marks = String(marks.size);
+			state.dirty = true;
 		},
 		frame(now) {
 			if ((!state.dirty && silence() === 0) || !state.uplot || now - state.drawnAt < REDRAW_EVERY_MS)

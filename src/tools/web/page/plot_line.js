@@ -38,8 +38,32 @@ export function createSwatch(index) {
 		["y1", 5],
 		["y2", 5]
 	])
-		line.setAttribute(name, value);
+		line.setAttribute(String(name), String(value));
 	line.setAttribute("stroke-dasharray", DASHES[index].join(" ") || "none");
 	drawing.append(line);
 	return drawing;
+}
+
+/* The range of an axis around values from low to high: a constant line is in the middle, and noise
+ * of the last digit does not fill the picture. Pure. */
+export function padRange(low, high) {
+	if (!Number.isFinite(low) || !Number.isFinite(high))
+		return [0, 1];
+	const room = Math.max((high - low) * 0.08, Math.abs(high) * 1e-4, 0.05);
+
+	return [low - room, high + room];
+}
+
+/* Numbers at an axis. */
+export function writeNumbers(uplot, ticks) {
+	return ticks.map((tick) => (tick === null ? "" :
+		String(Number(tick.toPrecision(7))).replace("-", "−")));
+}
+
+/* What all axes of a plot have in common. */
+export function makeAxis(node) {
+	const lines = { stroke: readColour(node, "line"), width: 1 };
+
+	return { stroke: readColour(node, "muted"), font: `12px ${getComputedStyle(node).fontFamily}`,
+		grid: lines, ticks: lines };
 }

@@ -8,7 +8,7 @@ import { createCapture, writeCsv } from "./capture.js";
 import { CHANNELS_MOST, createCapturePlot } from "./capture_plot.js";
 import { createField, element, icon, newId, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
-import { hasBits, inWords } from "./format.js";
+import { createScale, hasBits, inWords, parseValue } from "./format.js";
 
 export const title = "Oscilloscope";
 
@@ -18,6 +18,7 @@ const MODES = {
 	auto: "auto: also without"
 };
 /* Of a condition, as in drivebridgectl record --trigger. */
+const RELATION_WORDS = ["is", "is not", "rises above", "falls below"];
 const RELATIONS = ["=", "!=", ">", "<"];
 const FIRST_NAMES = ["position", "velocity"];
 const SECONDS_MOST = 600;
@@ -27,6 +28,15 @@ const DRAW_EVERY_MS = 100;
 
 let view = null;
 
+/* How a drive's counts are shown. */
+async function readScale(context, drive) {
+	const known = await context.registers(drive);
+	const names = ["unit_name", "counts_per_unit"].filter((name) => known.has(name));
+	const { values } = await call("Read", { drive, names });
+
+	return createScale(values.unit_name, values.counts_per_unit);
+}
+
 /*
  * Chooses a drive and one of its values; `none` is the word for no drive. onChange() is called
  * after another choice.
@@ -35,6 +45,7 @@ function createChooser(context, { prefix, words, none, onChange }) {
 	const drive = element("select", { id: `${prefix}-drive` });
 	const value = element("select", { id: `${prefix}-value` });
 	let registers = new Map();
+	let scale = createScale("", NaN);
 	let turn = 0;
 
 	/* First the drive's cyclic values, then its parameters. */
@@ -46,20 +57,22 @@ function createChooser(context, { prefix, words, none, onChange }) {
 		value.disabled = true;
 		if (!name)
 			return;
-		const [known, { values }] = await Promise.all([
+		const [known, { values }, drivesScale] = await Promise.all([
 			context.registers(name),
-			call("Read", { drive: name, names: [] })
+			call("Read", { drive: name, names: [] }),
+			readScale(context, name)
 		]);
 
 		if (mine !== turn)
 			return;
+		scale = drivesScale;
 		const isNumber = (register) => register && register.type !== "text";
 		const options = (list) =>
 			list.map((register) =>
 				element(
 					"option",
 					{ value: register.name },
-					register.name + (register.unit ? ` [${register.unit}]` : "")
+					register.name + (register.unit ? ` [${scale.unit(register)}]` : "")
 				)
 			);
 
@@ -113,6 +126,7 @@ function createChooser(context, { prefix, words, none, onChange }) {
 		fillDrives,
 		fillValues,
 		register: () => registers.get(value.value),
+		scale: () => scale,
 		fields: [createField(words[0], drive), createField(words[1], value)]
 	};
 }
@@ -122,6 +136,7 @@ function createView(root, context, driveName) {
 	const add = createChooser(context, {
 		prefix: "scope-add",
 		words: ["Drive", "Value"],
+		none: "",
 		onChange() {}
 	});
 	const source = createChooser(context, {
@@ -143,7 +158,7 @@ function createView(root, context, driveName) {
 			element(
 				"option",
 				{ value: sign },
-				["is", "is not", "rises above", "falls below"][at]
+				RELATION_WORDS[at]
 			)
 		)
 	);
@@ -154,6 +169,12 @@ function createView(root, context, driveName) {
 		autocomplete: "off",
 		list: codes.id
 	});
+	const unit = element("span", { id: "scope-unit", class: "unit" });
+	const move = element(
+		"button",
+		{ id: "scope-move", type: "button" },
+		"Wait for the next move"
+	);
 	const mode = element(
 		"select",
 		{ id: "scope-mode" },
@@ -196,7 +217,12 @@ function createView(root, context, driveName) {
 	const conditions = [
 		source.fields[1],
 		createField("Condition", relation),
-		createField("Value it waits for", limit)
+		element(
+			"label",
+			{ class: "field", for: limit.id },
+			"Value it waits for",
+			element("span", { class: "with-unit" }, limit, unit)
+		)
 	];
 	const form = element(
 		"form",
@@ -208,8 +234,9 @@ function createView(root, context, driveName) {
 			{ class: "toolbar filters" },
 			createField("Mode", mode),
 			createField("Before, s", before),
-			createField("Behind, s", duration),
+			createField("After, s", duration),
 			start,
+			move,
 			stop,
 			save
 		)
@@ -222,6 +249,7 @@ function createView(root, context, driveName) {
 	let drawnAt = 0;
 	let triggeredAt = 0;
 	let ending = "";
+	let turn = 0; /* of the latest start */
 
 	/* --- settings --- */
 
@@ -268,6 +296,7 @@ function createView(root, context, driveName) {
 		const register = source.register();
 		const bits = hasBits(register);
 
+		setText(unit, register ? source.scale().unit(register) : "");
 		conditions.forEach((each) => {
 			each.hidden = source.drive.value === "";
 		});
@@ -283,15 +312,26 @@ function createView(root, context, driveName) {
 		relation.options[2].disabled = relation.options[3].disabled = bits;
 	}
 
-	/* The server reads it, and marks the samples. */
+	/* The server reads it, and marks the samples. A number is typed in the users' unit, and told in
+	 * the drive's own; names, and what is wrong, are told as they are. */
 	function readTrigger() {
-		const name = source.register()?.name;
+		const register = source.register();
+		const scale = source.scale();
+		const name = register?.name;
 		const typed = limit.value.trim().replace("−", "-");
+		const { value } = register ? parseValue(scale.typed(register), typed) : {};
+		const isScaled = scale.isScaled(register) && typeof value === "number";
+		const told = isScaled ? scale.take(register, value) : typed;
+		const relates = RELATION_WORDS[relation.selectedIndex];
 
 		return {
 			drive: source.drive.value,
 			name,
-			words: `${source.drive.value}.${name}${relation.value}${typed}`
+			words: `${source.drive.value}.${name}${relation.value}${told}`,
+			said: `${source.drive.value}.${name} ${relates} ${`${typed} ${unit.textContent}`.trim()}`,
+			level: typeof value === "number" && Number(told) !== 0 && !register.codes && !hasBits(register)
+				? { unit: scale.unit(register), value: Number(value) }
+				: null
 		};
 	}
 
@@ -305,9 +345,33 @@ function createView(root, context, driveName) {
 		return isWrong;
 	}
 
+	/* A drive moves when its velocity is not 0 any more. */
+	async function waitForMove() {
+		source.drive.value = channels[0]?.drive ?? add.drive.value;
+		await source.fillValues("velocity");
+		relation.value = "!=";
+		limit.value = "0";
+		mode.value = "single";
+		showCondition();
+		await begin();
+	}
+
 	/* --- capturing --- */
 
-	function begin() {
+	/* A drive that has just answered for the first time has its unit only now. */
+	async function scaleChannel({ drive, name, register }) {
+		const scale = await readScale(context, drive);
+
+		return {
+			drive,
+			name,
+			register,
+			unit: scale.unit(register),
+			show: (value) => scale.show(register, value)
+		};
+	}
+
+	async function begin() {
 		const triggered = source.drive.value !== "";
 		const trigger = triggered ? readTrigger() : null;
 
@@ -319,16 +383,22 @@ function createView(root, context, driveName) {
 		}
 		end("");
 		showProblem(null);
-		captured = [...channels];
+		const mine = ++turn;
+		const scaled = await Promise.all(channels.map(scaleChannel));
+
+		/* Another start was pressed, or the page left. */
+		if (mine !== turn)
+			return;
+		captured = scaled;
 		capture = createCapture({
 			mode: triggered ? mode.value : "single",
 			trigger: triggered,
 			beforeUs: triggered ? Number(before.value) * 1e6 : 0,
 			durationUs: Number(duration.value) * 1e6
 		});
-		capture.waitsFor = trigger?.words ?? "the first sample";
+		capture.waitsFor = trigger?.said ?? "the first sample";
 		plot?.destroy();
-		plot = createCapturePlot(captured);
+		plot = createCapturePlot(captured, trigger?.level ?? null);
 		place.replaceChildren(plot.node);
 		const wanted = trigger ? [...captured, trigger] : captured;
 
@@ -408,6 +478,7 @@ function createView(root, context, driveName) {
 		}[state];
 
 		start.hidden = state !== "stopped";
+		move.hidden = start.hidden;
 		stop.hidden = !start.hidden;
 		const parts = shown
 			? [
@@ -422,7 +493,10 @@ function createView(root, context, driveName) {
 		setText(said, `${words} ${parts.join("")}`.trim());
 	}
 
-	addButton.addEventListener("click", () => addChannel(add.drive.value, add.register()));
+	addButton.addEventListener("click", () =>
+		addChannel(add.drive.value, add.register())
+	);
+	move.addEventListener("click", () => waitForMove().catch(context.report));
 	stop.addEventListener("click", () => {
 		end("");
 		start.focus();
@@ -436,7 +510,7 @@ function createView(root, context, driveName) {
 	);
 	form.addEventListener("submit", (event) => {
 		event.preventDefault();
-		begin();
+		begin().catch(context.report);
 	});
 	root.append(
 		element("div", { class: "view-head" }, element("h1", {}, "Oscilloscope")),
@@ -456,7 +530,9 @@ function createView(root, context, driveName) {
 		const known = await context.registers(add.drive.value);
 
 		if (channels.length === 0)
-			FIRST_NAMES.forEach((name) => addChannel(add.drive.value, known.get(name)));
+			FIRST_NAMES.forEach((name) =>
+				addChannel(add.drive.value, known.get(name))
+			);
 	}
 
 	showCondition();
@@ -464,6 +540,7 @@ function createView(root, context, driveName) {
 	fill().catch(context.report);
 	return {
 		close() {
+			turn++;
 			stream?.close();
 			plot?.destroy();
 		}

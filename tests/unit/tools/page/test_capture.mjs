@@ -104,17 +104,17 @@ test("lost samples are counted", () => {
 	assert.equal(run({ mode: "single" }, given).capture.lost, 2);
 });
 
-test("the file is that of drivebridgectl record", () => {
+test("the file has the form of drivebridgectl record, in the users' units", () => {
 	const rows = [
 		{ drive: "feeder", time_us: START - 20012, values: { position: -5, velocity: 0.10000000149011612, on: true } },
 		{ drive: "lift", time_us: START, values: { position: 7, velocity: null, name: 'a "b", c' } },
 	];
-	const channels = [{ drive: "feeder", name: "position", register: POSITION },
-		{ drive: "feeder", name: "velocity", register: { unit: "counts/s" } },
-		{ drive: "feeder", name: "on", register: { unit: "" } }, { drive: "lift", name: "name", register: { unit: "" } }];
+	const channels = [{ drive: "feeder", name: "position", unit: "mm", show: (value) => value / 320 },
+		{ drive: "feeder", name: "velocity", unit: "counts/s" },
+		{ drive: "feeder", name: "on", unit: "" }, { drive: "lift", name: "name", unit: "" }];
 
 	assert.equal(writeCsv({ rows, zeroUs: START }, channels),
-		"time_s,unix_time_s,feeder.position [counts],feeder.velocity [counts/s],feeder.on,lift.name\r\n" +
-		"-0.020012,1795365574.979988,-5,0.100000001,1,\r\n" +
+		"time_s,unix_time_s,feeder.position [mm],feeder.velocity [counts/s],feeder.on,lift.name\r\n" +
+		"-0.020012,1795365574.979988,-0.015625,0.100000001,1,\r\n" +
 		'0.000000,1795365575.000000,,,,"a ""b"", c"\r\n');
 });

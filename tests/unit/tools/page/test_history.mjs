@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { formatClient, readHistory } from "../../../../src/tools/web/page/commands.js";
+import { completeEntry, formatClient, fromBits, readHistory } from "../../../../src/tools/web/page/history.js";
 import { createScale, indexByName } from "../../../../src/tools/web/page/format.js";
 
 const REGISTERS = indexByName([
@@ -30,7 +30,7 @@ test("an entry has the command's own arguments, in people's units", () => {
 
 	assert.equal(entry.command, "move absolute");
 	assert.equal(entry.args, "target position 10 mm, target velocity 2 mm/s");
-	assert.deepEqual([entry.result, entry.sequence, entry.client], ["ok", 7, "drivebridged"]);
+	assert.deepEqual([entry.result, entry.sequence, entry.client], ["ok", 7, "the service itself"]);
 	assert.equal(read({}).args, "");
 });
 
@@ -40,12 +40,47 @@ test("parameter writes, unknown codes and empty entries", () => {
 	assert.equal(read({ timestamp_us: 0 }), null);
 });
 
-test("clients by address, or by their session", () => {
-	assert.equal(formatClient(0xc0a80a05, 49152), "192.168.10.5:49152");
-	assert.equal(formatClient(0xffffffff, 7, "control, user anna"), "control, user anna, session 7");
-	assert.equal(formatClient(0xffffffff, 7, "control, user drivebridge-web", "anna"),
-		"control, user drivebridge-web for anna, session 7");
-	assert.equal(formatClient(0xffffffff, 502, "fd00::5"), "fd00::5 port 502");
-	assert.equal(formatClient(0xffffffff, 7), "control socket, session 7");
-	assert.equal(formatClient(0, 0), "drivebridged");
+test("a written parameter has its name and its new value, and from the trail the one before", () => {
+	const registers = new Map([...REGISTERS, ["acc", { name: "acc", type: "f32", unit: "pulses/s^2", parameter: true,
+		address: 206 }], ["key", { name: "key", type: "u16", parameter: true, address: 9, traits: ["secret"] }]]);
+	const write = (number, value) => readHistory({ history1_timestamp_us: 1e15, history1_command: 0,
+		history1_number: number, history1_value: value, history1_ipv4: 0xffffffff, history1_port: 4,
+		history1_address: "control, user drivebridge-web", history1_user: "anna" }, 1, registers, COMMANDS,
+	createScale("mm", 640));
+	const bits = new DataView(new ArrayBuffer(4));
+
+	bits.setFloat32(0, 99000);
+	const entry = write(206, bits.getUint32(0));
+
+	assert.deepEqual([entry.command, entry.args], ["write acc", "99000 pulses/s^2"]);
+	assert.deepEqual([write(9, 1234).command, write(9, 1234).args], ["write key", ""]);
+	const record = (more) => ({ kind: "write", time_us: 1e15 + 100, values: { acc: [64000, 99000] }, user: "anna",
+		from: "page, 10.0.0.5", ...more });
+	const complete = (...records) => completeEntry(entry, records);
+
+	assert.deepEqual([complete(record({})).args, complete(record({})).client],
+		["64000 pulses/s^2 → 99000 pulses/s^2", "anna (page, 10.0.0.5)"]);
+	/* The nearest in time; none that is too far, or of another parameter. */
+	assert.match(complete(record({ time_us: 1e15 - 2e6, values: { acc: [1, 2] } }), record({})).args, /^64000/);
+	for (const other of [record({ time_us: 1e15 + 6e6 }), record({ values: { dec: [1, 2] } })])
+		assert.deepEqual(complete(other), entry);
+	assert.equal(complete(record({ values: { acc: [null, 99000] } })).args, "99000 pulses/s^2");
+});
+
+test("a value is what its bits say", () => {
+	assert.equal(fromBits({ type: "i32" }, 0xffffffff), -1);
+	assert.equal(fromBits({ type: "i16" }, 0xffff), -1);
+	assert.equal(fromBits({ type: "u16" }, 0xffff), 65535);
+	assert.equal(fromBits({ type: "f32" }, 0x3f800000), 1);
+	assert.equal(fromBits({ type: "u32" }, 7), 7);
+});
+
+test("by whom, in words", () => {
+	assert.equal(formatClient(0xc0a80a05, 49152), "192.168.10.5 (Modbus, port 49152)");
+	assert.equal(formatClient(0xffffffff, 7, "control, user anna"), "user anna of the gateway (session 7)");
+	assert.equal(formatClient(0xffffffff, 7, "control, user drivebridge-web", "anna"), "anna (page, session 7)");
+	assert.equal(formatClient(0xffffffff, 7, "control, user root", "anna"), "anna (through root, session 7)");
+	assert.equal(formatClient(0xffffffff, 502, "fd00::5"), "fd00::5 (Modbus, port 502)");
+	assert.equal(formatClient(0xffffffff, 7), "control socket (session 7)");
+	assert.equal(formatClient(0, 0), "the service itself");
 });
