@@ -183,6 +183,9 @@ class Host(Watcher):
             one.values[metric.name] = value_of(metric, metric.datatype)
             if metric.HasField("template_value") and metric.template_value.is_definition:
                 continue
+            if metric.name == "Node Control/Rebirth":
+                assert not metric.HasField("alias"), "a host without aliases asks for it"
+                continue
             assert metric.HasField("alias")
             owner = self.alias_owner.setdefault(metric.alias, (one.device, metric.name))
             assert owner == (one.device, metric.name), f"alias of {owner}"
@@ -222,7 +225,7 @@ class Host(Watcher):
             name = name.replace("__", "/").replace("_SPACE_", " ")
             known = self.alive.get(device, {}).get(name)
             metric = payload.metrics.add()
-            if known is not None and alias:
+            if known is not None and known.HasField("alias") and alias:
                 metric.alias = known.alias
             else:
                 metric.name = name

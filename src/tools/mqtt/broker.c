@@ -525,7 +525,11 @@ static void say_farewell(struct db_mqtt_broker *broker)
 	                      message.payload, message.qos, message.retained) ||
 	    is_choked(broker))
 		return;
-	(void)mosquitto_disconnect(broker->client);
+	/* With MQTT 5 the will is published, too: whoever has missed the farewell gets that. */
+	(void)mosquitto_disconnect_v5(
+		broker->client,
+		broker->config->version == DB_MQTT_VERSION_5 ? MQTT_RC_DISCONNECT_WITH_WILL_MSG : 0,
+		NULL);
 	if (broker->gate)
 		(void)db_mqtt_gate_send(broker->gate);
 }

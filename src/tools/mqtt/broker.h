@@ -21,8 +21,8 @@ struct db_mqtt_source_ops {
 	/* What the broker publishes when this program is gone: asked for once for each attempt to
 	 * connect. Valid until the next call. False: without memory. */
 	bool (*will)(void *source, struct db_mqtt_message *message);
-	/* What is published before this program leaves on purpose. The broker's will is not
-	 * published then. NULL, or false: nothing, and the broker publishes the will. */
+	/* What is published before this program leaves on purpose; with MQTT 5 the will is, too.
+	 * NULL, or false: nothing but the will. */
 	bool (*farewell)(void *source, struct db_mqtt_message *message);
 	/* The next message to be sent, the same one until one of the two calls below; false: there
 	 * is none now. Valid until the next call of the source. */

@@ -97,6 +97,7 @@ static struct device *find_device(const struct node *node, const char *name)
 
 /* --- the node's own metrics ------------------------------------------------------------------- */
 
+/* Hosts ask for births by the name of that metric, before they know aliases: it has none. */
 static bool add_own(struct db_mqtt_points *points, const char *name, enum db_mqtt_type type,
                     const char *text)
 {
@@ -104,6 +105,7 @@ static bool add_own(struct db_mqtt_points *points, const char *name, enum db_mqt
 	                          &(struct db_mqtt_point){
 					  .kind = DB_MQTT_VALUE,
 					  .name = name,
+					  .named = strcmp(name, REBIRTH) == 0,
 					  .type = type,
 					  .properties = json_pack("{s:s}", "documentation", text),
 				  });
@@ -387,7 +389,6 @@ static enum db_mqtt_kind take(void *form, const char *topic, const void *bytes, 
 {
 	struct node *node = form;
 	const struct device *device;
-	const struct db_mqtt_point *rebirth;
 	bool alive;
 
 	if (strcmp(topic, node->host.topic.text) == 0) {
@@ -395,8 +396,7 @@ static enum db_mqtt_kind take(void *form, const char *topic, const void *bytes, 
 		return DB_MQTT_NOTHING;
 	}
 	if (strcmp(topic, topic_of(node, "NCMD", "").text) == 0) {
-		rebirth = db_mqtt_points_find(node->points, REBIRTH, 0);
-		if (rebirth && db_mqtt_order_asks(bytes, length, REBIRTH, rebirth->alias))
+		if (db_mqtt_order_asks(bytes, length, REBIRTH))
 			node->wants_birth = true;
 		return DB_MQTT_NOTHING;
 	}

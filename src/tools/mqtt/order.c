@@ -165,10 +165,10 @@ static void take_metric(struct order *order, const Spb__FlatPayload *payload,
 {
 	const struct db_mqtt_point *point = NULL;
 
-	if ((metric->name && metric->name[0]) || metric->has_alias)
-		point = db_mqtt_points_find(order->points,
-		                            metric->name && metric->name[0] ? metric->name : NULL,
-		                            (int64_t)metric->alias);
+	if (metric->name && metric->name[0])
+		point = db_mqtt_points_find(order->points, metric->name, 0);
+	else if (metric->has_alias && metric->alias <= INT64_MAX)
+		point = db_mqtt_points_find(order->points, NULL, (int64_t)metric->alias);
 	if (!point) {
 		refuse(order, "it has a metric that the DBIRTH of this drive does not have");
 		return;
@@ -299,7 +299,7 @@ const char *db_mqtt_order_read(const struct db_mqtt_points *points, const json_t
 	return order.wrong;
 }
 
-bool db_mqtt_order_asks(const void *bytes, size_t length, const char *name, int64_t alias)
+bool db_mqtt_order_asks(const void *bytes, size_t length, const char *name)
 {
 	Spb__FlatPayload *payload = length <= DB_MQTT_COMMAND_MAX ?
 	                                    spb__flat_payload__unpack(NULL, length, bytes) :
@@ -308,9 +308,7 @@ bool db_mqtt_order_asks(const void *bytes, size_t length, const char *name, int6
 
 	for (size_t i = 0; payload && i < payload->n_metrics; i++) {
 		const Spb__FlatMetric *metric = payload->metrics[i];
-		bool named = metric->name && metric->name[0] ?
-		                     strcmp(metric->name, name) == 0 :
-		                     metric->has_alias && (int64_t)metric->alias == alias;
+		bool named = metric->name && strcmp(metric->name, name) == 0;
 
 		asks = asks ||
 		       (named && metric->value_case == SPB__FLAT_METRIC__VALUE_BOOLEAN_VALUE &&

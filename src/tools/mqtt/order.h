@@ -19,7 +19,7 @@ const char *db_mqtt_order_read(const struct db_mqtt_points *points, const json_t
                                const void *bytes, size_t length, struct db_mqtt_command *command,
                                bool *alive);
 
-/* True if the payload of an NCMD asks for births: for the metric with this name or alias. */
-bool db_mqtt_order_asks(const void *bytes, size_t length, const char *name, int64_t alias);
+/* True if the payload of an NCMD has true for the metric with this name. */
+bool db_mqtt_order_asks(const void *bytes, size_t length, const char *name);
 
 #endif

@@ -135,7 +135,8 @@ bool db_mqtt_points_add(struct db_mqtt_points *points, const struct db_mqtt_poin
 	added.name = added.texts;
 	added.what = added.name + strlen(added.name) + 1;
 	added.first = added.what + strlen(added.what) + 1;
-	added.alias = take_alias(points->aliases, points->owner, added.name);
+	added.alias = point->named ? DB_MQTT_NO_ALIAS :
+	                             take_alias(points->aliases, points->owner, added.name);
 	points->list[points->count++] = added;
 	return true;
 }
@@ -265,7 +266,7 @@ void db_mqtt_points_write_news(struct db_mqtt_points *points, struct db_mqtt_pay
 		db_mqtt_payload_add(
 			payload,
 			&(struct db_mqtt_metric){
-				.name = member ? point->name : NULL,
+				.name = member || point->named ? point->name : NULL,
 				.alias = member ? DB_MQTT_NO_ALIAS : point->alias,
 				.us = point->us,
 				.type = point->type,

@@ -33,7 +33,8 @@ struct db_mqtt_point {
 	enum db_mqtt_point_kind kind;
 	const char *name;
 	const char *what;
-	int64_t alias;
+	int64_t alias; /* or DB_MQTT_NO_ALIAS */
+	bool named;    /* it has no alias: its name stands for it in all messages */
 	enum db_mqtt_type type;
 	const char *first;  /* of a command: its argument whose value is written to it; "": none */
 	char *texts;        /* memory of the three texts */
