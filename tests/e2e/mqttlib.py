@@ -13,11 +13,12 @@ import time
 from datetime import datetime, timezone
 
 import paho.mqtt.client as paho
+import pytest
 from paho.mqtt.enums import CallbackAPIVersion
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
-from bridgelib import eventually, find_program, free_address, section
+from bridgelib import Path, eventually, find_program, free_address, section
 
 MOSQUITTO = shutil.which("mosquitto", path=os.environ["PATH"] + ":/usr/sbin:/usr/local/sbin")
 
@@ -182,7 +183,7 @@ class Flood:
 class Publisher:
     """drivebridge-mqtt."""
 
-    def __init__(self, place, bridge, broker, broker_keys=None, publish=None, command=None):
+    def __init__(self, place, bridge, broker, broker_keys=None, publish=None, command=None, sparkplug=None):
         self.place = place
         self.log_path = place / "mqtt.log"
         self.config_path = place / "mqtt.conf"
@@ -191,6 +192,7 @@ class Publisher:
             "broker": {"host": broker.host, "port": broker.port, **(broker_keys or {})},
             "publish": {"gateway": "gw", "interval-ms": 50, "state-interval-ms": 50,
                         "figures-interval-s": 1, **(publish or {})},
+            "sparkplug": sparkplug or {},
             "command": command or {},
         }
         self.program = find_program("drivebridge-mqtt")
@@ -237,3 +239,52 @@ class Publisher:
 def now_text(offset=0.0):
     """As commands say when they were sent."""
     return datetime.fromtimestamp(time.time() + offset, timezone.utc).isoformat()
+
+
+class Plant:
+    """All programs of a test; ended and judged behind it."""
+
+    def __init__(self, place, make_bridge):
+        self.place = Path(place)
+        self.make_bridge = make_bridge
+        self.things = []
+
+    def broker(self, config=""):
+        made = Broker(self.place / f"broker{len(self.things)}", config).start()
+        self.things.append(made)
+        return made
+
+    def watcher(self, broker, kind=Watcher, **options):
+        made = kind(broker, **options)
+        self.things.append(made)
+        return made
+
+    def publisher(self, bridge, broker, **options):
+        made = Publisher(self.place, bridge, broker, **options)
+        self.things.append(made)
+        return made
+
+    def finish(self):
+        problems = []
+        for thing in reversed(self.things):
+            if isinstance(thing, Publisher):
+                problems += thing.finish()
+            elif isinstance(thing, Watcher):
+                thing.close()
+            else:
+                thing.stop(signal.SIGKILL)
+        return problems
+
+    def print_logs(self):
+        for path in [*self.place.glob("*.log"), *self.place.glob("*/broker.log")]:
+            print(f"--- {path.name}\n{path.read_text(errors='replace')[-6000:]}")
+
+
+@pytest.fixture(name="plant")
+def plant_fixture(request, tmp_path, make_bridge):
+    made = Plant(tmp_path, make_bridge)
+    yield made
+    problems = made.finish()
+    if problems or getattr(request.node, "failed", False):
+        made.print_logs()
+    assert not problems, problems

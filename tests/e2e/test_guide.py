@@ -48,6 +48,8 @@ FOREIGN = {
     "reference",
     # commands of drivebridgectl
     "jog", "run", "watch", "events", "metrics", "scan", "traces", "record",
+    # Sparkplug
+    "buffered", "dropped", "software", "engUnit", "engLow", "engHigh", "documentation", "is_null", "true", "Quality",
     # topics and words of drivebridge-mqtt, and what is in its messages
     "drivebridge-mqtt", "online", "no-service", "offline", "state", "changes", "about", "time", "alive", "id",
     "values", "figures", "certificate_ends_s", "good", "uncertain", "bad", "null", "retain", "write", "hint", "act",

@@ -15,57 +15,8 @@ from types import SimpleNamespace
 import pytest
 from bridgelib import ROOT, Path, eventually
 from holdlib import Hand
-from mqttlib import Broker, Flood, Publisher, Watcher, now_text
+from mqttlib import Broker, Flood, Plant, Publisher, Watcher, now_text, plant_fixture
 from relay import Relay
-
-
-class Plant:
-    """All programs of a test; ended and judged behind it."""
-
-    def __init__(self, place, make_bridge):
-        self.place = Path(place)
-        self.make_bridge = make_bridge
-        self.things = []
-
-    def broker(self, config=""):
-        made = Broker(self.place / f"broker{len(self.things)}", config).start()
-        self.things.append(made)
-        return made
-
-    def watcher(self, broker, **options):
-        made = Watcher(broker, **options)
-        self.things.append(made)
-        return made
-
-    def publisher(self, bridge, broker, **options):
-        made = Publisher(self.place, bridge, broker, **options)
-        self.things.append(made)
-        return made
-
-    def finish(self):
-        problems = []
-        for thing in reversed(self.things):
-            if isinstance(thing, Publisher):
-                problems += thing.finish()
-            elif isinstance(thing, Watcher):
-                thing.close()
-            else:
-                thing.stop(signal.SIGKILL)
-        return problems
-
-    def print_logs(self):
-        for path in [*self.place.glob("*.log"), *self.place.glob("*/broker.log")]:
-            print(f"--- {path.name}\n{path.read_text(errors='replace')[-6000:]}")
-
-
-@pytest.fixture
-def plant(request, tmp_path, make_bridge):
-    made = Plant(tmp_path, make_bridge)
-    yield made
-    problems = made.finish()
-    if problems or getattr(request.node, "failed", False):
-        made.print_logs()
-    assert not problems, problems
 
 
 @pytest.fixture(scope="session")

@@ -30,12 +30,19 @@ enum state {
 	CONNECTED,
 };
 
+/* What is remembered of each of the brokers. */
+struct place {
+	char told[256]; /* last logged error; "" while it is connected */
+};
+
 struct db_mqtt_broker {
 	const struct db_mqtt_config *config;
-	const char *will;
-	struct db_mqtt_outbox *outbox;
+	const struct db_mqtt_source_ops *source_ops;
+	void *source;
 	const struct db_mqtt_broker_ops *ops;
 	void *context;
+	struct place *places; /* those of the configuration, in its order */
+	size_t place;         /* of the broker that this is connected to, or tried next */
 	struct db_mqtt_tls_files *files; /* NULL without TLS */
 	struct mosquitto *client;        /* a new one for each connection */
 	struct db_mqtt_gate *gate;       /* of that client; NULL with TLS */
@@ -48,13 +55,12 @@ struct db_mqtt_broker {
 	bool accepted;     /* the library has reported it in this turn */
 	char why[256];     /* why it is not connected; "" */
 	char library[256]; /* the library's error messages */
-	char told[256];    /* last logged error; "" while it is connected */
 	char refused[256]; /* the last topic logged as refused */
 	struct db_mqtt_broker_stats stats;
 };
 
-struct db_mqtt_broker *db_mqtt_broker_new(const struct db_mqtt_config *config, const char *will,
-                                          struct db_mqtt_outbox *outbox,
+struct db_mqtt_broker *db_mqtt_broker_new(const struct db_mqtt_config *config,
+                                          const struct db_mqtt_source_ops *source_ops, void *source,
                                           const struct db_mqtt_broker_ops *ops, void *context)
 {
 	struct db_mqtt_broker *broker = calloc(1, sizeof(*broker));
@@ -63,30 +69,17 @@ struct db_mqtt_broker *db_mqtt_broker_new(const struct db_mqtt_config *config, c
 		return NULL;
 	(void)mosquitto_lib_init();
 	broker->config = config;
-	broker->will = will;
-	broker->outbox = outbox;
+	broker->source_ops = source_ops;
+	broker->source = source;
 	broker->ops = ops;
 	broker->context = context;
-	if (config->tls) {
+	broker->places = calloc(config->address_count, sizeof(*broker->places));
+	if (config->tls)
 		broker->files = db_mqtt_tls_files_new(config);
-		if (!broker->files) {
-			db_mqtt_broker_free(broker);
-			return NULL;
-		}
-	}
-	return broker;
-}
-
-void db_mqtt_broker_free(struct db_mqtt_broker *broker)
-{
-	if (!broker)
-		return;
-	/* Without a DISCONNECT, so that the broker publishes the will. */
-	mosquitto_destroy(broker->client);
-	db_mqtt_gate_close(broker->gate);
-	db_mqtt_tls_files_free(broker->files);
-	(void)mosquitto_lib_cleanup();
-	free(broker);
+	if (broker->places && (broker->files || !config->tls))
+		return broker;
+	db_mqtt_broker_free(broker);
+	return NULL;
 }
 
 /* --- callbacks of the library ----------------------------------------------------------------- */
@@ -178,7 +171,7 @@ static void on_publish(struct mosquitto *client, void *data, int number, int cod
 	if (number == broker->urgent)
 		broker->urgent = 0;
 	else
-		db_mqtt_outbox_confirm(broker->outbox, number);
+		broker->source_ops->confirmed(broker->source, number);
 }
 
 static void on_subscribe(struct mosquitto *client, void *data, int number, int count,
@@ -213,22 +206,36 @@ static void on_message(struct mosquitto *client, void *data,
 
 /* --- connecting ------------------------------------------------------------------------------- */
 
+static const struct db_mqtt_address *address_of(const struct db_mqtt_broker *broker)
+{
+	return &broker->config->addresses[broker->place];
+}
+
 /* Closes the connection, and logs the reason once. */
 static void give_up(struct db_mqtt_broker *broker, db_time now)
 {
+	const struct db_mqtt_address *address = address_of(broker);
+	struct place *place = &broker->places[broker->place];
 	bool was_connected = broker->state == CONNECTED;
 
-	if (was_connected || strcmp(broker->why, broker->told) != 0)
+	if (was_connected || strcmp(broker->why, place->told) != 0)
 		db_client_log(DB_CLIENT_WARNING,
 		              "no connection to the broker %s, port %u: %s; it is tried again",
-		              broker->config->host, broker->config->port, broker->why);
-	memcpy(broker->told, broker->why, sizeof(broker->told));
+		              address->host, address->port, broker->why);
+	memcpy(place->told, broker->why, sizeof(place->told));
 	mosquitto_destroy(broker->client);
 	broker->client = NULL;
 	db_mqtt_gate_close(broker->gate);
 	broker->gate = NULL;
 	broker->state = AWAY;
-	db_mqtt_retry_fail(&broker->retry, now, (unsigned)rand());
+	broker->place = (broker->place + 1) % broker->config->address_count;
+	/* The others are tried at once, but for the spread of a fleet that has lost the same
+	 * broker. */
+	if (was_connected)
+		db_mqtt_retry_lose(&broker->retry, now, broker->config->spread_s * DB_NS_PER_S,
+		                   broker->config->address_count > 1, (unsigned)rand());
+	else if (broker->place == 0)
+		db_mqtt_retry_fail(&broker->retry, now, (unsigned)rand());
 	if (was_connected)
 		broker->ops->lost(broker->context);
 }
@@ -261,8 +268,11 @@ static void fail(struct db_mqtt_broker *broker, int result, int cause, db_time n
 static int set_up(struct db_mqtt_broker *broker)
 {
 	const struct db_mqtt_config *config = broker->config;
+	struct db_mqtt_message will;
 	int result;
 
+	if (!broker->source_ops->will(broker->source, &will))
+		return MOSQ_ERR_NOMEM;
 	mosquitto_log_callback_set(broker->client, on_log);
 	mosquitto_connect_v5_callback_set(broker->client, on_connect);
 	mosquitto_disconnect_v5_callback_set(broker->client, on_disconnect);
@@ -275,8 +285,8 @@ static int set_up(struct db_mqtt_broker *broker)
 	if (!result)
 		result = mosquitto_int_option(broker->client, MOSQ_OPT_TCP_NODELAY, 1);
 	if (!result)
-		result = mosquitto_will_set(broker->client, broker->will, 7, "offline",
-		                            config->qos ? 1 : 0, true);
+		result = mosquitto_will_set(broker->client, will.topic, (int)will.length,
+		                            will.payload, will.qos, will.retained);
 	if (!result && config->user[0])
 		result = mosquitto_username_pw_set(broker->client, config->user,
 		                                   config->password[0] ? config->password : NULL);
@@ -298,8 +308,8 @@ static int limit_packets(struct db_mqtt_broker *broker)
 	                                          DB_MQTT_PACKET_MAX);
 
 	if (!result)
-		(void)mosquitto_connect_bind_v5(broker->client, broker->config->host,
-		                                (int)broker->config->port, 1, NULL, properties);
+		(void)mosquitto_connect_bind_v5(broker->client, address_of(broker)->host,
+		                                (int)address_of(broker)->port, 1, NULL, properties);
 	mosquitto_property_free_all(&properties);
 	return result;
 }
@@ -323,7 +333,8 @@ static void start(struct db_mqtt_broker *broker, db_time now)
 		result = limit_packets(broker);
 	errno = 0;
 	if (!result)
-		result = mosquitto_connect_async(broker->client, config->host, (int)config->port,
+		result = mosquitto_connect_async(broker->client, address_of(broker)->host,
+		                                 (int)address_of(broker)->port,
 		                                 (int)config->keepalive_s);
 	if (result) {
 		fail(broker, result, errno, now);
@@ -392,23 +403,22 @@ static bool flush(struct db_mqtt_broker *broker, db_time now)
 }
 
 /* As much as the broker accepts. */
-static void send_outbox(struct db_mqtt_broker *broker, db_time now)
+static void send_messages(struct db_mqtt_broker *broker, db_time now)
 {
-	int qos = broker->config->qos ? 1 : 0;
 	struct db_mqtt_message message;
 
-	while (!is_choked(broker) && db_mqtt_outbox_next(broker->outbox, &message)) {
-		size_t length = strlen(message.payload);
+	while (!is_choked(broker) && broker->source_ops->next(broker->source, now, &message)) {
 		int number = 0;
 		int result;
 
 		errno = 0;
-		result = mosquitto_publish(broker->client, &number, message.topic, (int)length,
-		                           message.payload, qos, message.retained);
+		result = mosquitto_publish(broker->client, &number, message.topic,
+		                           (int)message.length, message.payload, message.qos,
+		                           message.retained);
 		/* A message that this broker can never accept is not repeated. */
 		if (result == MOSQ_ERR_OVERSIZE_PACKET || result == MOSQ_ERR_PAYLOAD_SIZE) {
 			broker->stats.refused++;
-			db_mqtt_outbox_sent_for_good(broker->outbox);
+			broker->source_ops->refused(broker->source);
 			continue;
 		}
 		if (result) {
@@ -416,11 +426,8 @@ static void send_outbox(struct db_mqtt_broker *broker, db_time now)
 			return;
 		}
 		broker->stats.sent++;
-		broker->stats.bytes += strlen(message.topic) + length;
-		if (qos > 0)
-			db_mqtt_outbox_sent(broker->outbox, number);
-		else
-			db_mqtt_outbox_sent_for_good(broker->outbox);
+		broker->stats.bytes += strlen(message.topic) + message.length;
+		broker->source_ops->sent(broker->source, message.qos > 0 ? number : 0, now);
 		if (!flush(broker, now))
 			return;
 	}
@@ -498,13 +505,56 @@ static void serve(struct db_mqtt_broker *broker, short revents, db_time now)
 		return;
 	broker->state = CONNECTED;
 	broker->stats.connections++;
-	broker->told[0] = '\0';
+	broker->places[broker->place].told[0] = '\0';
 	db_mqtt_retry_succeed(&broker->retry);
-	db_mqtt_outbox_start_over(broker->outbox);
 	db_client_log(DB_CLIENT_NOTICE, "connected to the broker %s, port %u%s",
-	              broker->config->host, broker->config->port,
+	              address_of(broker)->host, address_of(broker)->port,
 	              broker->config->tls ? ", with TLS" : "");
 	broker->ops->connected(broker->context);
+}
+
+/* Publishes the farewell and ends the session, as far as there is room for both at once. Without
+ * room the broker publishes the will. */
+static void say_farewell(struct db_mqtt_broker *broker)
+{
+	struct db_mqtt_message message;
+
+	if (broker->state != CONNECTED || is_choked(broker) || !broker->source_ops->farewell ||
+	    !broker->source_ops->farewell(broker->source, &message) ||
+	    mosquitto_publish(broker->client, NULL, message.topic, (int)message.length,
+	                      message.payload, message.qos, message.retained) ||
+	    is_choked(broker))
+		return;
+	/* With MQTT 5 the will is published, too: whoever has missed the farewell gets that. */
+	(void)mosquitto_disconnect_v5(
+		broker->client,
+		broker->config->version == DB_MQTT_VERSION_5 ? MQTT_RC_DISCONNECT_WITH_WILL_MSG : 0,
+		NULL);
+	if (broker->gate)
+		(void)db_mqtt_gate_send(broker->gate);
+}
+
+void db_mqtt_broker_free(struct db_mqtt_broker *broker)
+{
+	if (!broker)
+		return;
+	say_farewell(broker);
+	/* Without a farewell also without a DISCONNECT, so that the broker publishes the will. */
+	mosquitto_destroy(broker->client);
+	db_mqtt_gate_close(broker->gate);
+	db_mqtt_tls_files_free(broker->files);
+	free(broker->places);
+	(void)mosquitto_lib_cleanup();
+	free(broker);
+}
+
+void db_mqtt_broker_leave(struct db_mqtt_broker *broker, const char *why, db_time now)
+{
+	if (broker->state != CONNECTED)
+		return;
+	say_farewell(broker);
+	set_reason(broker, "%s", why);
+	give_up(broker, now);
 }
 
 void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time now)
@@ -529,7 +579,7 @@ void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time
 	if (broker->state != AWAY && broker->state != CONNECTING && !flush(broker, now))
 		return;
 	if (broker->state == CONNECTED)
-		send_outbox(broker, now);
+		send_messages(broker, now);
 }
 
 void db_mqtt_broker_renew(struct db_mqtt_broker *broker)
@@ -548,11 +598,11 @@ void db_mqtt_broker_look(struct db_mqtt_broker *broker, int64_t us)
 		db_mqtt_tls_files_look(broker->files, us);
 }
 
-void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter, int qos)
+void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter, int qos, bool kept)
 {
-	int result = mosquitto_subscribe_v5(
-		broker->client, NULL, filter, qos,
-		MQTT_SUB_OPT_RETAIN_AS_PUBLISHED | MQTT_SUB_OPT_SEND_RETAIN_NEVER, NULL);
+	int options = MQTT_SUB_OPT_RETAIN_AS_PUBLISHED |
+	              (kept ? MQTT_SUB_OPT_SEND_RETAIN_ALWAYS : MQTT_SUB_OPT_SEND_RETAIN_NEVER);
+	int result = mosquitto_subscribe_v5(broker->client, NULL, filter, qos, options, NULL);
 
 	if (result)
 		db_client_log(DB_CLIENT_ERROR, "cannot subscribe to %s: %s", filter,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The connection to the broker, with libmosquitto in the caller's event loop. Connects by itself,
- * and again after a loss, and sends the messages of the outbox. One thread, no threads of the
+ * The connection to a broker, with libmosquitto in the caller's event loop. Connects by itself, and
+ * again after a loss, to several brokers in turn, and sends the messages of its source. One thread, no threads of the
  * library; it only waits to resolve the broker's name, if that is not an address.
  */
 #ifndef DRIVEBRIDGE_MQTT_BROKER_H
@@ -9,12 +9,30 @@
 
 #include "drivebridge/time.h"
 #include "mqtt/config.h"
-#include "mqtt/outbox.h"
+#include "mqtt/message.h"
 
 #include <poll.h>
 #include <stdint.h>
 
 struct db_mqtt_broker;
+
+/* Where the messages come from that are sent. */
+struct db_mqtt_source_ops {
+	/* What the broker publishes when this program is gone: asked for once for each attempt to
+	 * connect. Valid until the next call. False: without memory. */
+	bool (*will)(void *source, struct db_mqtt_message *message);
+	/* What is published before this program leaves on purpose; with MQTT 5 the will is, too.
+	 * NULL, or false: nothing but the will. */
+	bool (*farewell)(void *source, struct db_mqtt_message *message);
+	/* The next message to be sent, the same one until one of the two calls below; false: there
+	 * is none now. Valid until the next call of the source. */
+	bool (*next)(void *source, db_time now, struct db_mqtt_message *message);
+	/* It was sent with this number, whose confirmation will be reported; 0: it needs none. */
+	void (*sent)(void *source, int number, db_time now);
+	/* This broker can never accept it. */
+	void (*refused)(void *source);
+	void (*confirmed)(void *source, int number);
+};
 
 struct db_mqtt_broker_ops {
 	/* Before anything is sent over a new connection: the place for
@@ -36,11 +54,11 @@ struct db_mqtt_broker_stats {
 	int64_t certificate_ends;
 };
 
-/* `will` is the topic where the broker publishes "offline" when this program is gone. Config and
- * outbox must outlive it. NULL without memory, or with a file that cannot be used; freed with db_mqtt_broker_free(), NULL is allowed:
- * then the will is published. */
-struct db_mqtt_broker *db_mqtt_broker_new(const struct db_mqtt_config *config, const char *will,
-                                          struct db_mqtt_outbox *outbox,
+/* Config, source and both tables must outlive it. NULL without memory, or with a file that cannot be
+ * used; freed with db_mqtt_broker_free(), NULL is allowed: then the farewell or the will is
+ * published. */
+struct db_mqtt_broker *db_mqtt_broker_new(const struct db_mqtt_config *config,
+                                          const struct db_mqtt_source_ops *source_ops, void *source,
                                           const struct db_mqtt_broker_ops *ops, void *context);
 void db_mqtt_broker_free(struct db_mqtt_broker *broker);
 
@@ -58,9 +76,14 @@ void db_mqtt_broker_renew(struct db_mqtt_broker *broker);
  * 1970-01-01 UTC. */
 void db_mqtt_broker_look(struct db_mqtt_broker *broker, int64_t us);
 
-/* Subscribes to messages of this filter, without retained ones. Quality of service 0: each at most
- * once; 1: none is lost while the connection lasts. */
-void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter, int qos);
+/* Subscribes to messages of this filter. `kept`: also to those that the broker has retained.
+ * Quality of service 0: each at most once; 1: none is lost while the connection lasts. */
+void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter, int qos,
+                              bool kept);
+
+/* Leaves this broker for the next one, or for a new connection when there is one only. Does nothing
+ * without a connection. The reason is logged. */
+void db_mqtt_broker_leave(struct db_mqtt_broker *broker, const char *why, db_time now);
 
 /* Sends at once, past the outbox, with quality of service 1. Does nothing without a connection or
  * room, or while the broker has not confirmed the former one. */

@@ -64,14 +64,16 @@ json_t *db_mqtt_collect_names(const struct db_mqtt_config *config,
 	json_t *names = json_pack("[s,s]", "quality", "timestamp_us");
 
 	for (size_t i = 0; i < count; i++) {
+		json_t *chosen = db_mqtt_choose_registers(config, drives[i].registers);
 		size_t place;
 		const json_t *reg;
 
-		json_array_foreach(drives[i].registers, place, reg)
+		json_array_foreach(chosen, place, reg)
 		{
 			if (!db_client_has_text(names, db_client_text(reg, "name")))
 				(void)json_array_append(names, json_object_get(reg, "name"));
 		}
+		json_decref(chosen);
 	}
 	for (const char *at = config->values.names; at && *at; at += strlen(at) + 1) {
 		if (!db_client_has_text(names, at))
@@ -79,4 +81,23 @@ json_t *db_mqtt_collect_names(const struct db_mqtt_config *config,
 			              at);
 	}
 	return names;
+}
+
+bool db_mqtt_choice_allows(const struct db_mqtt_config *config, const char *drive,
+                           const char *command, bool stops)
+{
+	/* Where topics have a name in the end, those of buttons have none. */
+	struct db_grant grant = { .role = config->senders == DB_MQTT_SENDERS_TOPIC ?
+		                                  DB_ROLE_OBSERVER :
+		                                  db_mqtt_config_role(config),
+		                  .stops = true,
+		                  .drives = "*" };
+	const char *needed = drive;
+	unsigned word = config->allow.word;
+	bool allowed = word == DB_MQTT_ALLOW_ALL || (word == DB_MQTT_ALLOW_STOP && stops) ||
+	               (word == DB_SETTING_NAMED && db_setting_list_has(&config->allow, command));
+
+	return allowed && db_grant_has(&grant, db_may_of_command(command, &needed), needed) &&
+	       (config->command_drives.word != DB_SETTING_NAMED ||
+	        db_setting_list_has(&config->command_drives, drive));
 }

@@ -17,4 +17,8 @@ json_t *db_mqtt_choose_registers(const struct db_mqtt_config *config, const json
 json_t *db_mqtt_collect_names(const struct db_mqtt_config *config,
                               const struct db_plant_drive *drives, size_t count);
 
+/* Whether the configuration lets somebody without a name give this command to the drive. */
+bool db_mqtt_choice_allows(const struct db_mqtt_config *config, const char *drive,
+                           const char *command, bool stops);
+
 #endif

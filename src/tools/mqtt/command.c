@@ -22,11 +22,10 @@ static bool read_id(const json_t *json, char id[DB_MQTT_ID_MAX + 1])
 	return false;
 }
 
-/* A first check; the service decides. */
-static bool is_user(const json_t *json)
+bool db_mqtt_command_user_is_good(const json_t *user)
 {
-	const char *text = json_string_value(json);
-	size_t length = json_string_length(json);
+	const char *text = json_string_value(user);
+	size_t length = json_string_length(user);
 
 	if (!text || length == 0 || length > DB_MQTT_USER_MAX)
 		return false;
@@ -65,7 +64,7 @@ static const char *read_members(struct db_mqtt_command *command)
 	    (!json_is_string(time) || !db_mqtt_moment_read(json_string_value(time), &command->us)))
 		return "time is a text such as 2026-03-01T12:00:00Z";
 	command->timed = time != NULL;
-	if (user && !is_user(user))
+	if (user && !db_mqtt_command_user_is_good(user))
 		return "user is a text of 1 to 32 bytes";
 	command->user = user ? json_string_value(user) : "";
 	if (token && !json_is_string(token))

@@ -43,6 +43,9 @@ const char *db_mqtt_command_parse(const char *text, size_t length, const json_t 
  * "stop". */
 const char *db_mqtt_command_parse_stop(const char *text, size_t length, const json_t *stops,
                                        struct db_mqtt_command *command);
+
+/* A first check of a user's name, which may be NULL; the service decides. */
+bool db_mqtt_command_user_is_good(const json_t *user);
 void db_mqtt_command_clear(struct db_mqtt_command *command);
 
 #endif

@@ -30,12 +30,12 @@ static bool is_topic(const char *text, bool levels)
 	       (levels || !strchr(text, '/'));
 }
 
-static void check_topic(struct db_settings *settings, const char *name, const char *text,
-                        bool levels)
+static void check_topic(struct db_settings *settings, const char *section, const char *name,
+                        const char *text, bool levels)
 {
 	if (!is_topic(text, levels))
 		db_messages_add_error(
-			settings->messages, db_settings_line(settings, "publish", name),
+			settings->messages, db_settings_line(settings, section, name),
 			"%s = %s cannot be a part of topics: no + and #, no $ first, no "
 			"empty level%s",
 			name, text, levels ? "" : ", no /");
@@ -93,12 +93,68 @@ static void read_password(struct db_settings *settings)
 		add_out_of_memory(settings);
 }
 
+/* HOST, HOST:PORT or [ADDRESS]:PORT, where an address may have colons. Without memory, or with a
+ * port that is none, this is an error. */
+static void add_address(struct db_settings *settings, const char *text)
+{
+	struct db_mqtt_config *config = settings->values;
+	struct db_mqtt_address *grown = reallocarray(config->addresses, config->address_count + 1,
+	                                             sizeof(*config->addresses));
+	bool bracket = text[0] == '[';
+	size_t length = bracket ? strcspn(++text, "]") : strlen(text);
+	const char *colon = bracket ? (text[length] ? text + length + 1 : "") : strchr(text, ':');
+	unsigned long port = config->port;
+	char *end = NULL;
+	char *host;
+
+	/* gcc's analyzer does not see that the configuration has it now. */
+	if (grown)
+		config->addresses = grown;
+	/* Without brackets a second colon is a part of an address. */
+	if (!bracket && colon && strchr(colon + 1, ':'))
+		colon = NULL;
+	if (!bracket && colon)
+		length = (size_t)(colon - text);
+	if (colon && colon[0] == ':') {
+		errno = 0;
+		port = strtoul(colon + 1, &end, 10);
+	}
+	if (length == 0 || (bracket && text[length] != ']') || (colon && colon[0] && !end) ||
+	    (end && (end == colon + 1 || *end || errno || colon[1] < '0' || colon[1] > '9')) ||
+	    port < 1 || port > 65535)
+		db_messages_add_error(
+			settings->messages, db_settings_line(settings, "broker", "others"),
+			"others: '%s' is no HOST or HOST:PORT", bracket ? text - 1 : text);
+	host = grown ? strndup(text, length) : NULL;
+	if (host)
+		config->addresses[config->address_count++] =
+			(struct db_mqtt_address){ .host = host, .port = (unsigned)port };
+	else
+		add_out_of_memory(settings);
+}
+
+static void list_addresses(struct db_settings *settings)
+{
+	struct db_mqtt_config *config = settings->values;
+
+	config->addresses = calloc(1, sizeof(*config->addresses));
+	if (config->addresses)
+		config->addresses[0] = (struct db_mqtt_address){ strdup(config->host),
+			                                         config->port };
+	config->address_count = config->addresses != NULL;
+	if (!config->addresses || !config->addresses[0].host)
+		add_out_of_memory(settings);
+	for (const char *at = config->others.names; at && *at; at += strlen(at) + 1)
+		add_address(settings, at);
+}
+
 static void check_broker(struct db_settings *settings)
 {
 	struct db_mqtt_config *config = settings->values;
 
 	if (config->port == 0)
 		config->port = config->tls ? 8883 : 1883;
+	list_addresses(settings);
 	db_settings_check_certificate(settings, "broker", config->certificate_file,
 	                              config->key_file);
 	if (config->password_file[0] && !config->user[0])
@@ -146,6 +202,39 @@ static void check_values(struct db_settings *settings)
 		                      "values has %zu names; %d at most", count, VALUES_MAX);
 }
 
+static void check_sparkplug(struct db_settings *settings)
+{
+	const struct db_mqtt_config *config = settings->values;
+	static const char *const keys[] = { "group", "primary-host", "templates" };
+
+	check_topic(settings, "sparkplug", "group", config->group, false);
+	if (config->primary_host[0])
+		check_topic(settings, "sparkplug", "primary-host", config->primary_host, false);
+	for (size_t i = 0; i < sizeof(keys) / sizeof(keys[0]); i++) {
+		unsigned line = db_settings_line(settings, "sparkplug", keys[i]);
+
+		if (line > 0 && config->payload != DB_MQTT_PAYLOAD_SPARKPLUG)
+			db_messages_add_error(settings->messages, line,
+			                      "%s is for payload = sparkplug", keys[i]);
+	}
+	if (config->payload != DB_MQTT_PAYLOAD_SPARKPLUG)
+		return;
+	if (config->senders == DB_MQTT_SENDERS_TOPIC)
+		db_messages_add_error(
+			settings->messages, db_settings_line(settings, "command", "senders"),
+			"senders = topic does not go with payload = sparkplug, whose topics have no "
+			"place for a user");
+	if (config->time == DB_MQTT_TIME_OPTIONAL)
+		db_messages_add_error(
+			settings->messages, db_settings_line(settings, "command", "time"),
+			"time = optional does not go with payload = sparkplug: a command without its "
+			"time could not be told from one that comes twice");
+	if (config->discovery)
+		db_messages_add_error(settings->messages,
+		                      db_settings_line(settings, "publish", "discovery"),
+		                      "discovery announces texts; payload = sparkplug has none");
+}
+
 static void check_whole(struct db_settings *settings, const void *host_name)
 {
 	struct db_mqtt_config *config = settings->values;
@@ -156,9 +245,10 @@ static void check_whole(struct db_settings *settings, const void *host_name)
 	set_if_empty(settings, &config->client_id, "drivebridge-", config->gateway);
 	if (!config->gateway || !config->client_id)
 		return;
-	check_topic(settings, "gateway", config->gateway, false);
-	check_topic(settings, "prefix", config->prefix, true);
-	check_topic(settings, "discovery-prefix", config->discovery_prefix, true);
+	check_topic(settings, "publish", "gateway", config->gateway, false);
+	check_topic(settings, "publish", "prefix", config->prefix, true);
+	check_topic(settings, "publish", "discovery-prefix", config->discovery_prefix, true);
+	check_sparkplug(settings);
 	if (db_mqtt_config_commands(config) && config->version != DB_MQTT_VERSION_5)
 		db_messages_add_error(
 			settings->messages, db_settings_line(settings, "broker", "mqtt-version"),
@@ -166,13 +256,16 @@ static void check_whole(struct db_settings *settings, const void *host_name)
 			"published as a retained one");
 }
 
-static void clear_password(void *values)
+static void clear_added(void *values)
 {
 	struct db_mqtt_config *config = values;
 
 	if (config->password)
 		explicit_bzero(config->password, strlen(config->password));
 	free(config->password);
+	for (size_t i = 0; i < config->address_count; i++)
+		free(config->addresses[i].host);
+	free(config->addresses);
 }
 
 enum db_role db_mqtt_config_role(const struct db_mqtt_config *config)
@@ -185,10 +278,10 @@ enum db_role db_mqtt_config_role(const struct db_mqtt_config *config)
 
 const struct db_settings_form db_mqtt_form = {
 	.keys = db_mqtt_keys,
-	.sections = "service, broker, publish and command",
+	.sections = "service, broker, publish, sparkplug and command",
 	.size = sizeof(struct db_mqtt_config),
 	.check = check_whole,
-	.clear = clear_password,
+	.clear = clear_added,
 };
 
 bool db_mqtt_config_commands(const struct db_mqtt_config *config)

@@ -15,12 +15,23 @@ enum { DB_MQTT_VERSION_5, DB_MQTT_VERSION_3_1_1 };
 enum { DB_MQTT_TIME_REQUIRED, DB_MQTT_TIME_OPTIONAL };
 enum { DB_MQTT_ROLE_OBSERVER, DB_MQTT_ROLE_OPERATOR, DB_MQTT_ROLE_ENGINEER };
 enum { DB_MQTT_SENDERS_OFF, DB_MQTT_SENDERS_TOPIC };
+enum { DB_MQTT_PAYLOAD_JSON, DB_MQTT_PAYLOAD_SPARKPLUG };
+
+/* Where a broker listens. */
+struct db_mqtt_address {
+	char *host;
+	unsigned port; /* never 0 */
+};
 
 struct db_mqtt_config {
 	char *socket;
 
 	char *host;
 	unsigned port; /* never 0 */
+	struct db_setting_list others;
+	/* From host, port and others: all brokers, in the order in which they are tried. */
+	struct db_mqtt_address *addresses;
+	size_t address_count; /* at least 1 */
 	unsigned version;
 	unsigned tls;
 	char *ca_file;
@@ -31,7 +42,9 @@ struct db_mqtt_config {
 	char *password_file;
 	char *password; /* read from the file; "": none */
 	unsigned keepalive_s;
+	unsigned spread_s;
 
+	unsigned payload;
 	char *gateway; /* never "" */
 	char *prefix;
 	struct db_setting_list drives;
@@ -46,6 +59,10 @@ struct db_mqtt_config {
 	unsigned buffer_kib;
 	unsigned discovery;
 	char *discovery_prefix;
+
+	char *group;
+	char *primary_host; /* "": none */
+	unsigned templates;
 
 	struct db_setting_list allow;
 	struct db_setting_list command_drives;

@@ -2,6 +2,7 @@
 #include "mqtt/discovery.h"
 
 #include "drivebridge/version.h"
+#include "mqtt/choice.h"
 #include "mqtt/command.h"
 #include "mqtt/topics.h"
 
@@ -197,32 +198,13 @@ static void put_value(const struct announcement *announcement, const char *name,
 		put_bits(announcement, name, topic.text, codes);
 }
 
-static bool is_allowed(const struct db_mqtt_config *config, const char *drive, const char *command,
-                       bool stops)
-{
-	/* Where topics have a name in the end, those of buttons have none. */
-	struct db_grant grant = { .role = config->senders == DB_MQTT_SENDERS_TOPIC ?
-		                                  DB_ROLE_OBSERVER :
-		                                  db_mqtt_config_role(config),
-		                  .stops = true,
-		                  .drives = "*" };
-	const char *needed = drive;
-	unsigned word = config->allow.word;
-	bool allowed = word == DB_MQTT_ALLOW_ALL || (word == DB_MQTT_ALLOW_STOP && stops) ||
-	               (word == DB_SETTING_NAMED && db_setting_list_has(&config->allow, command));
-
-	return allowed && db_grant_has(&grant, db_may_of_command(command, &needed), needed) &&
-	       (config->command_drives.word != DB_SETTING_NAMED ||
-	        db_setting_list_has(&config->command_drives, drive));
-}
-
 static void put_button(const struct announcement *announcement, const char *command, bool stops)
 {
 	const struct db_mqtt_config *config = announcement->config;
 	const char *drive = db_mqtt_picture_name(announcement->picture);
 	char message[192];
 
-	if (!announcement->withdraw && !is_allowed(config, drive, command, stops))
+	if (!announcement->withdraw && !db_mqtt_choice_allows(config, drive, command, stops))
 		return;
 	(void)snprintf(message, sizeof(message),
 	               "{\"id\":\"{{ utcnow().timestamp() }}\",\"time\":\"{{ utcnow().isoformat() "

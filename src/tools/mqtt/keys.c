@@ -16,6 +16,10 @@ const struct db_setting db_mqtt_keys[] = {
 	{ DB_NUMBER_SETTING("broker", "port", "", 1, 65535, "",
 	                    "TCP port of the broker; 1883, or 8883 with tls, when not given"),
 	  AT(port) },
+	{ DB_LIST_SETTING("broker", "others", "none", "none",
+	                  "More brokers, each as HOST or HOST:PORT: when one cannot be reached or is lost, the next one is tried, and "
+	                  "behind the last one host again. All other keys hold for each of them"),
+	  AT(others) },
 	{ DB_WORD_SETTING("broker", "mqtt-version", "5", "5 3.1.1",
 	                  "Version of the protocol; commands need 5, because only there a message shows that it was published "
 	                  "as a retained one"),
@@ -46,7 +50,15 @@ const struct db_setting db_mqtt_keys[] = {
 	                    "Longest silence of the connection before the broker is asked whether it is there; it counts as lost "
 	                    "after as long again"),
 	  AT(keepalive_s) },
+	{ DB_NUMBER_SETTING("broker", "spread-s", "0", 0, 3600, "s",
+	                    "After a lost connection a random time up to this is waited for before the next one: where hundreds of "
+	                    "gateways have lost one broker, they do not all come back at once"),
+	  AT(spread_s) },
 
+	{ DB_WORD_SETTING("publish", "payload", "json", "json sparkplug",
+	                  "What is published: texts under the topics of prefix, or Sparkplug B 3.0 under those of spBv1.0; "
+	                  "then gateway is the name of the edge node, each drive is a device, and the section sparkplug counts"),
+	  AT(payload) },
 	{ DB_TEXT_SETTING("publish", "gateway", "", 1, 64,
 	                  "Name of this gateway in the topics; the machine's host name when not given"),
 	  AT(gateway) },
@@ -90,6 +102,18 @@ const struct db_setting db_mqtt_keys[] = {
 	{ DB_TEXT_SETTING("publish", "discovery-prefix", "homeassistant", 1, 64,
 	                  "Topic under which it looks for announcements"),
 	  AT(discovery_prefix) },
+
+	{ DB_TEXT_SETTING("sparkplug", "group", "drivebridge", 1, 64,
+	                  "The group of the edge node, a part of its topics"),
+	  AT(group) },
+	{ DB_TEXT_SETTING("sparkplug", "primary-host", "", 1, 64,
+	                  "The host application that must be there: without it nothing is published but kept, and sent as historical "
+	                  "when it is there again; with several brokers the next one is tried. None when not given"),
+	  AT(primary_host) },
+	{ DB_WORD_SETTING("sparkplug", "templates", "off", "off on",
+	                  "Whether the values of a drive are published as one metric, an instance of its family's template; off: each "
+	                  "value is a metric of its own"),
+	  AT(templates) },
 
 	{ DB_LIST_SETTING("command", "allow", "none", "none stop all",
 	                  "Which commands are taken from the broker, by their names; stop: stop, quick_stop and disable. The service decides "

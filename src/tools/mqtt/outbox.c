@@ -208,6 +208,7 @@ bool db_mqtt_outbox_next(struct db_mqtt_outbox *outbox, struct db_mqtt_message *
 			                             .payload = lane->first->payload };
 	else
 		return false;
+	message->length = strlen(message->payload);
 	return true;
 }
 

@@ -5,41 +5,35 @@
 #include "client/log.h"
 #include "client/plant.h"
 #include "client/program.h"
-#include "drivebridge/version.h"
 #include "mqtt/acting.h"
 #include "mqtt/admission.h"
 #include "mqtt/broker.h"
 #include "mqtt/choice.h"
-#include "mqtt/discovery.h"
-#include "mqtt/moment.h"
-#include "mqtt/outbox.h"
-#include "mqtt/picture.h"
+#include "mqtt/node.h"
+#include "mqtt/plain.h"
 #include "mqtt/ration.h"
 #include "mqtt/senders.h"
 #include "mqtt/topics.h"
-#include "mqtt/trouble.h"
-#include "users/users.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define BYTES_PER_KIB 1024
+static const struct db_mqtt_form_ops *const forms[] = {
+	[DB_MQTT_PAYLOAD_JSON] = &db_mqtt_plain,
+	[DB_MQTT_PAYLOAD_SPARKPLUG] = &db_mqtt_node,
+};
 
 struct db_mqtt_publisher {
 	sd_event *loop;
 	const struct db_mqtt_config *config;
-	struct db_mqtt_topic status;
-	struct db_mqtt_outbox *outbox;
+	const struct db_mqtt_form_ops *ops;
+	void *form;
 	struct db_mqtt_broker *broker;
 	struct db_waker broker_waker;
 	struct db_plant *plant;
 	struct db_mqtt_acting *acting;
 	struct db_mqtt_senders *senders;
-	struct db_mqtt_picture **pictures;
-	size_t picture_count;
-	json_t *buses; /* those with retained messages: as in Describe */
-	db_time now;   /* of this turn; also the next one */
-	int64_t us;
 	db_time figures_at;
 	db_time echo_at;    /* DB_TIME_NEVER without a connection, or without commands */
 	db_time echoed;     /* when the latest returned echo was sent */
@@ -53,86 +47,22 @@ struct db_mqtt_publisher {
 	bool warned;       /* of the service, which lets this program command nothing */
 	struct db_client_log_ration refusals;
 	uint64_t skipped;      /* samples that the service left out */
-	uint64_t dropped_told; /* of the outbox, when it was last logged */
+	uint64_t dropped_told; /* messages, when it was last logged */
 };
 
-static void publish(struct db_mqtt_publisher *publisher, struct db_mqtt_topic topic, char *text,
-                    bool retained)
-{
-	if (text && retained)
-		db_mqtt_outbox_set_retained(publisher->outbox, topic.text, text);
-	else if (text)
-		db_mqtt_outbox_add_sample(publisher->outbox, DB_MQTT_USUAL, topic.text, text);
-	free(text);
-}
-
-/* Takes the object over. */
-static void publish_json(struct db_mqtt_publisher *publisher, struct db_mqtt_topic topic,
-                         json_t *object, enum db_mqtt_lane lane)
-{
-	char *text = object ? db_mqtt_picture_dump(object) : NULL;
-
-	if (text)
-		db_mqtt_outbox_add_sample(publisher->outbox, lane, topic.text, text);
-	free(text);
-	json_decref(object);
-}
-
-/* The same, retained by the broker. */
-static void publish_retained(struct db_mqtt_publisher *publisher, struct db_mqtt_topic topic,
-                             json_t *object)
-{
-	publish(publisher, topic, object ? db_mqtt_picture_dump(object) : NULL, true);
-	json_decref(object);
-}
-
-static struct db_mqtt_topic topic_of(const struct db_mqtt_publisher *publisher, const char *leaf)
+static struct db_mqtt_topic echo_topic(const struct db_mqtt_publisher *publisher)
 {
 	return db_mqtt_topic_of_gateway(publisher->config->prefix, publisher->config->gateway,
-	                                leaf);
+	                                "echo");
 }
 
-static struct db_mqtt_topic topic_of_drive(const struct db_mqtt_publisher *publisher,
-                                           const char *drive, const char *leaf)
-{
-	return db_mqtt_topic_of_drive(publisher->config->prefix, publisher->config->gateway, drive,
-	                              leaf);
-}
-
-static struct db_mqtt_topic topic_of_bus(const struct db_mqtt_publisher *publisher, const char *bus,
-                                         const char *leaf)
-{
-	return db_mqtt_topic_of_bus(publisher->config->prefix, publisher->config->gateway, bus,
-	                            leaf);
-}
-
-/* --- drives ----------------------------------------------------------------------------------- */
-
-static struct db_mqtt_picture *find_picture(const struct db_mqtt_publisher *publisher,
-                                            const char *drive)
-{
-	for (size_t i = 0; i < publisher->picture_count; i++) {
-		if (strcmp(db_mqtt_picture_name(publisher->pictures[i]), drive) == 0)
-			return publisher->pictures[i];
-	}
-	return NULL;
-}
+/* --- the plant -------------------------------------------------------------------------------- */
 
 static void on_sample(void *context, const json_t *sample, int64_t us)
 {
 	struct db_mqtt_publisher *publisher = context;
-	const struct db_mqtt_config *config = publisher->config;
-	const char *drive = db_client_text(sample, "drive");
-	struct db_mqtt_picture *picture = find_picture(publisher, drive);
 
-	if (!picture)
-		return;
-	publish(publisher, topic_of_drive(publisher, drive, "changes"),
-	        db_mqtt_picture_take(picture, json_object_get(sample, "values"), us), false);
-	if (db_mqtt_picture_state_is_due(picture, config->state_interval_ms * DB_NS_PER_MS,
-	                                 config->refresh_s * DB_NS_PER_S, db_client_now()))
-		publish(publisher, topic_of_drive(publisher, drive, "state"),
-		        db_mqtt_picture_write_state(picture), true);
+	publisher->ops->sample(publisher->form, sample, us);
 }
 
 static void on_skipped(void *context, int64_t count)
@@ -142,59 +72,6 @@ static void on_skipped(void *context, int64_t count)
 	publisher->skipped += (uint64_t)count;
 }
 
-static void publish_document(void *context, const char *topic, const char *text)
-{
-	const struct db_mqtt_publisher *publisher = context;
-
-	db_mqtt_outbox_set_retained(publisher->outbox, topic, text);
-}
-
-static void forget_pictures(struct db_mqtt_publisher *publisher)
-{
-	for (size_t i = 0; i < publisher->picture_count; i++)
-		db_mqtt_picture_free(publisher->pictures[i]);
-	free(publisher->pictures);
-	publisher->pictures = NULL;
-	publisher->picture_count = 0;
-}
-
-/* Removes the retained messages of drives and buses that no longer exist. */
-static void withdraw_missing(struct db_mqtt_publisher *publisher, const json_t *description)
-{
-	static const char *const of_drive[] = { "about", "state", "trouble" };
-	static const char *const of_bus[] = { "figures", "trouble" };
-	const json_t *drives = json_object_get(description, "drives");
-	json_t *buses = json_object_get(description, "buses");
-	size_t b;
-	const json_t *bus;
-
-	for (size_t i = 0; i < publisher->picture_count; i++) {
-		const char *name = db_mqtt_picture_name(publisher->pictures[i]);
-
-		if (db_client_named(drives, name))
-			continue;
-		if (publisher->config->discovery)
-			db_mqtt_discovery_announce(publisher->config, publisher->pictures[i],
-			                           db_plant_stops(publisher->plant), true,
-			                           publish_document, publisher);
-		for (size_t l = 0; l < sizeof(of_drive) / sizeof(of_drive[0]); l++)
-			db_mqtt_outbox_set_retained(
-				publisher->outbox,
-				topic_of_drive(publisher, name, of_drive[l]).text, "");
-	}
-	json_array_foreach(publisher->buses, b, bus)
-	{
-		const char *name = db_client_text(bus, "name");
-
-		for (size_t l = 0; !db_client_named(buses, name) && l < 2; l++)
-			db_mqtt_outbox_set_retained(publisher->outbox,
-			                            topic_of_bus(publisher, name, of_bus[l]).text,
-			                            "");
-	}
-	json_decref(publisher->buses);
-	publisher->buses = json_incref(buses);
-}
-
 static void choose_drives(void *context, json_t *description)
 {
 	const struct db_mqtt_publisher *publisher = context;
@@ -202,12 +79,12 @@ static void choose_drives(void *context, json_t *description)
 	db_mqtt_choose_drives(publisher->config, json_object_get(description, "drives"));
 }
 
-static json_t *choose_registers(void *context, const char *drive, json_t *received, bool commands)
+static json_t *keep(void *context, const char *drive, json_t *received, bool commands)
 {
 	const struct db_mqtt_publisher *publisher = context;
 
 	(void)drive;
-	return commands ? json_null() : db_mqtt_choose_registers(publisher->config, received);
+	return publisher->ops->keep(publisher->form, received, commands);
 }
 
 /* Begins the stream of the published values. */
@@ -240,25 +117,8 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
 	publisher->service = service;
 	/* Services of before have no audit trail. */
 	db_mqtt_acting_set_audit(publisher->acting, json_object_get(description, "audit_trouble"));
-	withdraw_missing(publisher, description);
-	forget_pictures(publisher);
-	publisher->pictures = calloc(count + 1, sizeof(struct db_mqtt_picture *));
-	for (size_t i = 0; publisher->pictures && i < count; i++) {
-		struct db_mqtt_picture *picture = db_mqtt_picture_new(drives[i].description,
-		                                                      drives[i].registers);
-
-		if (!picture)
-			continue;
-		publisher->pictures[publisher->picture_count++] = picture;
-		publish(publisher,
-		        topic_of_drive(publisher, db_mqtt_picture_name(picture), "about"),
-		        db_mqtt_picture_write_about(picture), true);
-		if (publisher->config->discovery)
-			db_mqtt_discovery_announce(publisher->config, picture,
-			                           db_plant_stops(publisher->plant), false,
-			                           publish_document, publisher);
-	}
-	db_mqtt_outbox_set_retained(publisher->outbox, publisher->status.text, "online");
+	publisher->ops->found(publisher->form, description, drives, count,
+	                      db_plant_stops(publisher->plant));
 	if (db_mqtt_config_commands(publisher->config) && !publisher->warned &&
 	    !json_is_true(json_object_get(description, "may_act"))) {
 		db_client_log(
@@ -268,7 +128,7 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
 		publisher->warned = true;
 	}
 	db_client_log(DB_CLIENT_NOTICE, "connected to drivebridged %s; drives: %zu",
-	              version ? version : "", publisher->picture_count);
+	              version ? version : "", count);
 	subscribe(publisher, drives, count);
 }
 
@@ -276,96 +136,46 @@ static void on_troubles(void *context, const struct db_client_troubles *troubles
                         const json_t *news)
 {
 	struct db_mqtt_publisher *publisher = context;
-	size_t i;
-	const json_t *record;
 
-	json_array_foreach(json_object_get(news, "drives"), i, record)
-	{
-		const char *drive = db_client_text(record, "drive");
-
-		if (find_picture(publisher, drive))
-			publish_retained(publisher, topic_of_drive(publisher, drive, "trouble"),
-			                 db_mqtt_trouble_write(record));
-	}
-	json_array_foreach(json_object_get(news, "buses"), i, record) publish_retained(
-		publisher, topic_of_bus(publisher, db_client_text(record, "bus"), "trouble"),
-		db_mqtt_trouble_write(record));
-	publish_retained(publisher, topic_of(publisher, "trouble"),
-	                 json_pack("{s:b, s:o}", "well", troubles->well, "configuration",
-	                           db_mqtt_trouble_write(troubles->configuration)));
+	publisher->ops->troubles(publisher->form, troubles, news);
 }
 
-/* Old values must not pass for current ones. */
 static void on_lost(void *context)
 {
 	struct db_mqtt_publisher *publisher = context;
-	size_t i;
-	const json_t *bus;
 
-	db_mqtt_outbox_set_retained(publisher->outbox, publisher->status.text, "no-service");
-	for (i = 0; i < publisher->picture_count; i++) {
-		struct db_mqtt_picture *picture = publisher->pictures[i];
-		const char *drive = db_mqtt_picture_name(picture);
-
-		publish(publisher, topic_of_drive(publisher, drive, "changes"),
-		        db_mqtt_picture_forget(picture, db_client_wall_us()), false);
-		publish(publisher, topic_of_drive(publisher, drive, "state"),
-		        db_mqtt_picture_write_state(picture), true);
-		publish_retained(publisher, topic_of_drive(publisher, drive, "trouble"),
-		                 db_mqtt_trouble_write(NULL));
-	}
-	json_array_foreach(publisher->buses, i, bus) publish_retained(
-		publisher, topic_of_bus(publisher, db_client_text(bus, "name"), "trouble"),
-		db_mqtt_trouble_write(NULL));
-	publish_retained(
-		publisher, topic_of(publisher, "trouble"),
-		json_pack("{s:n, s:o}", "well", "configuration", db_mqtt_trouble_write(NULL)));
+	publisher->ops->lost(publisher->form);
 }
-
-/* --- the rest --------------------------------------------------------------------------------- */
 
 static void on_event(void *context, json_t *event)
 {
 	struct db_mqtt_publisher *publisher = context;
 
-	publish_json(publisher, topic_of(publisher, "event"), db_mqtt_trouble_write_event(event),
-	             DB_MQTT_PROMPT);
+	publisher->ops->event(publisher->form, event);
 }
 
-static void on_figures(void *context, json_t *buses)
+static void on_bus_figures(void *context, json_t *buses)
 {
 	struct db_mqtt_publisher *publisher = context;
-	const char *bus;
-	json_t *figures;
 
-	json_object_foreach(buses, bus, figures) publish_retained(
-		publisher, topic_of_bus(publisher, bus, "figures"),
-		json_pack("{s:o, s:O}", "time", db_mqtt_moment_describe(db_client_wall_us()),
-	                  "values", figures));
+	publisher->ops->bus_figures(publisher->form, buses);
 }
 
 static void publish_figures(struct db_mqtt_publisher *publisher)
 {
-	struct db_mqtt_outbox_stats outbox = db_mqtt_outbox_read_stats(publisher->outbox);
-	struct db_mqtt_broker_stats broker = db_mqtt_broker_read_stats(publisher->broker);
+	const struct db_mqtt_figures figures = {
+		.broker = db_mqtt_broker_read_stats(publisher->broker),
+		.skipped = publisher->skipped,
+		.left_out = publisher->left_out,
+	};
+	uint64_t dropped = publisher->ops->waiting(publisher->form).dropped;
 
-	publish_retained(
-		publisher, topic_of(publisher, "figures"),
-		json_pack("{s:o, s:s, s:{s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:o*}}",
-	                  "time", db_mqtt_moment_describe(db_client_wall_us()), "version",
-	                  DB_VERSION, "values", "connections", (json_int_t)broker.connections,
-	                  "sent", (json_int_t)broker.sent, "bytes", (json_int_t)broker.bytes,
-	                  "refused", (json_int_t)broker.refused, "dropped",
-	                  (json_int_t)outbox.dropped, "buffered", (json_int_t)outbox.messages,
-	                  "buffered_bytes", (json_int_t)outbox.bytes, "skipped",
-	                  (json_int_t)publisher->skipped, "left_out",
-	                  (json_int_t)publisher->left_out, "certificate_ends_s",
-	                  broker.certificate_ends ? json_integer(broker.certificate_ends) : NULL));
-	if (outbox.dropped > publisher->dropped_told)
+	publisher->ops->figures(publisher->form, &figures);
+	if (dropped > publisher->dropped_told)
 		db_client_log(DB_CLIENT_WARNING,
 		              "the buffer is full: %llu messages more dropped, the oldest first",
-		              (unsigned long long)(outbox.dropped - publisher->dropped_told));
-	publisher->dropped_told = outbox.dropped;
+		              (unsigned long long)(dropped - publisher->dropped_told));
+	publisher->dropped_told = dropped;
 	publisher->figures_at = db_client_now() +
 	                        publisher->config->figures_interval_s * DB_NS_PER_S;
 }
@@ -393,7 +203,7 @@ static void send_echo(struct db_mqtt_publisher *publisher)
 			config->keepalive_s);
 	(void)snprintf(text, sizeof(text), "%u %lld", publisher->echo_mark,
 	               (long long)db_client_now());
-	db_mqtt_broker_send_now(publisher->broker, topic_of(publisher, "echo").text, text);
+	db_mqtt_broker_send_now(publisher->broker, echo_topic(publisher).text, text);
 	publisher->echo_at = db_client_now() + config->age_ms * DB_NS_PER_MS / 4;
 }
 
@@ -404,6 +214,7 @@ static void on_broker_connected(void *context)
 
 	/* The number of dropped samples is published before the first late values. */
 	publish_figures(publisher);
+	publisher->ops->connected(publisher->form, publisher->broker);
 	if (!db_mqtt_config_commands(config))
 		return;
 	publisher->echo_mark = (unsigned)rand();
@@ -411,24 +222,8 @@ static void on_broker_connected(void *context)
 	publisher->echo_at = db_client_now();
 	publisher->heard = db_client_now();
 	publisher->subscribed = db_client_now();
-	/* The echo and stops must not be dropped in a flood; other commands are better dropped than
-	 * late. */
-	db_mqtt_broker_subscribe(publisher->broker, topic_of(publisher, "echo").text, 1);
-	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "stop").text, 1);
-	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "command").text,
-	                         0);
-	if (config->senders == DB_MQTT_SENDERS_OFF) {
-		db_mqtt_broker_subscribe(publisher->broker,
-		                         topic_of_drive(publisher, "+", "alive").text, 0);
-		return;
-	}
-	/* Topics without a name are received, too: their senders may only stop, and are told so. */
-	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "stop/+").text,
-	                         1);
-	db_mqtt_broker_subscribe(publisher->broker,
-	                         topic_of_drive(publisher, "+", "command/+").text, 0);
-	db_mqtt_broker_subscribe(publisher->broker, topic_of_drive(publisher, "+", "alive/+").text,
-	                         0);
+	/* A dropped echo would look like a lost broker. */
+	db_mqtt_broker_subscribe(publisher->broker, echo_topic(publisher).text, 1, false);
 }
 
 /* Senders of commands cannot stop a drive any more: the drives lose their client. */
@@ -437,13 +232,13 @@ static void on_broker_lost(void *context)
 	struct db_mqtt_publisher *publisher = context;
 
 	publisher->echo_at = DB_TIME_NEVER;
+	publisher->ops->disconnected(publisher->form);
 	(void)db_mqtt_acting_drop(publisher->acting);
 }
 
 static void publish_result(void *context, const struct db_mqtt_outcome *outcome)
 {
 	struct db_mqtt_publisher *publisher = context;
-	json_t *object;
 
 	/* A flood of refused commands must not delay other results. */
 	if (outcome->refused && !db_mqtt_ration_take(&publisher->answers, outcome->drive,
@@ -451,35 +246,16 @@ static void publish_result(void *context, const struct db_mqtt_outcome *outcome)
 		publisher->left_out++;
 		return;
 	}
-	object = json_pack("{s:o, s:s, s:s, s:s}", "time",
-	                   db_mqtt_moment_describe(db_client_wall_us()), "id", outcome->id,
-	                   "command", outcome->command, "result", outcome->result);
-	if (object && outcome->repeated)
-		(void)json_object_set_new(object, "repeated", json_true());
-	if (object && outcome->why[0])
-		(void)json_object_set_new(object, "reason", json_string(outcome->why));
-	publish_json(publisher, topic_of_drive(publisher, outcome->drive, "result"), object,
-	             outcome->refused ? DB_MQTT_LAST : DB_MQTT_PROMPT);
+	publisher->ops->result(publisher->form, outcome);
 }
 
-/* The name in the topic is the sender's, whatever the message says. NULL, or the mistake. */
-static const char *take_sender(const struct db_mqtt_publisher *publisher,
-                               struct db_mqtt_command *command, const char *sender,
-                               const char *wrong)
+static void handle_command(struct db_mqtt_publisher *publisher,
+                           const struct db_mqtt_received *received, bool retained)
 {
-	if (publisher->config->senders == DB_MQTT_SENDERS_OFF)
-		return wrong;
-	if (!wrong && !command->stops && command->user[0] && strcmp(command->user, sender) != 0)
-		wrong = "it names another user than its topic";
-	/* Others cannot be users, and could look like something else in the audit trail. */
-	command->user = db_users_name_is_good(sender) ? sender : "";
-	return wrong;
-}
-
-static void handle_command(struct db_mqtt_publisher *publisher, struct db_mqtt_command *command,
-                           const char *wrong, const char *drive, const char *sender, bool retained)
-{
-	const struct db_grant grant = db_mqtt_senders_grant(publisher->senders, sender);
+	const struct db_mqtt_command *command = &received->command;
+	const char *drive = received->drive;
+	const char *wrong = received->wrong;
+	const struct db_grant grant = db_mqtt_senders_grant(publisher->senders, received->sender);
 	const struct db_mqtt_arrival arrival = {
 		.drive = drive,
 		.grant = &grant,
@@ -515,22 +291,11 @@ static void handle_command(struct db_mqtt_publisher *publisher, struct db_mqtt_c
 		                       "drive %s: a command from the broker is refused: %s", drive,
 		                       refusal.why);
 		publish_result(publisher, &refusal);
-	} else {
-		db_mqtt_acting_run(publisher->acting, drive, command,
-		                   db_mqtt_admission_left_ms(publisher->config, command, &arrival),
-		                   arrival.now);
+		return;
 	}
-	db_mqtt_command_clear(command);
-}
-
-static bool is_leaf(const struct db_mqtt_publisher *publisher, const char *topic, const char *leaf,
-                    char drive[DB_MQTT_NAME_MAX], char sender[DB_MQTT_TOPIC_MAX])
-{
-	const struct db_mqtt_config *config = publisher->config;
-
-	return db_mqtt_topic_is_of_drive(topic, config->prefix, config->gateway, leaf, drive,
-	                                 sender) &&
-	       (sender[0] == '\0' || config->senders == DB_MQTT_SENDERS_TOPIC);
+	db_mqtt_acting_run(publisher->acting, drive, command,
+	                   db_mqtt_admission_left_ms(publisher->config, command, &arrival),
+	                   arrival.now);
 }
 
 /* Only he who has commanded the drive keeps it going, and as long as he may. */
@@ -544,38 +309,42 @@ static void feed(struct db_mqtt_publisher *publisher, const char *drive, const c
 		                    db_client_now());
 }
 
+static void take_echo(struct db_mqtt_publisher *publisher, const char *text, db_time now)
+{
+	unsigned mark;
+	long long sent;
+
+	if (sscanf(text, "%u %lld", &mark, &sent) == 2 && mark == publisher->echo_mark &&
+	    sent > publisher->echoed && sent <= now)
+		publisher->echoed = sent;
+}
+
 static void on_message(void *context, const char *topic, const char *text, size_t length,
                        bool retained)
 {
 	struct db_mqtt_publisher *publisher = context;
 	db_time now = db_client_now();
 	bool current = now - publisher->echoed <= publisher->config->age_ms * DB_NS_PER_MS;
-	const json_t *stops = db_plant_stops(publisher->plant);
-	struct db_mqtt_command command;
-	char drive[DB_MQTT_NAME_MAX];
-	char sender[DB_MQTT_TOPIC_MAX];
-	const char *wrong;
-	unsigned mark;
-	long long sent;
+	struct db_mqtt_received received = { .wrong = NULL };
 
 	publisher->heard = now;
-	if (strcmp(topic, topic_of(publisher, "echo").text) == 0) {
-		if (sscanf(text, "%u %lld", &mark, &sent) == 2 && mark == publisher->echo_mark &&
-		    sent > publisher->echoed && sent <= now)
-			publisher->echoed = sent;
-	} else if (is_leaf(publisher, topic, "command", drive, sender) &&
-	           find_picture(publisher, drive)) {
-		wrong = db_mqtt_command_parse(text, length, stops, &command);
-		wrong = take_sender(publisher, &command, sender, wrong);
-		handle_command(publisher, &command, wrong, drive, sender, retained);
-	} else if (is_leaf(publisher, topic, "stop", drive, sender) &&
-	           find_picture(publisher, drive)) {
-		wrong = db_mqtt_command_parse_stop(text, length, stops, &command);
-		wrong = take_sender(publisher, &command, sender, wrong);
-		handle_command(publisher, &command, wrong, drive, sender, retained);
-	} else if (is_leaf(publisher, topic, "alive", drive, sender) && current && !retained) {
-		feed(publisher, drive, sender);
+	if (strcmp(topic, echo_topic(publisher).text) == 0) {
+		take_echo(publisher, text, now);
+		return;
 	}
+	switch (publisher->ops->take(publisher->form, topic, text, length,
+	                             db_plant_stops(publisher->plant), &received)) {
+	case DB_MQTT_COMMAND:
+		handle_command(publisher, &received, retained);
+		break;
+	case DB_MQTT_ALIVE:
+		if (current && !retained)
+			feed(publisher, received.drive, received.sender);
+		break;
+	case DB_MQTT_NOTHING:
+		break;
+	}
+	db_mqtt_command_clear(&received.command);
 }
 
 /* --- its life --------------------------------------------------------------------------------- */
@@ -584,13 +353,13 @@ struct db_mqtt_publisher *db_mqtt_publisher_new(sd_event *loop, const struct db_
 {
 	static const struct db_plant_ops plant_ops = {
 		.choose = choose_drives,
-		.keep = choose_registers,
+		.keep = keep,
 		.found = on_found,
 		.lost = on_lost,
 		.sample = on_sample,
 		.skipped = on_skipped,
 		.event = on_event,
-		.figures = on_figures,
+		.figures = on_bus_figures,
 		.troubles = on_troubles,
 	};
 	static const struct db_mqtt_broker_ops broker_ops = {
@@ -611,23 +380,20 @@ struct db_mqtt_publisher *db_mqtt_publisher_new(sd_event *loop, const struct db_
 		return NULL;
 	publisher->loop = loop;
 	publisher->config = config;
-	publisher->status = topic_of(publisher, "status");
-	publisher->outbox = db_mqtt_outbox_new(config->buffer_messages,
-	                                       (size_t)config->buffer_kib * BYTES_PER_KIB);
-	if (publisher->outbox)
-		publisher->broker = db_mqtt_broker_new(config, publisher->status.text,
-		                                       publisher->outbox, &broker_ops, publisher);
+	publisher->ops = forms[config->payload];
+	publisher->form = publisher->ops->open(config);
+	if (publisher->form)
+		publisher->broker = db_mqtt_broker_new(config, &publisher->ops->source,
+		                                       publisher->form, &broker_ops, publisher);
 	publisher->plant = db_plant_new(loop, &wishes, &plant_ops, publisher);
 	publisher->acting = db_mqtt_acting_new(loop, config->socket, publish_result, publisher);
 	publisher->senders = db_mqtt_senders_new(config);
 	publisher->echo_at = DB_TIME_NEVER;
-	if (!publisher->outbox || !publisher->broker || !publisher->plant || !publisher->acting ||
-	    !publisher->senders) {
-		db_mqtt_publisher_free(publisher);
-		return NULL;
-	}
-	db_mqtt_outbox_set_retained(publisher->outbox, publisher->status.text, "no-service");
-	return publisher;
+	if (publisher->form && publisher->broker && publisher->plant && publisher->acting &&
+	    publisher->senders)
+		return publisher;
+	db_mqtt_publisher_free(publisher);
+	return NULL;
 }
 
 void db_mqtt_publisher_free(struct db_mqtt_publisher *publisher)
@@ -639,9 +405,7 @@ void db_mqtt_publisher_free(struct db_mqtt_publisher *publisher)
 	db_mqtt_senders_free(publisher->senders);
 	db_plant_free(publisher->plant);
 	db_mqtt_broker_free(publisher->broker);
-	db_mqtt_outbox_free(publisher->outbox);
-	forget_pictures(publisher);
-	json_decref(publisher->buses);
+	publisher->ops->close(publisher->form);
 	free(publisher);
 }
 
@@ -658,22 +422,20 @@ db_time db_mqtt_publisher_turn(void *context, db_time now, int64_t us)
 	short happened = (short)db_waker_take(&publisher->broker_waker);
 	struct pollfd watched;
 	db_time due;
-	db_time broker_due;
 
 	db_mqtt_broker_look(publisher->broker, us);
 	due = db_plant_tend(publisher->plant, now);
 	if (now >= publisher->figures_at)
 		publish_figures(publisher);
-	if (now >= publisher->echo_at)
+	if (now >= publisher->echo_at && publisher->ops->is_open(publisher->form))
 		send_echo(publisher);
 	db_mqtt_broker_handle(publisher->broker, happened, now);
+	due = db_time_min(due, publisher->ops->turn(publisher->form, publisher->broker, now));
 	watched = db_mqtt_broker_watch(publisher->broker);
 	db_waker_arm(&publisher->broker_waker, publisher->loop, watched.fd,
 	             (uint32_t)watched.events);
-	broker_due = db_mqtt_broker_due(publisher->broker);
-	if (broker_due < due)
-		due = broker_due;
-	if (publisher->echo_at < due)
-		due = publisher->echo_at;
-	return publisher->figures_at < due ? publisher->figures_at : due;
+	due = db_time_min(due, db_mqtt_broker_due(publisher->broker));
+	if (publisher->ops->is_open(publisher->form))
+		due = db_time_min(due, publisher->echo_at);
+	return db_time_min(due, publisher->figures_at);
 }

@@ -9,6 +9,16 @@ void db_mqtt_retry_fail(struct db_mqtt_retry *retry, db_time now, unsigned chanc
 	retry->due = now + retry->wait + retry->wait / 2 * (chance % 1000) / 1000;
 }
 
+void db_mqtt_retry_lose(struct db_mqtt_retry *retry, db_time now, db_time spread, bool others,
+                        unsigned chance)
+{
+	if (others)
+		*retry = (struct db_mqtt_retry){ .due = now };
+	else
+		db_mqtt_retry_fail(retry, now, chance);
+	retry->due += spread / 1000 * (chance / 1000 % 1000);
+}
+
 void db_mqtt_retry_succeed(struct db_mqtt_retry *retry)
 {
 	*retry = (struct db_mqtt_retry){ .due = 0 };

@@ -5,6 +5,8 @@
 
 #include "drivebridge/time.h"
 
+#include <stdbool.h>
+
 #define DB_MQTT_RETRY_FIRST (1 * DB_NS_PER_S)
 #define DB_MQTT_RETRY_LONGEST (60 * DB_NS_PER_S)
 
@@ -16,6 +18,11 @@ struct db_mqtt_retry {
 /* `chance` adds up to half of the time, so that not all gateways of a plant return to their broker
  * at once. */
 void db_mqtt_retry_fail(struct db_mqtt_retry *retry, db_time now, unsigned chance);
+
+/* A connection is lost: the first attempt after it. `spread`: a random part of it is waited for in
+ * addition. `others`: there is another one to try, at once but for the spread. */
+void db_mqtt_retry_lose(struct db_mqtt_retry *retry, db_time now, db_time spread, bool others,
+                        unsigned chance);
 void db_mqtt_retry_succeed(struct db_mqtt_retry *retry);
 
 #endif

@@ -92,7 +92,7 @@ static void test_errors_with_their_lines(void **state)
 	       "tls the name that its certificate has\n"
 	       "mqtt.conf:1: section broker has no name, but 'x' was given; write broker {\n");
 	expect("broker { host = b }\ndrive { }",
-	       "mqtt.conf:2: unknown section 'drive'; there are service, broker, publish and command\n");
+	       "mqtt.conf:2: unknown section 'drive'; there are service, broker, publish, sparkplug and command\n");
 	expect("broker { host = b }\nservice { sockt = a }",
 	       "mqtt.conf:2: unknown key 'sockt' in section service; there are: socket\n");
 	expect("broker { host = b }\ncommand { allow = some }",
@@ -209,10 +209,71 @@ static void test_the_installed_file_shows_all(void **state)
 	}
 }
 
+static void test_several_brokers(void **state)
+{
+	static const struct {
+		const char *host;
+		unsigned port;
+	} expected[] = { { "10.0.0.2", 1884 }, { "10.0.0.3", 1884 }, { "b.example", 1885 },
+		         { "fe80::1", 1884 },  { "fe80::2", 1886 },  { "fe80::3", 1884 } };
+	struct db_mqtt_config config;
+
+	(void)state;
+	assert_true(db_settings_parse(
+		&db_mqtt_form,
+		"broker { host = 10.0.0.2 port = 1884 others = {\"10.0.0.3\", "
+		"\"b.example:1885\", \"fe80::1\", \"[fe80::2]:1886\", \"[fe80::3]\"} }",
+		"mqtt.conf", stderr, &config, "pump-house"));
+	assert_int_equal(config.address_count, sizeof(expected) / sizeof(expected[0]));
+	for (size_t i = 0; i < config.address_count; i++) {
+		assert_string_equal(config.addresses[i].host, expected[i].host);
+		assert_int_equal(config.addresses[i].port, expected[i].port);
+	}
+	db_settings_free(&db_mqtt_form, &config);
+}
+
+static void test_what_is_no_broker(void **state)
+{
+	static const char *const wrong[] = { ":1883", "b:",       "b:0",     "b:65536", "b:1x",
+		                             "b:-1",  "[fe80::1", "[]:1883", "[::1]x",  "b:+1" };
+	char text[160], messages[160];
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(wrong) / sizeof(wrong[0]); i++) {
+		(void)snprintf(text, sizeof(text), "broker { host = a\nothers = {\"%s\"} }",
+		               wrong[i]);
+		(void)snprintf(messages, sizeof(messages),
+		               "mqtt.conf:2: others: '%s' is no HOST or HOST:PORT\n", wrong[i]);
+		expect(text, messages);
+	}
+}
+
+static void test_what_goes_with_sparkplug(void **state)
+{
+	(void)state;
+	expect("broker { host = a }\nsparkplug {\ngroup = x\n}",
+	       "mqtt.conf:3: group is for payload = sparkplug\n");
+	expect("broker { host = a }\npublish {\npayload = sparkplug\ndiscovery = homeassistant\n}\n"
+	       "command {\ntime = optional\nsenders = topic\n}\nsparkplug { group = \"a/b\"\n"
+	       "primary-host = \"#\" }",
+	       "mqtt.conf:4: discovery announces texts; payload = sparkplug has none\n"
+	       "mqtt.conf:7: time = optional does not go with payload = sparkplug: a command without "
+	       "its time could not be told from one that comes twice\n"
+	       "mqtt.conf:8: senders = topic does not go with payload = sparkplug, whose topics have no "
+	       "place for a user\n"
+	       "mqtt.conf:10: group = a/b cannot be a part of topics: no + and #, no $ first, no empty "
+	       "level, no /\n"
+	       "mqtt.conf:11: primary-host = # cannot be a part of topics: no + and #, no $ first, no "
+	       "empty level, no /\n");
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_what_holds_when_little_is_said),
+		cmocka_unit_test(test_several_brokers),
+		cmocka_unit_test(test_what_is_no_broker),
+		cmocka_unit_test(test_what_goes_with_sparkplug),
 		cmocka_unit_test(test_lists),
 		cmocka_unit_test(test_errors_with_their_lines),
 		cmocka_unit_test(test_secrets),

@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The primary host application of Sparkplug: whether it is there, at the broker that this gateway is
+ * connected to. Pure; time is passed in. */
+#ifndef DRIVEBRIDGE_MQTT_HOST_H
+#define DRIVEBRIDGE_MQTT_HOST_H
+
+#include "drivebridge/time.h"
+#include "mqtt/config.h"
+#include "mqtt/topics.h"
+
+struct db_mqtt_host {
+	struct db_mqtt_topic topic; /* of its STATE; "": none is configured */
+	bool online;
+	bool left;     /* it was there, and is not any more */
+	bool others;   /* there are other brokers, where it may be */
+	int64_t ms;    /* of its newest STATE in this session; 0: none */
+	db_time since; /* of this session */
+	char why[160];
+};
+
+/* A new session: what the other broker told does not count. */
+void db_mqtt_host_connect(struct db_mqtt_host *host, const struct db_mqtt_config *config,
+                          db_time now);
+
+/* Takes the payload of a STATE. Another one than Sparkplug has, and an older one than the newest, are
+ * left out. */
+void db_mqtt_host_take(struct db_mqtt_host *host, const char *text, size_t length);
+
+/* True if births and data may be published. */
+bool db_mqtt_host_allows(const struct db_mqtt_host *host);
+
+/* Why this session is to end; NULL: it goes on. *due is brought forward to when that is to be asked
+ * again. */
+const char *db_mqtt_host_complain(struct db_mqtt_host *host, db_time now, db_time *due);
+
+#endif
