@@ -220,23 +220,6 @@ static struct db_write_answer repeat(struct db_commander *commander,
 	                                                                   first->result);
 }
 
-/* A stop of the same kind is pending, and serves this request, too. */
-static struct db_write_answer join(struct db_commander *commander, const struct db_request *request,
-                                   struct db_request *stop, struct db_write_token token)
-{
-	struct db_writer *writer = writer_of(commander, request);
-
-	if (writer)
-		db_writer_ask_motion(writer);
-	db_writer_set_executed(writer, request, DB_RESULT_PENDING, stop->ticket);
-	if (stop->again)
-		db_motion_submitted(commander, writer, request->command, request->submitted);
-	db_outcome_join(commander, request, stop);
-	db_writers_set_command(&commander->writers, writer, request, DB_RESULT_PENDING,
-	                       stop->ticket);
-	return db_flight_wait(commander, stop, token, request->submitted);
-}
-
 /* True if the latch is all there is to clear: the drive has no fault that can be cleared. */
 static bool is_only_latched(const struct db_commander *commander)
 {
@@ -246,20 +229,6 @@ static bool is_only_latched(const struct db_commander *commander)
 		return true;
 	db_axis_read(commander->config.axis, &snapshot);
 	return snapshot.feedback.error == DB_ERROR_NONE;
-}
-
-/* Ends the latch of a drive that has no fault itself. A drive that cannot be asked keeps it: its
- * current state is not known. */
-static struct db_write_answer end_latch(struct db_commander *commander,
-                                        const struct db_request *request)
-{
-	enum db_result result = db_flight_reach(commander, DB_CMD_CLEAR_FAULT);
-
-	if (result != DB_RESULT_OK)
-		return end_here(commander, request, result);
-	db_guard_unlatch(commander, request->submitted);
-	db_writer_set_executed(writer_of(commander, request), request, DB_RESULT_OK, 0);
-	return end_here(commander, request, DB_RESULT_OK);
 }
 
 /* Why a permitted command does not go to the bus all the same; OK: it does. */
@@ -321,16 +290,36 @@ static struct db_write_answer submit(struct db_commander *commander, struct db_r
 static struct db_write_answer decide(struct db_commander *commander, struct db_request *request,
                                      struct db_write_token token)
 {
-	enum db_result result = permit(commander, writer_of(commander, request), request);
+	struct db_writer *writer = writer_of(commander, request);
+	enum db_result result = permit(commander, writer, request);
 	struct db_request *stop = NULL;
 
 	if (result != DB_RESULT_OK)
 		return end_here(commander, request, result);
-	if (clears_latch(commander, request->command) && is_only_latched(commander))
-		return end_latch(commander, request);
+	/* A drive that cannot be asked keeps the latch: its current state is not known. */
+	if (clears_latch(commander, request->command) && is_only_latched(commander)) {
+		result = db_flight_reach(commander, DB_CMD_CLEAR_FAULT);
+		if (result == DB_RESULT_OK) {
+			db_guard_unlatch(commander, request->submitted);
+			db_writer_set_executed(writer, request, DB_RESULT_OK, 0);
+		}
+		return end_here(commander, request, result);
+	}
 	if (db_command_is_stop(request->command))
 		stop = db_flight_join_stop(commander, request->command);
-	return stop ? join(commander, request, stop, token) : submit(commander, request, token);
+	if (!stop)
+		return submit(commander, request, token);
+
+	/* A stop of the same kind is pending, and serves this request, too. */
+	if (writer)
+		db_writer_ask_motion(writer);
+	db_writer_set_executed(writer, request, DB_RESULT_PENDING, stop->ticket);
+	if (stop->again)
+		db_motion_submitted(commander, writer, request->command, request->submitted);
+	db_outcome_join(commander, request, stop);
+	db_writers_set_command(&commander->writers, writer, request, DB_RESULT_PENDING,
+	                       stop->ticket);
+	return db_flight_wait(commander, stop, token, request->submitted);
 }
 
 static bool is_not_now(enum db_result result)

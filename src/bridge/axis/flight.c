@@ -29,24 +29,16 @@ struct db_request *db_flight_find(const struct db_commander *commander, uint32_t
 
 /* --- submitting ------------------------------------------------------------------------------- */
 
-/* The drive has at its bus what it may have at most. Stops are limited by their kinds, see
- * db_flight_join_stop(). */
-static bool is_full(const struct db_commander *commander)
-{
-	unsigned count = 0;
-
-	for (const struct db_request *request = commander->pending; request;
-	     request = request->next)
-		count += !db_command_is_stop(request->command);
-	return count >= DB_COMMANDER_PENDING;
-}
-
 struct db_request *db_flight_submit(struct db_commander *commander, struct db_request *request)
 {
 	struct db_request *pending;
 	struct db_snapshot snapshot;
+	unsigned others = 0;
 
-	if (!db_command_is_stop(request->command) && is_full(commander))
+	/* Stops are limited by their kinds, see db_flight_join_stop(). */
+	for (pending = commander->pending; pending; pending = pending->next)
+		others += !db_command_is_stop(pending->command);
+	if (!db_command_is_stop(request->command) && others >= DB_COMMANDER_PENDING)
 		return NULL;
 	/* A ticket that no pending request has, however old; its former meaning is over. */
 	do {

@@ -90,13 +90,6 @@ bool db_follow_shows(struct db_follow *follow, const struct db_feedback *feedbac
 	return true;
 }
 
-static enum db_result check_homing(const struct db_feedback *feedback)
-{
-	if (feedback->state == DB_AXIS_HOMING || (feedback->status & DB_STATUS_MOVING))
-		return DB_RESULT_PENDING;
-	return feedback->status & DB_STATUS_HOMED ? DB_RESULT_OK : DB_RESULT_FAILED;
-}
-
 bool db_follow_is_late(struct db_follow *follow, const struct db_feedback *feedback)
 {
 	if (!follow->late || !(feedback->status & DB_STATUS_ONLINE) ||
@@ -131,39 +124,9 @@ static enum db_result check_move(struct db_follow *follow, const struct db_follo
 	return now - follow->there_since >= config->settling ? DB_RESULT_OK : DB_RESULT_PENDING;
 }
 
-/* The first status may still show standstill; a short shake may be over before it was seen to
- * move. */
-static enum db_result check_shake(struct db_follow *follow, const struct db_follow_config *config,
-                                  const struct db_feedback *feedback, db_time now)
-{
-	if (feedback->status & DB_STATUS_MOVING) {
-		follow->moved = true;
-		return DB_RESULT_PENDING;
-	}
-	return follow->moved || now - follow->since >= config->patience ? DB_RESULT_OK :
-	                                                                  DB_RESULT_PENDING;
-}
-
 bool db_follow_never_began(const struct db_follow *follow)
 {
 	return is_endless(follow->command) && follow->unproven && !follow->moved;
-}
-
-/* Checks a motion that was accepted without proof. For a drive whose state shows that it runs, its
- * position is the proof. */
-static enum db_result check_beginning(struct db_follow *follow,
-                                      const struct db_follow_config *config,
-                                      const struct db_feedback *feedback, db_time now)
-{
-	if (!follow->has_first)
-		follow->first = feedback->position;
-	follow->has_first = true;
-	if ((feedback->status & DB_STATUS_MOVING) ||
-	    fabs((double)feedback->position - (double)follow->first) > config->window) {
-		follow->moved = true;
-		return DB_RESULT_PENDING;
-	}
-	return now - follow->since >= config->reaction ? DB_RESULT_FAILED : DB_RESULT_PENDING;
 }
 
 /* It is ended only by another command, which is followed instead: a drive that stands by itself was
@@ -175,10 +138,21 @@ static enum db_result check_endless(struct db_follow *follow, const struct db_fo
 	              (feedback->state == DB_AXIS_STANDSTILL ||
 	               feedback->state == DB_AXIS_DISABLED);
 
-	/* A motion that waits for a common start stands until then. */
-	if (follow->unproven && !follow->moved)
-		return feedback->staged ? DB_RESULT_PENDING :
-		                          check_beginning(follow, config, feedback, now);
+	/* It was accepted without proof: its position is the proof, for a drive whose state shows
+	 * that it runs, too. A motion that waits for a common start stands until then. */
+	if (follow->unproven && !follow->moved) {
+		if (feedback->staged)
+			return DB_RESULT_PENDING;
+		if (!follow->has_first)
+			follow->first = feedback->position;
+		follow->has_first = true;
+		follow->moved = (feedback->status & DB_STATUS_MOVING) ||
+		                fabs((double)feedback->position - (double)follow->first) >
+		                        config->window;
+		return !follow->moved && now - follow->since >= config->reaction ?
+		               DB_RESULT_FAILED :
+		               DB_RESULT_PENDING;
+	}
 	if (!stands) {
 		follow->moved = true;
 		follow->standing_since = 0;
@@ -229,10 +203,21 @@ static enum db_result check(struct db_follow *follow, const struct db_follow_con
 		return check_program(follow, config, feedback, now);
 	if (feedback->state == DB_AXIS_DISABLED)
 		return DB_RESULT_CANCELLED;
-	if (follow->command == DB_CMD_HOME)
-		return check_homing(feedback);
-	if (follow->command == DB_CMD_SHAKE_START || follow->command == DB_CMD_SHAKE_START_TIME)
-		return check_shake(follow, config, feedback, now);
+	if (follow->command == DB_CMD_HOME) {
+		if (feedback->state == DB_AXIS_HOMING || (feedback->status & DB_STATUS_MOVING))
+			return DB_RESULT_PENDING;
+		return feedback->status & DB_STATUS_HOMED ? DB_RESULT_OK : DB_RESULT_FAILED;
+	}
+	if (follow->command == DB_CMD_SHAKE_START || follow->command == DB_CMD_SHAKE_START_TIME) {
+		/* The first status may still show standstill; a short shake may be over before it was
+		 * seen to move. */
+		if (feedback->status & DB_STATUS_MOVING) {
+			follow->moved = true;
+			return DB_RESULT_PENDING;
+		}
+		return follow->moved || now - follow->since >= config->patience ? DB_RESULT_OK :
+		                                                                  DB_RESULT_PENDING;
+	}
 	return check_move(follow, config, feedback, now);
 }
 
@@ -538,14 +523,6 @@ static void log_rest(const struct db_commander *commander, const struct db_feedb
 		       });
 }
 
-/* It stood for longer than homing-pause-ms, was reported as failed, and has continued since. */
-static void correct_homing(struct db_commander *commander, db_time now)
-{
-	db_outcome_end(commander, commander->follow_noted, DB_RESULT_OK,
-	               now - commander->follow_arrived);
-	db_writers_correct_motion(&commander->writers, commander->follow.ticket, DB_RESULT_OK);
-}
-
 static void follow_to_end(struct db_commander *commander, const struct db_feedback *feedback,
                           db_time now)
 {
@@ -563,8 +540,14 @@ static void follow_to_end(struct db_commander *commander, const struct db_feedba
 
 	if (motion_is_pending(commander))
 		return;
-	if (db_follow_is_late(&commander->follow, feedback))
-		correct_homing(commander, now);
+	/* A homing stood for longer than homing-pause-ms, was reported as failed, and has continued
+	 * since. */
+	if (db_follow_is_late(&commander->follow, feedback)) {
+		db_outcome_end(commander, commander->follow_noted, DB_RESULT_OK,
+		               now - commander->follow_arrived);
+		db_writers_correct_motion(&commander->writers, commander->follow.ticket,
+		                          DB_RESULT_OK);
+	}
 	if (!commander->follow.active)
 		return;
 	if (db_follow_shows(&commander->follow, feedback))

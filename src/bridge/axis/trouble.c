@@ -72,21 +72,16 @@ static const char *const fault_advice[] = {
 
 /* --- causes ----------------------------------------------------------------------------------- */
 
-static enum db_trouble_cause trouble_of_silent(const struct db_feedback *feedback,
-                                               const struct db_trouble_signs *signs)
-{
-	if (!(feedback->status & DB_STATUS_BUS_UP))
-		return signs->aside ? DB_TROUBLE_ASIDE : DB_TROUBLE_PORT;
-	return signs->silence == DB_TROUBLE_NONE ? DB_TROUBLE_NO_ANSWER : signs->silence;
-}
-
 enum db_trouble_cause db_trouble_of(const struct db_feedback *feedback,
                                     const struct db_trouble_signs *signs)
 {
 	uint32_t status = feedback->status;
 
-	if (!(status & DB_STATUS_ONLINE))
-		return trouble_of_silent(feedback, signs);
+	if (!(status & DB_STATUS_ONLINE)) {
+		if (!(feedback->status & DB_STATUS_BUS_UP))
+			return signs->aside ? DB_TROUBLE_ASIDE : DB_TROUBLE_PORT;
+		return signs->silence == DB_TROUBLE_NONE ? DB_TROUBLE_NO_ANSWER : signs->silence;
+	}
 	if (feedback->error == DB_ERROR_RUNS_ON)
 		return DB_TROUBLE_RUNS_ON;
 	if (signs->stands_late)
