@@ -111,16 +111,6 @@ void servo_can_remember_words(struct db_device *device, db_time now)
 		servo_can_remember(device, PARAM_WORD_1, device->words[1], now);
 }
 
-/* Parameters that share a frame are all known or all unknown. */
-static uint64_t with_neighbours(uint64_t wanted)
-{
-	if (wanted & RAMPS)
-		wanted |= RAMPS;
-	if (wanted & WORDS)
-		wanted |= WORDS;
-	return wanted;
-}
-
 static uint64_t settings_wanted(const struct db_request *request)
 {
 	uint64_t wanted = 0;
@@ -132,7 +122,14 @@ static uint64_t settings_wanted(const struct db_request *request)
 
 void servo_can_forget_settings(struct db_device *device, const struct db_request *request)
 {
-	device->plate.valid[0] &= ~with_neighbours(settings_wanted(request));
+	uint64_t wanted = settings_wanted(request);
+
+	/* Parameters that share a frame are all known or all unknown. */
+	if (wanted & RAMPS)
+		wanted |= RAMPS;
+	if (wanted & WORDS)
+		wanted |= WORDS;
+	device->plate.valid[0] &= ~wanted;
 	device->plate.generation++;
 }
 
@@ -191,18 +188,6 @@ static enum db_result choose_mode(const struct db_device *device, enum servo_can
 	return servo_can_is_at_rest(device) ? DB_RESULT_OK : DB_RESULT_BUSY;
 }
 
-static enum db_step send_max_speed(struct db_conversation *talk)
-{
-	uint16_t max_speed = (uint16_t)value_for(talk, PARAM_MAX_SPEED);
-	enum servo_can_mode mode;
-	enum db_result result = choose_mode(talk->device, &mode);
-
-	/* Also when a stop was sent in between. */
-	if (result != DB_RESULT_OK)
-		return end_job(talk, result);
-	return servo_can_send_mode(talk, mode, &max_speed);
-}
-
 /* Nothing is sent unless all of it can be sent. */
 static enum db_result check_settings(struct db_conversation *talk, uint64_t wanted)
 {
@@ -236,8 +221,16 @@ enum db_step servo_can_continue_settings(struct db_conversation *talk)
 		return send_words(talk);
 	if ((wanted & WORDS & ~shared_words(talk->device)) && !is_done(talk, STEP_WORD_1))
 		return servo_can_send_word_1(talk, (uint16_t)value_for(talk, PARAM_WORD_1));
-	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !is_done(talk, STEP_MODE))
-		return send_max_speed(talk);
+	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !is_done(talk, STEP_MODE)) {
+		uint16_t max_speed = (uint16_t)value_for(talk, PARAM_MAX_SPEED);
+		enum servo_can_mode mode;
+		enum db_result result = choose_mode(talk->device, &mode);
+
+		/* Also when a stop was sent in between. */
+		if (result != DB_RESULT_OK)
+			return end_job(talk, result);
+		return servo_can_send_mode(talk, mode, &max_speed);
+	}
 	return end_job(talk, DB_RESULT_UNPROVEN);
 }
 

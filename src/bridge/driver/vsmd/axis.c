@@ -156,23 +156,6 @@ static void forget_drive(struct vsmd_axis *axis)
 	axis->restarts++;
 }
 
-/* The state to be restored when the drive is found not to have restarted. */
-static void begin_doubt(struct vsmd_axis *axis, bool origin_lost)
-{
-	axis->doubts++;
-	axis->doubt = (struct vsmd_doubt){
-		.kind = axis->away ? DB_DOUBT_SILENT : DB_DOUBT_SIGN,
-		.position = axis->last.position,
-		.homed = axis->homed,
-		.placed = axis->placed,
-		.origin_lost = axis->origin_lost,
-	};
-	if (!origin_lost)
-		return;
-	forget_motion(axis);
-	lose_origin(axis);
-}
-
 static void refute_doubt(struct vsmd_axis *axis)
 {
 	axis->homed = axis->doubt.homed;
@@ -217,7 +200,19 @@ static void follow_restarts(struct vsmd_axis *axis, int32_t position, uint32_t w
 		forget_drive(axis);
 		break;
 	case VSMD_MAY_HAVE_RESTARTED:
-		begin_doubt(axis, restart.origin_lost);
+		/* The state to be restored when it is found not to have restarted. */
+		axis->doubts++;
+		axis->doubt = (struct vsmd_doubt){
+			.kind = axis->away ? DB_DOUBT_SILENT : DB_DOUBT_SIGN,
+			.position = axis->last.position,
+			.homed = axis->homed,
+			.placed = axis->placed,
+			.origin_lost = axis->origin_lost,
+		};
+		if (restart.origin_lost) {
+			forget_motion(axis);
+			lose_origin(axis);
+		}
 		break;
 	case VSMD_DISABLED_ITSELF:
 		if (restart.origin_lost)
@@ -230,24 +225,6 @@ static void follow_restarts(struct vsmd_axis *axis, int32_t position, uint32_t w
 		return;
 	}
 	axis->zero_is_old = (axis->last.status & word & VSMD_ST_ZERO) != 0;
-}
-
-/*
- * The homing bit shows that the drive has found its origin, at any master's command; but it stays
- * set in a drive that was disabled since, whose counter restarted.
- */
-static void follow_origin(struct vsmd_axis *axis, uint32_t before, bool first)
-{
-	uint32_t word = axis->last.status;
-
-	if (!(word & VSMD_ST_ZERO)) {
-		axis->zero_is_old = false;
-		return;
-	}
-	if (axis->zero_is_old || !(word & VSMD_ST_STP) || axis->motion == VSMD_MOTION_HOMING)
-		return;
-	if (first ? (word & VSMD_ST_PWR) != 0 : !(before & VSMD_ST_ZERO))
-		found_origin(axis);
 }
 
 void vsmd_take_confirmation(struct vsmd_axis *axis, int32_t position, uint32_t word, db_time now)
@@ -270,7 +247,16 @@ void vsmd_take_confirmation(struct vsmd_axis *axis, int32_t position, uint32_t w
 	if (!axis->watch.has_place)
 		axis->watch.first_place = position;
 	axis->watch.has_place = true;
-	follow_origin(axis, before, first);
+	/* The homing bit shows that the drive has found its origin, at any master's command; but it
+	 * stays set in a drive that was disabled since, whose counter restarted. */
+	if (!(word & VSMD_ST_ZERO)) {
+		axis->zero_is_old = false;
+		return;
+	}
+	if (axis->zero_is_old || !(word & VSMD_ST_STP) || axis->motion == VSMD_MOTION_HOMING)
+		return;
+	if (first ? (word & VSMD_ST_PWR) != 0 : !(before & VSMD_ST_ZERO))
+		found_origin(axis);
 }
 
 void vsmd_take_speed(struct vsmd_axis *axis, float velocity)
@@ -287,21 +273,15 @@ void vsmd_take_position(struct vsmd_axis *axis, int32_t position, db_time now)
 	axis->status_at = now;
 }
 
-/* The direction is that of the way since the previous status; without a way it stays. */
-static float velocity_of(const struct vsmd_axis *axis, const struct vsmd_status *status)
+void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, db_time now)
 {
 	double way = (double)status->position - (double)axis->process.position;
 	bool back = fabs(way) > axis->window ? way < 0.0 : axis->process.velocity < 0.0f;
+	float velocity = status->velocity;
 
-	if (!axis->unsigned_speed || !axis->has_status)
-		return status->velocity;
-	return back ? -fabsf(status->velocity) : fabsf(status->velocity);
-}
-
-void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, db_time now)
-{
-	float velocity = velocity_of(axis, status);
-
+	/* The direction is that of the way since the previous status; without a way it stays. */
+	if (axis->unsigned_speed && axis->has_status)
+		velocity = back ? -fabsf(velocity) : fabsf(velocity);
 	vsmd_take_confirmation(axis, status->position, status->status, now);
 	axis->last.velocity = velocity;
 	axis->process = *status;
@@ -450,18 +430,6 @@ bool vsmd_is_input(const struct vsmd_axis *axis, unsigned port)
 	return !axis->plate.doubtful && (vsmd_input_ports(&axis->plate) >> (port - 1) & 1);
 }
 
-static uint16_t outputs_of(const struct vsmd_axis *axis, uint16_t levels)
-{
-	uint16_t outputs = 0;
-
-	for (unsigned i = 0; i < 6; i++) {
-		if ((axis->plate.valid[0] >> (VSMD_S1 + i) & 1) &&
-		    axis->plate.values[VSMD_S1 + i].u == 1)
-			outputs |= (uint16_t)(1u << i);
-	}
-	return outputs & levels;
-}
-
 static uint16_t error_of(uint32_t status)
 {
 	if (status & VSMD_ST_ENC_ERR)
@@ -533,6 +501,7 @@ static uint32_t status_of(const struct vsmd_axis *axis, enum db_axis_state state
 void vsmd_axis_feedback(const struct vsmd_axis *axis, struct db_feedback *feedback)
 {
 	enum db_axis_state state;
+	uint16_t outputs = 0;
 
 	feedback->taken = axis->taken;
 	feedback->position = axis->process.position;
@@ -542,7 +511,12 @@ void vsmd_axis_feedback(const struct vsmd_axis *axis, struct db_feedback *feedba
 	feedback->drive_status = axis->last.status;
 	feedback->inputs = (uint16_t)((axis->last.status & 0xFu) |
 	                              (axis->last.status >> 12 & 0x30u));
-	feedback->outputs = outputs_of(axis, feedback->inputs);
+	for (unsigned i = 0; i < 6; i++) {
+		if ((axis->plate.valid[0] >> (VSMD_S1 + i) & 1) &&
+		    axis->plate.values[VSMD_S1 + i].u == 1)
+			outputs |= (uint16_t)(1u << i);
+	}
+	feedback->outputs = outputs & feedback->inputs;
 	feedback->error = error_of(axis->last.status);
 	state = axis->has_status ? state_of(axis, feedback->error) : DB_AXIS_OFFLINE;
 	feedback->state = (uint16_t)state;

@@ -43,24 +43,6 @@ static struct vsmd_can_command read_of(const struct db_inquiry *inquiry)
 	return read;
 }
 
-/* Some drives answer no long read: the identity is read in parts if it was not answered. */
-static bool add_read(const struct vsmd_can_style *style, const struct db_inquiry *inquiry,
-                     const struct vsmd_can_command *read, struct db_exchange *exchange)
-{
-	bool parts = inquiry->kind == DB_INQUIRY_IDENTITY && inquiry->value % 2 == 1;
-	unsigned most = parts ? VSMD_CAN_FRAME_REGS : read->count;
-	struct vsmd_can_command part = *read;
-
-	for (unsigned at = 0; at < read->count; at += most) {
-		part.first = (uint8_t)(read->first + at);
-		part.count = (uint8_t)(read->count - at < most ? read->count - at : most);
-		if (!vsmd_can_add_command(style, inquiry->address, &part, exchange))
-			return false;
-	}
-	exchange->answer_length = vsmd_can_answer_length(read->count);
-	return true;
-}
-
 /* The new value of a parameter, as its register has it; false: it cannot be expressed. */
 static bool put_setting(const struct db_inquiry *inquiry, uint32_t *raw)
 {
@@ -77,6 +59,9 @@ bool vsmd_can_inquire(const struct vsmd_can_style *style, const struct db_inquir
 	struct vsmd_can_command read = read_of(inquiry);
 	struct db_can_frame frame;
 	uint32_t raw;
+	bool parts;
+	unsigned most;
+	struct vsmd_can_command part = read;
 
 	if (inquiry->address < 1 ||
 	    inquiry->address > (style->extended ? VSMD_CAN_DRIVE_MAX : VSMD_CAN_STD_DRIVE_MAX))
@@ -94,7 +79,17 @@ bool vsmd_can_inquire(const struct vsmd_can_style *style, const struct db_inquir
 		if (!vsmd_can_add_command(style, inquiry->address, &save, exchange))
 			return false;
 	}
-	return add_read(style, inquiry, &read, exchange);
+	/* Some drives answer no long read: the identity is read in parts if it was not answered. */
+	parts = inquiry->kind == DB_INQUIRY_IDENTITY && inquiry->value % 2 == 1;
+	most = parts ? VSMD_CAN_FRAME_REGS : read.count;
+	for (unsigned at = 0; at < read.count; at += most) {
+		part.first = (uint8_t)(read.first + at);
+		part.count = (uint8_t)(read.count - at < most ? read.count - at : most);
+		if (!vsmd_can_add_command(style, inquiry->address, &part, exchange))
+			return false;
+	}
+	exchange->answer_length = vsmd_can_answer_length(read.count);
+	return true;
 }
 
 /* The values of a complete answer. */

@@ -40,11 +40,14 @@ static void take_process(struct db_device *device, const uint32_t *values, db_ti
 }
 
 /*
- * The velocity, from this position and the one before. Reports are sent at even intervals, however
- * the line delays them: `interval` is that interval, 0 for a position that was requested.
+ * Takes a position with the status that belongs to it, but no speed: that comes from this position
+ * and the one before. Reports are sent at even intervals, however the line delays them: `interval`
+ * is that interval, 0 for a position that was requested.
  */
-static float velocity_to(struct db_device *device, int32_t position, db_time interval, db_time now)
+static void take_place(struct db_device *device, int32_t position, uint32_t word, db_time interval,
+                       db_time now)
 {
+	struct vsmd_status status = { .position = position, .status = word };
 	db_time elapsed = now - device->base_at;
 	double velocity = 0.0;
 
@@ -59,19 +62,10 @@ static float velocity_to(struct db_device *device, int32_t position, db_time int
 	device->has_base = device->axis.effect_until <= now;
 	device->base = position;
 	device->base_at = now;
-	return fabs(velocity) > 2.0 * (double)VSMD_SPEED_MAX ? 0.0f : (float)velocity;
-}
-
-/* Takes a position with the status that belongs to it, but no speed. */
-static void take_place(struct db_device *device, int32_t position, uint32_t word, db_time interval,
-                       db_time now)
-{
-	struct vsmd_status status = { .position = position, .status = word };
-	float velocity = velocity_to(device, position, interval, now);
-
 	/* A separate status shows that it stands. */
-	if (device->report == VSMD_CAN_REPORT_POSITION || !(word & VSMD_ST_STP))
-		status.velocity = velocity;
+	if ((device->report == VSMD_CAN_REPORT_POSITION || !(word & VSMD_ST_STP)) &&
+	    fabs(velocity) <= 2.0 * (double)VSMD_SPEED_MAX)
+		status.velocity = (float)velocity;
 	vsmd_take_status(&device->axis, &status, now);
 }
 

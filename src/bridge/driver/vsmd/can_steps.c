@@ -60,19 +60,6 @@ static size_t next_setting(const struct db_request *request, size_t i)
 	return i;
 }
 
-/* Puts every setting of this register into its raw value. */
-static bool insert_settings(const struct db_request *request, unsigned reg, uint32_t *raw)
-{
-	for (size_t i = 0; i < request->setting_count; i++) {
-		const struct db_setting *setting = &request->settings[i];
-
-		if (reg_of(request, i) == reg && vsmd_can_insert((enum vsmd_param)setting->param,
-		                                                 setting->value, raw) != VSMD_OK)
-			return false;
-	}
-	return true;
-}
-
 static unsigned current_register(const struct db_conversation *talk)
 {
 	return reg_of(talk->job->request, talk->device->setting);
@@ -90,13 +77,21 @@ static enum db_step read_register(struct db_conversation *talk)
 /* Writes the register's new content, and reads it to verify. */
 static enum db_step write_register(struct db_conversation *talk)
 {
+	const struct db_request *request = talk->job->request;
 	struct db_device *device = talk->device;
 	unsigned reg = current_register(talk);
 	uint32_t raw = vsmd_can_reg_packed(reg) ? device->answer.values[0] : 0;
 	struct db_can_frame frame;
 
-	if (!insert_settings(talk->job->request, reg, &raw) ||
-	    vsmd_can_encode_write(&device->style, device->drive, reg, &raw, 1, &frame) != VSMD_OK)
+	/* Every setting of this register goes into its raw value. */
+	for (size_t i = 0; i < request->setting_count; i++) {
+		const struct db_setting *setting = &request->settings[i];
+
+		if (reg_of(request, i) == reg && vsmd_can_insert((enum vsmd_param)setting->param,
+		                                                 setting->value, &raw) != VSMD_OK)
+			return end_job(talk, DB_RESULT_OUT_OF_RANGE);
+	}
+	if (vsmd_can_encode_write(&device->style, device->drive, reg, &raw, 1, &frame) != VSMD_OK)
 		return end_job(talk, DB_RESULT_OUT_OF_RANGE);
 	device->written = raw;
 	device->writes++;
@@ -501,19 +496,6 @@ enum db_step vsmd_can_begin(struct db_conversation *talk)
 	}
 }
 
-/* A late answer to an earlier probe, while it is not known which one is answered. */
-static bool is_late_identity(struct db_device *device, const struct vsmd_can_message *message)
-{
-	bool late = !device->probe_known && device->probe != VSMD_CAN_PROBE_IDENTITY &&
-	            message->id.source == device->drive &&
-	            message->id.control == VSMD_CAN_STATUS_REPLY &&
-	            message->id.reg == VSMD_CAN_IDENTITY && message->count == 1;
-
-	if (late)
-		device->probe = VSMD_CAN_PROBE_IDENTITY;
-	return late;
-}
-
 enum db_step vsmd_can_answer(struct db_conversation *talk, const uint8_t *bytes, size_t length)
 {
 	struct db_device *device = talk->device;
@@ -527,8 +509,14 @@ enum db_step vsmd_can_answer(struct db_conversation *talk, const uint8_t *bytes,
 	if (vsmd_can_decode(&device->style, &frame, &message) != VSMD_OK ||
 	    !vsmd_can_expect_answer(device, talk->exchange))
 		return DB_STEP_IGNORE;
-	if (talk->job->kind == DB_JOB_PROBE && is_late_identity(device, &message))
+	/* A late answer to an earlier probe, while it is not known which one is answered. */
+	if (talk->job->kind == DB_JOB_PROBE && !device->probe_known &&
+	    device->probe != VSMD_CAN_PROBE_IDENTITY && message.id.source == device->drive &&
+	    message.id.control == VSMD_CAN_STATUS_REPLY && message.id.reg == VSMD_CAN_IDENTITY &&
+	    message.count == 1) {
+		device->probe = VSMD_CAN_PROBE_IDENTITY;
 		return answer_probe(talk);
+	}
 	step = vsmd_can_collect_answer(device, &message);
 	if (step != DB_STEP_DONE)
 		return step;

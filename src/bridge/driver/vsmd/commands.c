@@ -444,14 +444,6 @@ static bool may_hide_its_effect(struct db_conversation *talk)
 	return !(axis->plate.valid[0] >> mode & 1) || axis->plate.values[mode].u == 1;
 }
 
-static bool is_for_input(struct db_conversation *talk)
-{
-	const struct db_request *request = talk->job->request;
-
-	return request->command == DB_CMD_SET_OUTPUT &&
-	       vsmd_is_input(axis_of(talk), request->args->output_number);
-}
-
 /* The effect of a command does not show (yet), or something else may have caused it. */
 static enum db_step check_again(struct db_conversation *talk, enum vsmd_effect effect)
 {
@@ -490,8 +482,13 @@ static enum db_step check_again(struct db_conversation *talk, enum vsmd_effect e
 	 * no failure. */
 	if (effect == VSMD_EFFECT_ABSENT && !may_hide_its_effect(talk) &&
 	    !(db_command_is_motion(command) && vsmd_reports_no_speed(axis)))
-		return fail_command(talk,
-		                    is_for_input(talk) ? DB_RESULT_REFUSED : DB_RESULT_FAILED);
+		return fail_command(
+			talk,
+			command == DB_CMD_SET_OUTPUT &&
+					vsmd_is_input(axis,
+		                                      talk->job->request->args->output_number) ?
+				DB_RESULT_REFUSED :
+				DB_RESULT_FAILED);
 	watch->unproven = true;
 	return complete_step(talk);
 }

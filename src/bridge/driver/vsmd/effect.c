@@ -107,13 +107,6 @@ static float base_of(const struct vsmd_watch *watch)
 	return watch->first_speed;
 }
 
-/* True if it slows down from `base` to rest. */
-static bool slows_down(float base, float speed)
-{
-	return has_changed(base, speed) && fabsf(speed) < fabsf(base) &&
-	       sign_of((double)speed) != -sign_of((double)base);
-}
-
 /* True if a drive with the target `place` may move like this: towards it, or away from it while it
  * brakes from its earlier run. */
 static bool is_of_position(const struct vsmd_axis *axis, int32_t place, float base, float speed)
@@ -195,14 +188,10 @@ static enum vsmd_effect effect_of_new_target(const struct vsmd_axis *axis, int32
 		return effect_by_heading(axis, sign_of(way));
 	if (!is_explained(axis, base, speed) && (heads_there || has_changed(base, speed)))
 		return VSMD_EFFECT_SHOWN;
-	return heads_there || slows_down(base, speed) ? VSMD_EFFECT_OPEN : VSMD_EFFECT_ABSENT;
-}
-
-static enum vsmd_effect effect_of_target(const struct vsmd_axis *axis, int32_t target)
-{
-	if (stands(axis))
-		return shown_if(vsmd_is_at(axis, axis->last.position, target));
-	return axis->watch.before.moving ? effect_of_new_target(axis, target) : VSMD_EFFECT_SHOWN;
+	return heads_there || (has_changed(base, speed) && fabsf(speed) < fabsf(base) &&
+	                       sign_of((double)speed) != -sign_of((double)base)) ?
+	               VSMD_EFFECT_OPEN :
+	               VSMD_EFFECT_ABSENT;
 }
 
 /* Homing or shaking: the drive chooses its motion. */
@@ -266,7 +255,10 @@ enum vsmd_effect vsmd_effect_of(const struct vsmd_axis *axis, const struct db_jo
 		return shown_if(status & VSMD_ST_PWR);
 	case DB_CMD_MOVE_ABSOLUTE:
 	case DB_CMD_MOVE_RELATIVE:
-		return effect_of_target(axis, axis->wanted);
+		if (stands(axis))
+			return shown_if(vsmd_is_at(axis, axis->last.position, axis->wanted));
+		return axis->watch.before.moving ? effect_of_new_target(axis, axis->wanted) :
+		                                   VSMD_EFFECT_SHOWN;
 	case DB_CMD_MOVE_VELOCITY:
 		return effect_of_velocity(axis, args->target_velocity);
 	case DB_CMD_MOVE_PRESET:

@@ -129,22 +129,6 @@ static bool is_in_turn(const struct db_device *first, unsigned axis, unsigned it
 	return is_known(first, axis, item);
 }
 
-/* False: no item is known. */
-static bool take_next_turn(struct db_device *first)
-{
-	struct xyza_turn *turn = &first->turn;
-
-	for (unsigned n = 0; n < (unsigned)XYZA_AXIS_COUNT * XYZA_ITEM_COUNT; n++) {
-		if (++turn->item >= XYZA_ITEM_COUNT) {
-			turn->item = 0;
-			turn->axis = (turn->axis + 1) % XYZA_AXIS_COUNT;
-		}
-		if (is_in_turn(first, turn->axis, turn->item))
-			return true;
-	}
-	return false;
-}
-
 /* All its axes know it from the same read, and read it again. */
 static void doubt_item(struct db_device *first, unsigned axis, unsigned item)
 {
@@ -202,7 +186,17 @@ bool xyza_turn_comes(struct db_device *first, db_time now)
 		return false;
 	turn->at = now;
 	/* An item whose answer was lost is read again. */
-	return turn->losses > 0 || take_next_turn(first);
+	if (turn->losses > 0)
+		return true;
+	for (unsigned n = 0; n < (unsigned)XYZA_AXIS_COUNT * XYZA_ITEM_COUNT; n++) {
+		if (++turn->item >= XYZA_ITEM_COUNT) {
+			turn->item = 0;
+			turn->axis = (turn->axis + 1) % XYZA_AXIS_COUNT;
+		}
+		if (is_in_turn(first, turn->axis, turn->item))
+			return true;
+	}
+	return false;
 }
 
 struct xyza_request xyza_turn_request(const struct db_device *first)

@@ -68,17 +68,6 @@ static void add_change(struct xyza_plan *plan, const struct db_device *device,
 	add_item(plan, device, XYZA_READ_ITEM, STEP_EXPECT_PARAM, param, value, mask);
 }
 
-/* Reads what the stop before a limit depends on: it may have been changed at the controller. */
-static void add_braking_read(struct xyza_plan *plan, const struct db_device *device)
-{
-	static const enum xyza_param needed[] = { XYZA_BRAKE, XYZA_ACCELERATION_TIME };
-
-	for (unsigned i = 0; device->limited && i < 2; i++) {
-		if (!(device->unread >> xyza_param_item(needed[i]) & 1))
-			add_item(plan, device, XYZA_READ_ITEM, STEP_REFRESH, needed[i], 0, 0);
-	}
-}
-
 void xyza_plan_setting(struct xyza_plan *plan, const struct db_device *device,
                        const struct db_setting *setting)
 {
@@ -176,6 +165,7 @@ static bool goes_that_way(const struct db_device *device, bool negative)
 
 static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool negative, float speed)
 {
+	static const enum xyza_param needed[] = { XYZA_BRAKE, XYZA_ACCELERATION_TIME };
 	bool moves = !device->standing || device->jogging;
 
 	plan->same_way = moves && goes_that_way(device, negative) && !device->stops_for_speed;
@@ -184,7 +174,11 @@ static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool nega
 		add_standstill(plan, device);
 	if (speed > 0.0f)
 		add_change(plan, device, XYZA_MANUAL_SPEED, (uint32_t)llroundf(speed), UINT32_MAX);
-	add_braking_read(plan, device);
+	/* What the stop before a limit depends on: it may have been changed at the controller. */
+	for (unsigned i = 0; device->limited && i < 2; i++) {
+		if (!(device->unread >> xyza_param_item(needed[i]) & 1))
+			add_item(plan, device, XYZA_READ_ITEM, STEP_REFRESH, needed[i], 0, 0);
+	}
 	add_verb(plan, device, XYZA_MANUAL_JOG)->request.negative = negative;
 	add_kind(plan, device, XYZA_READ_STANDING, STEP_EXPECT_MOVING);
 	if (plan->same_way && speed > 0.0f) {

@@ -47,23 +47,12 @@ static const struct conversation_step *steps_of(const struct db_job *job)
 	}
 }
 
-/* The effect of a command is no sign of a restart; a program moves all axes. */
-static void note_command(const struct db_conversation *talk)
-{
-	struct db_device *const *axes = talk->device->first->axes;
-	enum db_command command = talk->job->request->command;
-	bool all = command == DB_CMD_START_PROGRAM || command == DB_CMD_CONTINUE_PROGRAM;
-
-	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
-		if (axes[i] && (all || axes[i] == talk->device))
-			restart_note_command(&axes[i]->restart, command, talk->now);
-	}
-	if (command == DB_CMD_CLEAR_FAULT)
-		(void)restart_settle(&talk->device->restart);
-}
-
 enum db_step xyza_begin(struct db_conversation *talk)
 {
+	struct db_device *const *axes;
+	enum db_command command;
+	bool all;
+
 	talk->device->refusals[talk->job->kind] = 0;
 	switch (talk->job->kind) {
 	case DB_JOB_PROBE:
@@ -78,8 +67,17 @@ enum db_step xyza_begin(struct db_conversation *talk)
 	default:
 		break;
 	}
-	note_command(talk);
-	switch (talk->job->request->command) {
+	/* The effect of a command is no sign of a restart; a program moves all axes. */
+	axes = talk->device->first->axes;
+	command = talk->job->request->command;
+	all = command == DB_CMD_START_PROGRAM || command == DB_CMD_CONTINUE_PROGRAM;
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (axes[i] && (all || axes[i] == talk->device))
+			restart_note_command(&axes[i]->restart, command, talk->now);
+	}
+	if (command == DB_CMD_CLEAR_FAULT)
+		(void)restart_settle(&talk->device->restart);
+	switch (command) {
 	case DB_CMD_READ_PARAMETERS:
 		return xyza_begin_items(talk);
 	case DB_CMD_RAW_FRAME:
