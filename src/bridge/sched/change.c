@@ -8,42 +8,35 @@
 
 /* --- making ----------------------------------------------------------------------------------- */
 
-static bool make_room(struct db_change *change, const struct db_bus_config *bus, size_t present,
-                      const uint16_t *leaving, const struct db_bus_drive *coming)
-{
-	size_t room = present + change->coming_count;
-
-	/* One more of each than needed, so that no allocation has size 0. */
-	change->leaving = calloc(change->leaving_count + 1, sizeof change->leaving[0]);
-	change->removed = calloc(change->leaving_count + 1, sizeof(struct station *));
-	change->coming = calloc(change->coming_count + 1, sizeof(struct station *));
-	change->stations = calloc(room + 1, sizeof(struct station *));
-	change->nodes = calloc(room + 1, sizeof(struct node *));
-	if (!change->leaving || !change->removed || !change->coming || !change->stations ||
-	    !change->nodes)
-		return false;
-	for (size_t i = 0; i < change->leaving_count; i++)
-		change->leaving[i] = leaving[i];
-	for (size_t i = 0; i < change->coming_count; i++) {
-		change->coming[i] = station_new(bus, &coming[i]);
-		if (!change->coming[i])
-			return false;
-	}
-	return true;
-}
-
 struct db_change *change_new(const struct db_bus_config *bus, size_t present,
                              const uint16_t *leaving, size_t leaving_count,
                              const struct db_bus_drive *coming, size_t coming_count)
 {
 	struct db_change *change = calloc(1, sizeof *change);
+	size_t room = present + coming_count;
 
 	if (!change)
 		return NULL;
 	change->leaving_count = leaving_count;
 	change->coming_count = coming_count;
-	if (make_room(change, bus, present, leaving, coming))
-		return change;
+	/* One more of each than needed, so that no allocation has size 0. */
+	change->leaving = calloc(leaving_count + 1, sizeof change->leaving[0]);
+	change->removed = calloc(leaving_count + 1, sizeof(struct station *));
+	change->coming = calloc(coming_count + 1, sizeof(struct station *));
+	change->stations = calloc(room + 1, sizeof(struct station *));
+	change->nodes = calloc(room + 1, sizeof(struct node *));
+	if (!change->leaving || !change->removed || !change->coming || !change->stations ||
+	    !change->nodes)
+		goto failed;
+	for (size_t i = 0; i < leaving_count; i++)
+		change->leaving[i] = leaving[i];
+	for (size_t i = 0; i < coming_count; i++) {
+		change->coming[i] = station_new(bus, &coming[i]);
+		if (!change->coming[i])
+			goto failed;
+	}
+	return change;
+failed:
 	change_free(change);
 	return NULL;
 }

@@ -110,21 +110,6 @@ static bool write_common(const struct db_engine *engine, struct db_exchange *all
 	return true;
 }
 
-static void continue_after_start(struct db_engine *engine, struct station *station, db_time now)
-{
-	struct lane *lane = &station->lanes[LANE_COMMAND];
-	struct db_conversation talk = station_conversation(station, LANE_COMMAND, now);
-
-	lane->sent = true;
-	lane->tries = 0;
-	lane->exchange.begins = lane->exchange.again = false;
-	db_queue_note_sent(station->request, now);
-	station->motion_sent = now;
-	lane->ready = engine->driver->begun_by_all(&talk) == DB_STEP_SEND;
-	if (!lane->ready)
-		station_finish_command(station, talk.result, now);
-}
-
 /* All are ready, and nothing is under way. */
 static bool begin_all(struct db_engine *engine, uint32_t group, db_time now)
 {
@@ -137,8 +122,20 @@ static bool begin_all(struct db_engine *engine, uint32_t group, db_time now)
 	}
 	(void)engine_send(engine, all.request, all.request_length, DB_TRACE_BROADCAST);
 	exchange_count_broadcast(engine, &all, now);
-	for (size_t i = 0; i < engine->station_count; i++)
-		continue_after_start(engine, engine->stations[i], now);
+	for (size_t i = 0; i < engine->station_count; i++) {
+		struct lane *lane = &engine->stations[i]->lanes[LANE_COMMAND];
+		struct db_conversation talk = station_conversation(engine->stations[i],
+		                                                   LANE_COMMAND, now);
+
+		lane->sent = true;
+		lane->tries = 0;
+		lane->exchange.begins = lane->exchange.again = false;
+		db_queue_note_sent(engine->stations[i]->request, now);
+		engine->stations[i]->motion_sent = now;
+		lane->ready = engine->driver->begun_by_all(&talk) == DB_STEP_SEND;
+		if (!lane->ready)
+			station_finish_command(engine->stations[i], talk.result, now);
+	}
 	return true;
 }
 

@@ -6,24 +6,12 @@
 /* Length of a silent line, in half characters. */
 #define QUIET_HALF_CHARACTERS 7
 
-static void init_learning(struct node *node, const struct db_bus_config *bus)
-{
-	bool serial = bus->driver->medium == DB_MEDIUM_SERIAL;
-	db_time turnaround = (db_time)bus->turnaround_us * DB_NS_PER_US;
-	db_time quiet = serial ?
-	                        bus->transport->wire_time(bus, NULL, 0, QUIET_HALF_CHARACTERS) / 2 :
-	                        0;
-
-	/* Drives on CAN receive while they send. */
-	learn_gap_init(&node->gap, bus->adapt && serial, turnaround, quiet);
-	learn_gap_init(&node->hold, bus->adapt && serial, turnaround, quiet);
-	learn_patience_init(&node->patience, bus->adapt,
-	                    (db_time)bus->drive_latency_ms * DB_NS_PER_MS);
-}
-
 struct node *node_new(const struct db_bus_config *bus, unsigned address)
 {
 	struct node *node = calloc(1, sizeof *node);
+	bool serial;
+	db_time turnaround;
+	db_time quiet;
 
 	if (!node)
 		return NULL;
@@ -33,7 +21,14 @@ struct node *node_new(const struct db_bus_config *bus, unsigned address)
 	node->share = DB_SHARE_STANDING;
 	node->late_answer_time = LATE_ANSWER_LATENCIES * (db_time)bus->drive_latency_ms *
 	                         DB_NS_PER_MS;
-	init_learning(node, bus);
+	serial = bus->driver->medium == DB_MEDIUM_SERIAL;
+	turnaround = (db_time)bus->turnaround_us * DB_NS_PER_US;
+	quiet = serial ? bus->transport->wire_time(bus, NULL, 0, QUIET_HALF_CHARACTERS) / 2 : 0;
+	/* Drives on CAN receive while they send. */
+	learn_gap_init(&node->gap, bus->adapt && serial, turnaround, quiet);
+	learn_gap_init(&node->hold, bus->adapt && serial, turnaround, quiet);
+	learn_patience_init(&node->patience, bus->adapt,
+	                    (db_time)bus->drive_latency_ms * DB_NS_PER_MS);
 	return node;
 }
 

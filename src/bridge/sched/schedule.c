@@ -198,29 +198,14 @@ static double stretch(const struct db_engine *engine, enum db_share share)
 	return (double)(members > 0 ? members : 1) / part;
 }
 
-static void set_intervals(struct db_engine *engine)
-{
-	double moving = stretch(engine, DB_SHARE_MOVING);
-	double standing = stretch(engine, DB_SHARE_STANDING);
-
-	for (size_t i = 0; i < engine->node_count; i++) {
-		struct node *node = engine->nodes[i];
-		db_time interval = (db_time)((double)node->poll_cost *
-		                             (node->share == DB_SHARE_STANDING ? standing :
-		                                                                 moving));
-
-		if (interval < node->poll_duration)
-			interval = node->poll_duration;
-		node->interval = interval > engine->period ? interval : engine->period;
-	}
-}
-
 void schedule_begin_cycle(struct db_engine *engine, db_time now)
 {
 	bool round = engine->unread == 0;
 	db_time round_time = (db_time)engine->node_count * engine->poll_time +
 	                     (db_time)(engine->station_count - engine->node_count) *
 	                             engine->axis_time;
+	double moving;
+	double standing;
 	/* A cycle has room for all drives, or must have it. */
 	bool late = !round && (engine->bus->polls_evenly || round_time <= engine->period);
 
@@ -249,7 +234,18 @@ void schedule_begin_cycle(struct db_engine *engine, db_time now)
 	engine->stats.overruns += late;
 	if (round)
 		engine->round_started = now;
-	set_intervals(engine);
+	moving = stretch(engine, DB_SHARE_MOVING);
+	standing = stretch(engine, DB_SHARE_STANDING);
+	for (size_t i = 0; i < engine->node_count; i++) {
+		struct node *node = engine->nodes[i];
+		db_time interval = (db_time)((double)node->poll_cost *
+		                             (node->share == DB_SHARE_STANDING ? standing :
+		                                                                 moving));
+
+		if (interval < node->poll_duration)
+			interval = node->poll_duration;
+		node->interval = interval > engine->period ? interval : engine->period;
+	}
 }
 
 /* For each class, the node to be read next: the one that has used the least of the wire. */

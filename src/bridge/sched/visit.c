@@ -97,19 +97,6 @@ static void add_presence(struct visit *visit, const struct visit_outcome *outcom
 	find->time_mean_us = (uint32_t)(visit->time_sum_us / find->answered);
 }
 
-static void add_identity(struct visit *visit, const struct visit_outcome *outcome)
-{
-	struct db_scan_find *find = &visit->find;
-	const char *identity = outcome->said.identity;
-
-	find->doubled += outcome->doubled;
-	find->garbled += outcome->garbled;
-	if (outcome->answered && !find->identity[0])
-		snprintf(find->identity, sizeof find->identity, "%s", identity);
-	else if (outcome->answered && strcmp(find->identity, identity) != 0)
-		snprintf(find->other, sizeof find->other, "%s", identity);
-}
-
 static void add_standing(struct visit *visit, const struct visit_outcome *outcome)
 {
 	if (outcome && !outcome->answered && ++visit->standing_tries < ASKED_STANDING)
@@ -140,8 +127,17 @@ void visit_add_outcome(struct visit *visit, const struct db_inquiry *inquiry,
 		visit->identities = outcome ? visit->identities + 1 : ASKED_IDENTITY;
 		visit->identified |= outcome && outcome->answered;
 		visit->unidentified += !visit->identified;
-		if (outcome)
-			add_identity(visit, outcome);
+		if (outcome) {
+			struct db_scan_find *find = &visit->find;
+			const char *identity = outcome->said.identity;
+
+			find->doubled += outcome->doubled;
+			find->garbled += outcome->garbled;
+			if (outcome->answered && !find->identity[0])
+				snprintf(find->identity, sizeof find->identity, "%s", identity);
+			else if (outcome->answered && strcmp(find->identity, identity) != 0)
+				snprintf(find->other, sizeof find->other, "%s", identity);
+		}
 		break;
 	case DB_INQUIRY_STANDING:
 		add_standing(visit, outcome);
