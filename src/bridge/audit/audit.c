@@ -291,20 +291,6 @@ static void write_record(struct db_audit *audit, const struct db_audit_entry *en
 	json_decref(object);
 }
 
-/* The lock is held. */
-static bool take_record(struct db_audit *audit, db_time now, struct db_audit_taken *taken)
-{
-	struct db_audit_entry repeated;
-
-	if (db_audit_queue_take(&audit->queue, taken))
-		return true;
-	if (!audit->state.on || !db_floods_due(&audit->floods, now, audit->ending, &repeated))
-		return false;
-	repeated.time_us = wall_us();
-	(void)put(audit, &repeated);
-	return db_audit_queue_take(&audit->queue, taken);
-}
-
 /* --- reading ---------------------------------------------------------------------------------- */
 
 /* A page while it is read. */
@@ -574,26 +560,23 @@ static void change_size(struct db_audit *audit)
 static bool next_record(struct db_audit *audit, struct db_audit_taken *taken, db_time *next,
                         bool *ending)
 {
+	struct db_audit_entry repeated;
 	bool any;
 
 	pthread_mutex_lock(&audit->lock);
-	any = take_record(audit, now_ns(), taken);
+	any = db_audit_queue_take(&audit->queue, taken);
+	if (!any && audit->state.on &&
+	    db_floods_due(&audit->floods, now_ns(), audit->ending, &repeated)) {
+		repeated.time_us = wall_us();
+		(void)put(audit, &repeated);
+		any = db_audit_queue_take(&audit->queue, taken);
+	}
 	*next = audit->state.on ? db_floods_next(&audit->floods) : DB_TIME_NEVER;
 	*ending = audit->ending;
 	if (audit->trail)
 		audit->state.bytes = db_trail_bytes(audit->trail);
 	pthread_mutex_unlock(&audit->lock);
 	return any;
-}
-
-static void sync_trail(struct db_audit *audit)
-{
-	int error = db_trail_sync(audit->trail);
-
-	if (error != 0 || audit->unsynced)
-		note_trouble(audit, error);
-	audit->unsynced = error != 0;
-	audit->sync_at = DB_TIME_NEVER;
 }
 
 static void *run(void *context)
@@ -625,7 +608,12 @@ static void *run(void *context)
 		}
 		serve_reader(audit);
 		if (audit->trail && (now_ns() >= audit->sync_at || ending)) {
-			sync_trail(audit);
+			int error = db_trail_sync(audit->trail);
+
+			if (error != 0 || audit->unsynced)
+				note_trouble(audit, error);
+			audit->unsynced = error != 0;
+			audit->sync_at = DB_TIME_NEVER;
 		}
 	}
 	return NULL;

@@ -216,12 +216,6 @@ static enum db_result result_named(const char *name)
 	return DB_RESULT_NONE;
 }
 
-static bool value_from(enum db_type type, const json_t *number, union db_value *value)
-{
-	return json_is_number(number) &&
-	       db_value_from_number(type, json_number_value(number), value);
-}
-
 static void read_arguments(const json_t *arguments, struct db_audit_entry *entry)
 {
 	const struct db_command_row *row = db_command_find(entry->command);
@@ -238,7 +232,8 @@ static void read_arguments(const json_t *arguments, struct db_audit_entry *entry
 			union db_value value;
 			uint16_t narrow;
 
-			if (!value_from(db_arg_type(arg), one, &value))
+			if (!json_is_number(one) ||
+			    !db_value_from_number(db_arg_type(arg), json_number_value(one), &value))
 				continue;
 			narrow = (uint16_t)value.u;
 			memcpy(to + k * size, size == sizeof(narrow) ? (void *)&narrow : &value,

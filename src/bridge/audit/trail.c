@@ -87,18 +87,6 @@ static void make_room(struct db_trail *trail)
 
 /* --- the key ---------------------------------------------------------------------------------- */
 
-static bool parse_key(const char digits[KEY_DIGITS], uint8_t key[DB_CHAIN_KEY])
-{
-	for (size_t i = 0; i < DB_CHAIN_KEY; i++) {
-		unsigned byte;
-
-		if (sscanf(digits + 2 * i, "%2x", &byte) != 1)
-			return false;
-		key[i] = (uint8_t)byte;
-	}
-	return true;
-}
-
 static int read_key(const struct db_trail *trail, uint8_t key[DB_CHAIN_KEY])
 {
 	char digits[KEY_DIGITS + 1] = "";
@@ -109,8 +97,15 @@ static int read_key(const struct db_trail *trail, uint8_t key[DB_CHAIN_KEY])
 		return -errno;
 	got = read(fd, digits, KEY_DIGITS);
 	close(fd);
-	if (got != KEY_DIGITS || !parse_key(digits, key))
+	if (got != KEY_DIGITS)
 		return -EINVAL;
+	for (size_t i = 0; i < DB_CHAIN_KEY; i++) {
+		unsigned byte;
+
+		if (sscanf(digits + 2 * i, "%2x", &byte) != 1)
+			return -EINVAL;
+		key[i] = (uint8_t)byte;
+	}
 	explicit_bzero(digits, sizeof(digits));
 	return 0;
 }
@@ -503,25 +498,17 @@ void db_trail_find(struct db_trail *trail, uint64_t number, uint64_t since_us,
 	}
 }
 
-/* The segment at or after this one; the count when there is none. */
-static size_t index_of(const struct db_trail *trail, uint64_t segment)
-{
-	size_t i = 0;
-
-	while (i < trail->count && trail->segments[i] < segment)
-		i++;
-	return i;
-}
-
 bool db_trail_read(struct db_trail *trail, struct db_trail_place *place, size_t bytes,
                    db_lines_fn *take, void *context)
 {
-	size_t i = index_of(trail, place->segment);
+	size_t i = 0;
 	size_t used = 0;
 	char *buffer;
 	ssize_t got;
 	int fd;
 
+	while (i < trail->count && trail->segments[i] < place->segment)
+		i++;
 	if (i == trail->count)
 		return false;
 	/* It was dropped while it was read: those that are left begin anew. */

@@ -27,16 +27,6 @@ static void get(const struct db_recent *recent, uint32_t at, void *bytes, size_t
 		to[i] = recent->bytes[(at + i) % DB_RECENT_BYTES];
 }
 
-static void drop_oldest(struct db_recent *recent)
-{
-	struct head head;
-
-	get(recent, recent->begin, &head, sizeof(head));
-	recent->begin = (recent->begin + head.size) % DB_RECENT_BYTES;
-	recent->used -= head.size;
-	recent->count--;
-}
-
 void db_recent_add(struct db_recent *recent, const struct db_log_record *record, uint64_t time_us)
 {
 	const char *const texts[] = { record->bus, record->drive, record->client,
@@ -47,8 +37,14 @@ void db_recent_add(struct db_recent *recent, const struct db_log_record *record,
 	head.size = sizeof(head);
 	for (size_t i = 0; i < 4; i++)
 		head.size += (uint32_t)strlen(texts[i]) + 1;
-	while (recent->count == DB_LOG_RECENT || recent->used + head.size > DB_RECENT_BYTES)
-		drop_oldest(recent);
+	while (recent->count == DB_LOG_RECENT || recent->used + head.size > DB_RECENT_BYTES) {
+		struct head oldest;
+
+		get(recent, recent->begin, &oldest, sizeof(oldest));
+		recent->begin = (recent->begin + oldest.size) % DB_RECENT_BYTES;
+		recent->used -= oldest.size;
+		recent->count--;
+	}
 	at = (recent->begin + recent->used) % DB_RECENT_BYTES;
 	recent->last++;
 	recent->count++;
@@ -97,27 +93,18 @@ bool db_recent_find(const struct db_recent *recent, uint64_t from, struct db_log
 	return true;
 }
 
-static uint64_t event_at(const struct db_recent *recent, uint64_t number, uint64_t *time_us)
-{
-	struct head head;
-
-	get(recent, recent->places[number % DB_LOG_RECENT], &head, sizeof(head));
-	*time_us = head.time_us;
-	return DB_EVENT_BIT(head.event);
-}
-
 bool db_recent_latest(const struct db_recent *recent, uint64_t events, const char *bus,
                       const char *drive, uint64_t since_us, struct db_log_line *line)
 {
 	for (uint64_t i = 0; i < recent->count; i++) {
 		uint64_t number = recent->last - i;
-		uint64_t time_us;
-		bool wanted = event_at(recent, number, &time_us) & events;
+		struct head head;
 
-		if (time_us < since_us)
+		get(recent, recent->places[number % DB_LOG_RECENT], &head, sizeof(head));
+		if (head.time_us < since_us)
 			return false;
-		if (wanted && db_recent_find(recent, number, line) && strcmp(line->bus, bus) == 0 &&
-		    strcmp(line->drive, drive) == 0)
+		if ((DB_EVENT_BIT(head.event) & events) && db_recent_find(recent, number, line) &&
+		    strcmp(line->bus, bus) == 0 && strcmp(line->drive, drive) == 0)
 			return true;
 	}
 	return false;
