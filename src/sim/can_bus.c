@@ -331,23 +331,17 @@ static void end_frame(struct sim_can_bus *bus)
 	}
 }
 
-static bool hand_out(struct sim_can_bus *bus, struct db_can_frame *frame)
-{
-	if (bus->to_host_count == 0)
-		return false;
-	*frame = bus->to_host[bus->to_host_first].frame;
-	bus->to_host_first = (bus->to_host_first + 1) % HOST_QUEUE;
-	bus->to_host_count--;
-	return true;
-}
-
 bool sim_can_bus_run(struct sim_can_bus *bus, db_time now, struct db_can_frame *frame)
 {
 	for (;;) {
 		db_time start;
 
-		if (hand_out(bus, frame))
+		if (bus->to_host_count > 0) {
+			*frame = bus->to_host[bus->to_host_first].frame;
+			bus->to_host_first = (bus->to_host_first + 1) % HOST_QUEUE;
+			bus->to_host_count--;
 			return true;
+		}
 		if (bus->on_wire) {
 			if (bus->wire_end > now)
 				return false;

@@ -233,27 +233,23 @@ static void line_receive(void *wire, const uint8_t *bytes, size_t length, db_tim
 	}
 }
 
-/* The fault "bus-off on" takes the host off the bus; an interface reports it by error frames. */
-static void follow_bus_off(struct sim_can_line *line)
-{
-	bool off = sim_can_bus_faults(line->bus)->left[SIM_FAULT_BUS_OFF] != 0;
-	struct db_can_frame error = { .length = DB_CAN_DATA_MAX };
-
-	if (off == sim_can_bus_is_cut(line->bus))
-		return;
-	sim_can_bus_cut(line->bus, off);
-	error.id = off ? ERROR_BUS_OFF : ERROR_RESTARTED;
-	if (!line->config.adapter)
-		put(line, &error, FRAME);
-}
-
 static size_t line_run(void *wire, db_time now, uint8_t *out, size_t size)
 {
 	struct sim_can_line *line = wire;
+	struct db_can_frame error = { .length = DB_CAN_DATA_MAX };
 	struct db_can_frame frame;
 	size_t count;
+	bool off;
 
-	follow_bus_off(line);
+	/* The fault "bus-off on" takes the host off the bus; an interface reports it by error
+	 * frames. */
+	off = sim_can_bus_faults(line->bus)->left[SIM_FAULT_BUS_OFF] != 0;
+	if (off != sim_can_bus_is_cut(line->bus)) {
+		sim_can_bus_cut(line->bus, off);
+		error.id = off ? ERROR_BUS_OFF : ERROR_RESTARTED;
+		if (!line->config.adapter)
+			put(line, &error, FRAME);
+	}
 	while (line->out_length + SLCAN_LINE_MAX <= sizeof(line->out) &&
 	       sim_can_bus_run(line->bus, now, &frame)) {
 		if (!line->config.adapter)

@@ -195,16 +195,6 @@ static int open_loop(struct loop *loop)
 	               0;
 }
 
-static void close_loop(const struct loop *loop)
-{
-	const int fds[] = { loop->poll, loop->timer, loop->signals };
-
-	for (size_t i = 0; i < sizeof(fds) / sizeof(fds[0]); i++) {
-		if (fds[i] >= 0)
-			(void)close(fds[i]);
-	}
-}
-
 static void arm(struct loop *loop, db_time when)
 {
 	struct itimerspec setting = { .it_value = { 0, 0 } };
@@ -311,7 +301,12 @@ static int simulate(const struct sim_config *config, const struct options *optio
 out:
 	sim_control_close(control);
 	sim_world_close(&world);
-	close_loop(&loop);
+	if (loop.poll >= 0)
+		(void)close(loop.poll);
+	if (loop.timer >= 0)
+		(void)close(loop.timer);
+	if (loop.signals >= 0)
+		(void)close(loop.signals);
 	return result;
 }
 

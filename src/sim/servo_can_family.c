@@ -64,8 +64,9 @@ static void write_motion(const struct sim_node *node, db_time now, FILE *out)
 {
 	sim_servo_advance(node->servo->drive, now);
 	fprintf(out, " position=%.0f velocity=%g enabled=%d",
-	        sim_servo_position(node->servo->drive), sim_servo_speed(node->servo->drive),
-	        sim_servo_enabled(node->servo->drive));
+	        sim_servo_state(node->servo->drive).position,
+	        sim_servo_state(node->servo->drive).speed,
+	        sim_servo_state(node->servo->drive).enabled);
 }
 
 static void write_state(struct sim_node *node, db_time now, FILE *out)
@@ -95,10 +96,12 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	        " position=%.0f velocity=%g current=%g mode=%s enabled=%d power=%d"
 	        " address=%u heard=%" PRIu32 " unknown=%" PRIu32 " moves=%" PRIu32
 	        " setpoint_us=%" PRId64,
-	        sim_servo_position(drive), sim_servo_speed(drive), sim_servo_current(drive),
-	        servo_can_mode_name((unsigned)sim_servo_mode(drive)), sim_servo_enabled(drive),
-	        sim_servo_powered(drive), servo->address, servo->received, servo->unknown,
-	        sim_servo_moves(drive), sim_servo_setpoint_at(drive) / DB_NS_PER_US);
+	        sim_servo_state(drive).position, sim_servo_state(drive).speed,
+	        sim_servo_state(drive).current,
+	        servo_can_mode_name((unsigned)sim_servo_state(drive).mode),
+	        sim_servo_state(drive).enabled, sim_servo_state(drive).powered, servo->address,
+	        servo->received, servo->unknown, sim_servo_state(drive).moves,
+	        sim_servo_state(drive).setpoint_at / DB_NS_PER_US);
 	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
 		fprintf(out, " %s=%" PRIu32, counted[i].name,
 		        sim_servo_count(drive, counted[i].kind));

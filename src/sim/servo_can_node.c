@@ -43,23 +43,12 @@ static bool enqueue(struct sim_servo_node *node, struct servo_can_message *messa
 	return true;
 }
 
-/* An acknowledgement of something other than this one acknowledges. */
-static bool enqueue_stray(struct sim_servo_node *node, const struct servo_can_message *ack,
-                          db_time due)
-{
-	struct servo_can_message stray = { .kind = SERVO_CAN_ACK };
-
-	stray.u.ack.code = ack->u.ack.code == SERVO_CAN_ACK_ENABLE ? SERVO_CAN_ACK_MODE :
-	                                                             SERVO_CAN_ACK_ENABLE;
-	return enqueue(node, &stray, due);
-}
-
 static void report_to_witness(const struct sim_servo_node *node, const struct db_can_frame *frame,
                               enum servo_can_kind kind, bool known, db_time now)
 {
 	char text[SIM_CAN_TEXT_MAX];
 
-	if (kind == SERVO_CAN_READ || !sim_servo_powered(node->drive))
+	if (kind == SERVO_CAN_READ || !sim_servo_state(node->drive).powered)
 		return;
 	(void)sim_can_text(frame, text);
 	sim_witness_report(&node->witness, now, text, known);
@@ -96,8 +85,15 @@ void sim_servo_node_receive(void *self, const struct db_can_frame *frame, db_tim
 	count = sim_servo_execute(node->drive, &message, &node->layout, now, replies);
 	due = now + node->latency + (message.kind == SERVO_CAN_READ ? 0 : node->ack_latency);
 	report_to_witness(node, frame, message.kind, true, now);
-	if (node->stray_acks && count > 0 && replies[0].kind == SERVO_CAN_ACK)
-		node->answers += enqueue_stray(node, &replies[0], due);
+	if (node->stray_acks && count > 0 && replies[0].kind == SERVO_CAN_ACK) {
+		/* An acknowledgement of something other than the real one acknowledges. */
+		struct servo_can_message stray = { .kind = SERVO_CAN_ACK };
+
+		stray.u.ack.code = replies[0].u.ack.code == SERVO_CAN_ACK_ENABLE ?
+		                           SERVO_CAN_ACK_MODE :
+		                           SERVO_CAN_ACK_ENABLE;
+		node->answers += enqueue(node, &stray, due);
+	}
 	for (size_t i = 0; i < count; i++)
 		node->answers += enqueue(node, &replies[i], due);
 }
@@ -119,7 +115,7 @@ bool sim_servo_node_send(void *self, db_time now, struct db_can_frame *frame)
 	struct sim_servo_node *node = self;
 	struct servo_can_message report;
 
-	if (!sim_servo_powered(node->drive))
+	if (!sim_servo_state(node->drive).powered)
 		node->queued = 0;
 	while (sim_servo_report(node->drive, now, &report))
 		node->reports += enqueue(node, &report, now);

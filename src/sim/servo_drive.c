@@ -472,18 +472,6 @@ static uint16_t status_bits(const struct sim_servo *drive)
 	                                                fabs(drive->rpm) >= ZERO_SPEED);
 }
 
-static size_t acknowledge(const struct sim_servo *drive, const struct servo_can_message *message,
-                          const struct servo_can_layout *layout, struct servo_can_message *reply)
-{
-	*reply = (struct servo_can_message){ .kind = SERVO_CAN_ACK, .node = message->node };
-	reply->u.ack.code = servo_can_ack_expected(message, layout);
-	if (message->kind == SERVO_CAN_SPEED)
-		reply->u.ack.value = shown_speed(drive);
-	if (message->kind == SERVO_CAN_CURRENT)
-		reply->u.ack.value = shown_current(drive);
-	return reply->u.ack.code == SERVO_CAN_ACK_NONE ? 0 : 1;
-}
-
 static size_t answer(const struct sim_servo *drive, const struct servo_can_message *message,
                      struct servo_can_message *replies)
 {
@@ -518,6 +506,8 @@ size_t sim_servo_execute(struct sim_servo *drive, const struct servo_can_message
                          const struct servo_can_layout *layout, db_time now,
                          struct servo_can_message replies[SIM_SERVO_REPLIES])
 {
+	struct servo_can_message *reply = &replies[0];
+
 	if (!drive->powered || message->kind <= SERVO_CAN_FOREIGN || message->kind >= SERVO_CAN_ACK)
 		return 0;
 	sim_servo_advance(drive, now);
@@ -529,7 +519,13 @@ size_t sim_servo_execute(struct sim_servo *drive, const struct servo_can_message
 	if (message->kind == SERVO_CAN_READ)
 		return answer(drive, message, replies);
 	obey(drive, message, layout->slot, now);
-	return acknowledge(drive, message, layout, &replies[0]);
+	*reply = (struct servo_can_message){ .kind = SERVO_CAN_ACK, .node = message->node };
+	reply->u.ack.code = servo_can_ack_expected(message, layout);
+	if (message->kind == SERVO_CAN_SPEED)
+		reply->u.ack.value = shown_speed(drive);
+	if (message->kind == SERVO_CAN_CURRENT)
+		reply->u.ack.value = shown_current(drive);
+	return reply->u.ack.code == SERVO_CAN_ACK_NONE ? 0 : 1;
 }
 
 /* --- reports ---------------------------------------------------------------------------------- */
@@ -645,47 +641,21 @@ bool sim_servo_ignores_broadcast(const struct sim_servo *drive)
 	return drive->config.temper.ignores_broadcast;
 }
 
-bool sim_servo_powered(const struct sim_servo *drive)
-{
-	return drive->powered;
-}
-
-enum servo_can_mode sim_servo_mode(const struct sim_servo *drive)
-{
-	return drive->mode;
-}
-
-bool sim_servo_enabled(const struct sim_servo *drive)
-{
-	return drive->enabled;
-}
-
-double sim_servo_position(const struct sim_servo *drive)
-{
-	return drive->position;
-}
-
-double sim_servo_speed(const struct sim_servo *drive)
-{
-	return drive->rpm;
-}
-
-double sim_servo_current(const struct sim_servo *drive)
-{
-	return drive->amperes;
-}
-
-db_time sim_servo_setpoint_at(const struct sim_servo *drive)
-{
-	return drive->setpoint_at;
-}
-
 uint32_t sim_servo_count(const struct sim_servo *drive, enum servo_can_kind kind)
 {
 	return drive->counts[kind];
 }
 
-uint32_t sim_servo_moves(const struct sim_servo *drive)
+struct sim_servo_state sim_servo_state(const struct sim_servo *drive)
 {
-	return drive->moves;
+	return (struct sim_servo_state){
+		.powered = drive->powered,
+		.enabled = drive->enabled,
+		.mode = drive->mode,
+		.position = drive->position,
+		.speed = drive->rpm,
+		.current = drive->amperes,
+		.setpoint_at = drive->setpoint_at,
+		.moves = drive->moves,
+	};
 }

@@ -193,19 +193,6 @@ static bool parse_sensor(const char *text, struct sim_sensor *sensors)
 	return *rest == '\0';
 }
 
-static void read_sensors(const struct sim_section *section, struct sim_vsmd_config *vsmd)
-{
-	const char *text = NULL;
-
-	while ((text = sim_section_next(section, "sensor", text)) != NULL) {
-		if (!parse_sensor(text, vsmd->sensors))
-			sim_section_refuse(section, "sensor",
-			                   "sensor \"%s\" cannot be read; right is N:below:POS, "
-			                   "N:above:POS or N:between:FROM:TO with N 1 to 6",
-			                   text);
-	}
-}
-
 static void read_vsmd_settings(const struct sim_section *section, struct sim_vsmd_config *vsmd)
 {
 	const char *text = NULL;
@@ -293,6 +280,7 @@ static void read_vsmd(const struct sim_section *section, const struct sim_bus_co
 	static const enum vsmd_param currents[] = { VSMD_CRA, VSMD_CRN, VSMD_CRH, VSMD_ZCR };
 	bool can = bus->kind == SIM_BUS_VSMD_CAN;
 	long last = VSMD_SERIAL_ID_MAX;
+	const char *text = NULL;
 
 	if (can)
 		last = bus->style.extended ? VSMD_CAN_DRIVE_MAX : VSMD_CAN_STD_DRIVE_MAX;
@@ -325,7 +313,13 @@ static void read_vsmd(const struct sim_section *section, const struct sim_bus_co
 		if ((double)*current > vsmd->max_current)
 			*current = (float)vsmd->max_current;
 	}
-	read_sensors(section, vsmd);
+	while ((text = sim_section_next(section, "sensor", text)) != NULL) {
+		if (!parse_sensor(text, vsmd->sensors))
+			sim_section_refuse(section, "sensor",
+			                   "sensor \"%s\" cannot be read; right is N:below:POS, "
+			                   "N:above:POS or N:between:FROM:TO with N 1 to 6",
+			                   text);
+	}
 	read_vsmd_settings(section, vsmd);
 }
 

@@ -23,7 +23,7 @@ void sim_vsmd_can_node_init(struct sim_vsmd_can_node *node, struct sim_node *sim
 	node->latency = latency;
 	node->interval = (db_time)VSMD_CAN_INTERVAL_DEFAULT * DB_NS_PER_MS;
 	node->shake_frequency = VSMD_SHAKE_FREQ_MIN_CAN;
-	node->starts = sim_vsmd_starts(sim->drive);
+	node->starts = sim_vsmd_state(sim->drive).starts;
 }
 
 /* Messages from before a power loss are dropped: reports have to be requested again. */
@@ -31,7 +31,7 @@ static void follow_power(struct sim_vsmd_can_node *node)
 {
 	const struct vsmd_can_style style = node->style;
 
-	if (node->starts != sim_vsmd_starts(node->node->drive))
+	if (node->starts != sim_vsmd_state(node->node->drive).starts)
 		sim_vsmd_can_node_init(node, node->node, &style, node->latency);
 }
 
@@ -112,8 +112,8 @@ static void queue_answer(struct sim_vsmd_can_node *node, enum vsmd_can_control c
 	if (due < node->busy_until)
 		due = node->busy_until;
 	node->busy_until = due;
-	frame_count = vsmd_can_encode_answer(&style, sim_vsmd_address(node->node->drive), control,
-	                                     first, values, count, frames,
+	frame_count = vsmd_can_encode_answer(&style, sim_vsmd_state(node->node->drive).address,
+	                                     control, first, values, count, frames,
 	                                     sizeof(frames) / sizeof(frames[0]));
 	for (int i = 0; i < frame_count; i++)
 		queue_dressed(node, &frames[i], due);
@@ -136,24 +136,13 @@ static void read_status(struct sim_vsmd_can_node *node, uint16_t host, unsigned 
 	sim_vsmd_note_request(drive, first >= VSMD_CAN_IDENTITY, now);
 	sim_vsmd_report_status(drive, true, now, &status);
 	vsmd_can_put_status(&status, values);
-	snprintf(identity, sizeof(identity), "%s", sim_vsmd_identity(drive));
+	snprintf(identity, sizeof(identity), "%s", sim_vsmd_state(drive).identity);
 	(void)vsmd_can_put_identity(identity, &values[VSMD_CAN_IDENTITY]);
 	if (first + count > VSMD_CAN_REG_MAX + 1 || !answers_read(sim_vsmd_temper(drive), count) ||
 	    (sim_vsmd_temper(drive)->hides_identity && first + count > VSMD_CAN_IDENTITY))
 		return;
 	queue_answer(node, VSMD_CAN_STATUS_REPLY, host, first, &values[first], count,
 	             now + node->latency);
-}
-
-static uint32_t register_of(const struct sim_vsmd *drive, unsigned reg)
-{
-	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
-	size_t count = vsmd_can_params_of(reg, params);
-	uint32_t raw = 0;
-
-	for (size_t i = 0; i < count; i++)
-		(void)vsmd_can_insert(params[i], sim_vsmd_params(drive)[params[i]], &raw);
-	return raw;
 }
 
 static void read_data(struct sim_vsmd_can_node *node, uint16_t host, unsigned first, unsigned count,
@@ -166,8 +155,15 @@ static void read_data(struct sim_vsmd_can_node *node, uint16_t host, unsigned fi
 	    sim_vsmd_hides_params(node->node->drive) ||
 	    !answers_read(sim_vsmd_temper(node->node->drive), count))
 		return;
-	for (unsigned i = 0; i < count; i++)
-		values[i] = register_of(node->node->drive, first + i);
+	for (unsigned i = 0; i < count; i++) {
+		enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+		size_t fields = vsmd_can_params_of(first + i, params);
+
+		for (size_t k = 0; k < fields; k++)
+			(void)vsmd_can_insert(params[k],
+			                      sim_vsmd_params(node->node->drive)[params[k]],
+			                      &values[i]);
+	}
 	queue_answer(node, VSMD_CAN_DATA_REPLY, host, first, values, count, now + node->latency);
 }
 
@@ -324,7 +320,7 @@ static bool is_for(const struct sim_vsmd_can_node *node, const struct vsmd_can_i
 		return false;
 	return id->extended == node->style.extended &&
 	       ((id->broadcast && !sim_vsmd_temper(node->node->drive)->ignores_broadcast) ||
-	        id->target == sim_vsmd_address(node->node->drive));
+	        id->target == sim_vsmd_state(node->node->drive).address);
 }
 
 static bool wants(void *self, const struct db_can_frame *frame)
@@ -344,12 +340,12 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 	uint32_t refusals;
 
 	follow_power(node);
-	if (!sim_vsmd_powered(drive) || vsmd_can_unpack_id(frame->id, &id) != VSMD_OK ||
+	if (!sim_vsmd_state(drive).powered || vsmd_can_unpack_id(frame->id, &id) != VSMD_OK ||
 	    !is_for(node, &id))
 		return;
 	write_log(node->node, frame, now);
 	sim_vsmd_note_request(drive, false, now);
-	refusals = sim_vsmd_refusals(drive);
+	refusals = sim_vsmd_state(drive).refusals;
 	error = vsmd_can_decode(&node->style, frame, &message);
 	if (error != VSMD_OK)
 		sim_vsmd_refuse(drive, now);
@@ -366,7 +362,7 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 
 		sim_witness_report(&sim->witness, now,
 		                   sim->log[(sim->received - 1) % SIM_LOG_LINES].line,
-		                   sim_vsmd_refusals(sim->drive) == refusals);
+		                   sim_vsmd_state(sim->drive).refusals == refusals);
 	}
 }
 
@@ -374,7 +370,7 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 
 static bool is_reporting(const struct sim_vsmd_can_node *node)
 {
-	return node->report != VSMD_CAN_REPORT_NONE && sim_vsmd_powered(node->node->drive);
+	return node->report != VSMD_CAN_REPORT_NONE && sim_vsmd_state(node->node->drive).powered;
 }
 
 static db_time next(void *self)
@@ -384,7 +380,7 @@ static db_time next(void *self)
 
 	follow_power(node);
 	due = is_reporting(node) ? node->report_at : DB_TIME_NEVER;
-	if (!sim_vsmd_powered(node->node->drive))
+	if (!sim_vsmd_state(node->node->drive).powered)
 		node->count = 0;
 	if (node->count > 0 && node->queue[node->first].due < due)
 		due = node->queue[node->first].due;

@@ -384,7 +384,8 @@ static bool stop_shake(struct sim_vsmd *drive, const struct vsmd_command *comman
 }
 
 /* The nearest value that this drive accepts, or its present one. */
-static union db_value is_clamped(const struct sim_vsmd *drive, const struct vsmd_setting *setting)
+static union db_value accepted_value(const struct sim_vsmd *drive,
+                                     const struct vsmd_setting *setting)
 {
 	const struct db_param *row = &vsmd_params[setting->param];
 	double number = db_value_number(row->type, setting->value);
@@ -408,8 +409,8 @@ static bool write_settings(struct sim_vsmd *drive, const struct vsmd_command *co
 			return false;
 	}
 	for (size_t i = 0; i < command->setting_count; i++)
-		drive->params[command->settings[i].param] = is_clamped(drive,
-		                                                       &command->settings[i]);
+		drive->params[command->settings[i].param] = accepted_value(drive,
+		                                                           &command->settings[i]);
 	sim_mechanics_configure(drive);
 	return true;
 }
@@ -556,11 +557,6 @@ const struct sim_vsmd_temper *sim_vsmd_temper(const struct sim_vsmd *drive)
 	return &drive->config.temper;
 }
 
-const char *sim_vsmd_identity(const struct sim_vsmd *drive)
-{
-	return drive->identity;
-}
-
 const union db_value *sim_vsmd_params(const struct sim_vsmd *drive)
 {
 	return drive->params;
@@ -576,26 +572,6 @@ void sim_vsmd_settle(struct sim_vsmd *drive, bool answered)
 	drive->baud = drive->params[VSMD_BDR].u;
 }
 
-unsigned sim_vsmd_address(const struct sim_vsmd *drive)
-{
-	return drive->address;
-}
-
-unsigned sim_vsmd_baud(const struct sim_vsmd *drive)
-{
-	return drive->baud;
-}
-
-bool sim_vsmd_powered(const struct sim_vsmd *drive)
-{
-	return drive->powered;
-}
-
-uint32_t sim_vsmd_starts(const struct sim_vsmd *drive)
-{
-	return drive->starts;
-}
-
 bool sim_vsmd_moving(const struct sim_vsmd *drive)
 {
 	return drive->powered && sim_motion_moving(&drive->motion);
@@ -609,11 +585,6 @@ double sim_vsmd_shaft(const struct sim_vsmd *drive)
 uint32_t sim_vsmd_count(const struct sim_vsmd *drive, enum vsmd_verb verb)
 {
 	return drive->counts[verb];
-}
-
-uint32_t sim_vsmd_refusals(const struct sim_vsmd *drive)
-{
-	return drive->refusals;
 }
 
 bool sim_vsmd_set_param(struct sim_vsmd *drive, enum vsmd_param param, union db_value value)
@@ -671,4 +642,16 @@ void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, d
 void sim_vsmd_force_status(struct sim_vsmd *drive, uint32_t bits)
 {
 	drive->forced_status = bits;
+}
+
+struct sim_vsmd_state sim_vsmd_state(const struct sim_vsmd *drive)
+{
+	return (struct sim_vsmd_state){
+		.identity = drive->identity,
+		.address = drive->address,
+		.baud = drive->baud,
+		.powered = drive->powered,
+		.starts = drive->starts,
+		.refusals = drive->refusals,
+	};
 }

@@ -94,22 +94,24 @@ enum sim_refusal sim_vsmd_refusal(const struct sim_vsmd *drive);
 /* The real status. */
 void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *status);
 const struct sim_vsmd_temper *sim_vsmd_temper(const struct sim_vsmd *drive);
-const char *sim_vsmd_identity(const struct sim_vsmd *drive);
 const union db_value *sim_vsmd_params(const struct sim_vsmd *drive);
 
-/* In effect since the last power-up, without later changes by cfg. */
-unsigned sim_vsmd_address(const struct sim_vsmd *drive);
-unsigned sim_vsmd_baud(const struct sim_vsmd *drive);
+struct sim_vsmd_state {
+	const char *identity; /* the drive's */
+	/* In effect since the last power-up, without later changes by cfg. */
+	unsigned address;
+	unsigned baud;
+	bool powered;
+	uint32_t starts;   /* number of power-ups; a node drops its state from before */
+	uint32_t refusals; /* number of commands */
+};
 
-bool sim_vsmd_powered(const struct sim_vsmd *drive);
-/* Number of power-ups; a node drops its state from before. */
-uint32_t sim_vsmd_starts(const struct sim_vsmd *drive);
+struct sim_vsmd_state sim_vsmd_state(const struct sim_vsmd *drive);
 bool sim_vsmd_moving(const struct sim_vsmd *drive);
 double sim_vsmd_shaft(const struct sim_vsmd *drive);
 
-/* How often a verb was carried out, and how many commands were refused. */
+/* How often a verb was carried out. */
 uint32_t sim_vsmd_count(const struct sim_vsmd *drive, enum vsmd_verb verb);
-uint32_t sim_vsmd_refusals(const struct sim_vsmd *drive);
 
 /* Events from outside. */
 void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now);

@@ -107,9 +107,9 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	        " position=%" PRId32 " velocity=%g status=0x%08" PRIx32 " shaft=%.0f power=%d"
 	        " address=%u heard=%" PRIu32 " replies=%" PRIu32 " refused=%" PRIu32,
 	        status.position, (double)status.velocity, status.status,
-	        sim_vsmd_shaft(node->drive), sim_vsmd_powered(node->drive),
-	        sim_vsmd_address(node->drive), node->received, node->replies,
-	        sim_vsmd_refusals(node->drive));
+	        sim_vsmd_shaft(node->drive), sim_vsmd_state(node->drive).powered,
+	        sim_vsmd_state(node->drive).address, node->received, node->replies,
+	        sim_vsmd_state(node->drive).refusals);
 	for (int verb = 0; verb < VSMD_VERB_COUNT; verb++)
 		fprintf(out, " %s=%" PRIu32, verb_names[verb],
 		        sim_vsmd_count(node->drive, (enum vsmd_verb)verb));
@@ -117,7 +117,7 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 
 static unsigned get_address(const struct sim_node *node)
 {
-	return sim_vsmd_address(node->drive);
+	return sim_vsmd_state(node->drive).address;
 }
 
 /* --- from outside

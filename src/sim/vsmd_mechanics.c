@@ -414,7 +414,7 @@ static void encoder_error(struct sim_vsmd *drive)
 }
 
 /* The shaft cannot follow. `before` is the motion before the step that just ended. */
-static void is_blocked(struct sim_vsmd *drive, const struct sim_motion *before, double shaft)
+static void hold_shaft(struct sim_vsmd *drive, const struct sim_motion *before, double shaft)
 {
 	uint32_t retries = drive->params[VSMD_ERTY].u;
 
@@ -467,7 +467,7 @@ static void step(struct sim_vsmd *drive, db_time end)
 		shaft = sim_mechanics_shaft(drive);
 	}
 	if (drive->motion.position + drive->shaft_offset != shaft)
-		is_blocked(drive, &before, shaft);
+		hold_shaft(drive, &before, shaft);
 	else
 		drive->blocked = 0;
 	sim_mechanics_sense(drive);

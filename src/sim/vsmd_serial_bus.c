@@ -38,8 +38,8 @@ static int encode(struct sim_vsmd *drive, enum vsmd_reply_code code, uint8_t id,
 
 	switch (code) {
 	case VSMD_REPLY_IDENTITY:
-		return encode_text(drive, code, id, sim_vsmd_identity(drive),
-		                   strlen(sim_vsmd_identity(drive)), frame);
+		return encode_text(drive, code, id, sim_vsmd_state(drive).identity,
+		                   strlen(sim_vsmd_state(drive).identity), frame);
 	case VSMD_REPLY_PARAMS:
 		length = vsmd_serial_format_params(sim_vsmd_params(drive), text, sizeof(text));
 		if (length < 0)
@@ -64,7 +64,7 @@ static struct sim_burst *reply(struct sim_serial_bus *bus, struct sim_node *node
 	if (!burst)
 		return NULL;
 	config = sim_serial_bus_config(bus);
-	id = config->rs485 ? sim_vsmd_address(node->drive) : config->reply_id;
+	id = config->rs485 ? sim_vsmd_state(node->drive).address : config->reply_id;
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_WRONG_ID))
 		id = id % VSMD_SERIAL_ID_MAX + 1;
 	length = encode(node->drive, code, (uint8_t)id, now, sim_serial_bus_bytes(burst));
@@ -81,12 +81,12 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 {
 	bool broadcast = sim_serial_bus_config(bus)->rs485 && command->id == VSMD_SERIAL_BROADCAST;
 	enum vsmd_reply_code code = VSMD_REPLY_STATUS;
-	uint32_t refusals = sim_vsmd_refusals(node->drive);
+	uint32_t refusals = sim_vsmd_state(node->drive).refusals;
 	struct sim_burst *burst;
 
 	/* A drive that is not on the bus, or off, or at another speed, receives nothing. */
-	if (!(sim_vsmd_powered(node->drive) &&
-	      sim_vsmd_baud(node->drive) == sim_serial_bus_config(bus)->baud &&
+	if (!(sim_vsmd_state(node->drive).powered &&
+	      sim_vsmd_state(node->drive).baud == sim_serial_bus_config(bus)->baud &&
 	      sim_serial_bus_connects(bus, node)) ||
 	    sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
 		sim_serial_bus_count(bus)->missed++;
@@ -102,7 +102,7 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 		sim_vsmd_refuse(node->drive, request->end);
 	if (error != VSMD_OK || (command->verb != VSMD_DEV && command->verb != VSMD_STS &&
 	                         command->verb != VSMD_CFG_READ))
-		sim_serial_bus_testify(node, sim_vsmd_refusals(node->drive) == refusals);
+		sim_serial_bus_testify(node, sim_vsmd_state(node->drive).refusals == refusals);
 	sim_vsmd_settle(node->drive, false);
 	burst = broadcast || (error == VSMD_OK && command->verb == VSMD_CFG_READ &&
 	                      sim_vsmd_temper(node->drive)->parameters == SIM_PARAMETERS_SILENT) ?
@@ -116,7 +116,7 @@ static bool is_for(const struct sim_node *node, int id)
 {
 	if (id == VSMD_SERIAL_BROADCAST)
 		return !sim_vsmd_temper(node->drive)->ignores_broadcast;
-	return id == (int)sim_vsmd_address(node->drive);
+	return id == (int)sim_vsmd_state(node->drive).address;
 }
 
 /* A line as received by a drive. */

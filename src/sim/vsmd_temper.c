@@ -112,21 +112,6 @@ static void put_pairs(struct writer *writer, const struct sim_vsmd_temper *tempe
 	}
 }
 
-/* Parameters that no document names. */
-static void put_unknown(struct writer *writer, const struct sim_vsmd_temper *temper)
-{
-	unsigned number = 0;
-
-	while (writer->length < temper->text_length) {
-		char pair[32];
-		int length = snprintf(pair, sizeof(pair), "%cx%u=%u", temper->commas ? ',' : ' ',
-		                      number, number * 7);
-
-		number++;
-		put(writer, pair, length > 0 ? (size_t)length : 0);
-	}
-}
-
 int sim_vsmd_dress_text(const struct sim_vsmd_temper *temper, const char *text, size_t length,
                         char *out, size_t size)
 {
@@ -135,8 +120,19 @@ int sim_vsmd_dress_text(const struct sim_vsmd_temper *temper, const char *text, 
 	if (temper->text == SIM_TEXT_QUOTED)
 		put(&writer, "\"", 1);
 	put_pairs(&writer, temper, text, length);
-	if (memchr(text, '=', length))
-		put_unknown(&writer, temper);
+	if (memchr(text, '=', length)) {
+		/* Parameters that no document names. */
+		unsigned number = 0;
+
+		while (writer.length < temper->text_length) {
+			char pair[32];
+			int count = snprintf(pair, sizeof(pair), "%cx%u=%u",
+			                     temper->commas ? ',' : ' ', number, number * 7);
+
+			number++;
+			put(&writer, pair, count > 0 ? (size_t)count : 0);
+		}
+	}
 	if (temper->text == SIM_TEXT_QUOTED)
 		put(&writer, "\"", 1);
 	if (temper->text == SIM_TEXT_NUL)
@@ -153,19 +149,6 @@ static uint32_t with_bit(uint32_t word, uint32_t bit, bool set)
 	return set ? word | bit : word & ~bit;
 }
 
-/* Without the levels of output ports. */
-static uint32_t without_outputs(const struct sim_vsmd *drive, uint32_t word)
-{
-	static const uint32_t bits[SIM_VSMD_SENSORS] = { VSMD_ST_S1, VSMD_ST_S2, VSMD_ST_S3,
-		                                         VSMD_ST_S4, VSMD_ST_S5, VSMD_ST_S6 };
-
-	for (unsigned i = 0; i < SIM_VSMD_SENSORS; i++) {
-		if (drive->params[(unsigned)VSMD_S1 + i].u == 1)
-			word &= ~bits[i];
-	}
-	return word;
-}
-
 /* The deviation of a held motor from its position, alternating. */
 static int32_t tremble(struct sim_vsmd *drive)
 {
@@ -176,6 +159,8 @@ static int32_t tremble(struct sim_vsmd *drive)
 void sim_vsmd_report_status(struct sim_vsmd *drive, bool read, db_time now,
                             struct vsmd_status *status)
 {
+	static const uint32_t levels[SIM_VSMD_SENSORS] = { VSMD_ST_S1, VSMD_ST_S2, VSMD_ST_S3,
+		                                           VSMD_ST_S4, VSMD_ST_S5, VSMD_ST_S6 };
 	const struct sim_vsmd_temper *temper = &drive->config.temper;
 
 	if (read && sim_vsmd_refusal(drive) == SIM_REFUSAL_CLEARED)
@@ -191,8 +176,10 @@ void sim_vsmd_report_status(struct sim_vsmd *drive, bool read, db_time now,
 	}
 	status->status = with_bit(status->status, VSMD_ST_PWR, drive->power_bit.shown);
 	status->status = with_bit(status->status, VSMD_ST_STP, drive->standing_bit.shown);
-	if (temper->hides_outputs)
-		status->status = without_outputs(drive, status->status);
+	for (unsigned i = 0; i < SIM_VSMD_SENSORS && temper->hides_outputs; i++) {
+		if (drive->params[(unsigned)VSMD_S1 + i].u == 1)
+			status->status &= ~levels[i];
+	}
 	if (sim_vsmd_refusal(drive) == SIM_REFUSAL_ONCE)
 		drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
 }

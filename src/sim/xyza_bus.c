@@ -57,7 +57,7 @@ static struct sim_burst *serve_controller(struct sim_serial_bus *bus, struct sim
 	struct xyza_reply reply;
 	char text[XYZA_FRAME_MAX * HEX_DIGITS + 1];
 
-	if (!sim_xyza_powered(node->xyza) || !sim_serial_bus_connects(bus, node) ||
+	if (!sim_xyza_state(node->xyza).powered || !sim_serial_bus_connects(bus, node) ||
 	    sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
 		sim_serial_bus_count(bus)->missed++;
 		return NULL;

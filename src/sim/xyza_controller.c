@@ -331,7 +331,7 @@ static bool start_jog(struct sim_xyza *controller, const struct xyza_request *re
 	}
 	if (controller->config.temper.latches_speed &&
 	    sim_xyza_axes_moving(&controller->axes, request->axis) &&
-	    (sim_xyza_speed(controller, request->axis) < 0.0) == request->negative)
+	    (sim_xyza_axis_state(controller, request->axis).speed < 0.0) == request->negative)
 		return true;
 	sim_xyza_axes_jog(&controller->axes, request->axis, request->negative ? -speed : speed,
 	                  controller->now);
@@ -636,55 +636,10 @@ const struct xyza_style *sim_xyza_style(const struct sim_xyza *controller)
 	return &controller->config.style;
 }
 
-bool sim_xyza_powered(const struct sim_xyza *controller)
-{
-	return controller->powered;
-}
-
-double sim_xyza_position(const struct sim_xyza *controller, enum xyza_axis axis)
-{
-	return controller->axes.list[axis].motion.position;
-}
-
-double sim_xyza_speed(const struct sim_xyza *controller, enum xyza_axis axis)
-{
-	return controller->axes.list[axis].motion.velocity;
-}
-
-bool sim_xyza_standing(const struct sim_xyza *controller, enum xyza_axis axis)
-{
-	return !sim_xyza_axes_moving(&controller->axes, axis);
-}
-
 uint32_t sim_xyza_content(const struct sim_xyza *controller, enum xyza_item item,
                           enum xyza_axis axis)
 {
 	return sim_xyza_memory_get(&controller->memory, item, axis);
-}
-
-uint16_t sim_xyza_inputs(const struct sim_xyza *controller)
-{
-	return controller->inputs;
-}
-
-uint16_t sim_xyza_outputs(const struct sim_xyza *controller)
-{
-	return controller->outputs;
-}
-
-enum xyza_program_state sim_xyza_program_state(const struct sim_xyza *controller)
-{
-	return controller->state;
-}
-
-unsigned sim_xyza_program(const struct sim_xyza *controller)
-{
-	return controller->program;
-}
-
-unsigned sim_xyza_step(const struct sim_xyza *controller)
-{
-	return controller->step;
 }
 
 uint32_t sim_xyza_count(const struct sim_xyza *controller, enum xyza_verb verb)
@@ -692,7 +647,25 @@ uint32_t sim_xyza_count(const struct sim_xyza *controller, enum xyza_verb verb)
 	return controller->counts[verb];
 }
 
-uint32_t sim_xyza_failures(const struct sim_xyza *controller)
+struct sim_xyza_state sim_xyza_state(const struct sim_xyza *controller)
 {
-	return controller->failures;
+	return (struct sim_xyza_state){
+		.powered = controller->powered,
+		.inputs = controller->inputs,
+		.outputs = controller->outputs,
+		.program_state = controller->state,
+		.program = controller->program,
+		.step = controller->step,
+		.failures = controller->failures,
+	};
+}
+
+struct sim_xyza_axis_state sim_xyza_axis_state(const struct sim_xyza *controller,
+                                               enum xyza_axis axis)
+{
+	return (struct sim_xyza_axis_state){
+		.position = controller->axes.list[axis].motion.position,
+		.speed = controller->axes.list[axis].motion.velocity,
+		.standing = !sim_xyza_axes_moving(&controller->axes, axis),
+	};
 }

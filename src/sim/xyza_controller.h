@@ -115,19 +115,30 @@ void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t po
 const struct sim_xyza_temper *sim_xyza_temper(const struct sim_xyza *controller);
 unsigned sim_xyza_number(const struct sim_xyza *controller); /* in effect */
 const struct xyza_style *sim_xyza_style(const struct sim_xyza *controller);
-bool sim_xyza_powered(const struct sim_xyza *controller);
-double sim_xyza_position(const struct sim_xyza *controller, enum xyza_axis axis); /* pulses */
-double sim_xyza_speed(const struct sim_xyza *controller, enum xyza_axis axis);    /* Hz, signed */
-bool sim_xyza_standing(const struct sim_xyza *controller, enum xyza_axis axis);
 uint32_t sim_xyza_content(const struct sim_xyza *controller, enum xyza_item item,
                           enum xyza_axis axis);
-uint16_t sim_xyza_inputs(const struct sim_xyza *controller);
-uint16_t sim_xyza_outputs(const struct sim_xyza *controller);
-enum xyza_program_state sim_xyza_program_state(const struct sim_xyza *controller);
-unsigned sim_xyza_program(const struct sim_xyza *controller);
-unsigned sim_xyza_step(const struct sim_xyza *controller);
-/* How often a verb was carried out, and how many requests were answered as failed. */
+/* How often a verb was carried out. */
 uint32_t sim_xyza_count(const struct sim_xyza *controller, enum xyza_verb verb);
-uint32_t sim_xyza_failures(const struct sim_xyza *controller);
+
+struct sim_xyza_state {
+	bool powered;
+	uint16_t inputs;
+	uint16_t outputs;
+	enum xyza_program_state program_state;
+	unsigned program;
+	unsigned step;
+	uint32_t failures; /* requests that were answered as failed */
+};
+
+struct sim_xyza_state sim_xyza_state(const struct sim_xyza *controller);
+
+struct sim_xyza_axis_state {
+	double position; /* pulses */
+	double speed;    /* Hz, signed */
+	bool standing;
+};
+
+struct sim_xyza_axis_state sim_xyza_axis_state(const struct sim_xyza *controller,
+                                               enum xyza_axis axis);
 
 #endif

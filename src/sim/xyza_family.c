@@ -47,7 +47,8 @@ static unsigned moving_motors(const struct sim_node *node)
 	unsigned moving = 0;
 
 	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
-		moving |= (unsigned)!sim_xyza_standing(node->xyza, (enum xyza_axis)axis) << axis;
+		moving |= (unsigned)!sim_xyza_axis_state(node->xyza, (enum xyza_axis)axis).standing
+		          << axis;
 	return moving;
 }
 
@@ -56,8 +57,9 @@ static void write_motion(const struct sim_node *node, db_time now, FILE *out)
 	sim_xyza_advance(node->xyza, now);
 	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
 		fprintf(out, " %c=%.0f %c_speed=%g", axis_letters[axis],
-		        sim_xyza_position(node->xyza, (enum xyza_axis)axis), axis_letters[axis],
-		        sim_xyza_speed(node->xyza, (enum xyza_axis)axis));
+		        sim_xyza_axis_state(node->xyza, (enum xyza_axis)axis).position,
+		        axis_letters[axis],
+		        sim_xyza_axis_state(node->xyza, (enum xyza_axis)axis).speed);
 }
 
 static void write_state(struct sim_node *node, db_time now, FILE *out)
@@ -97,11 +99,12 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	fprintf(out,
 	        " inputs=0x%04x outputs=0x%04x program_state=%d program=%u step=%u power=%d"
 	        " address=%u heard=%" PRIu32 " replies=%" PRIu32 " failed=%" PRIu32,
-	        (unsigned)sim_xyza_inputs(node->xyza), (unsigned)sim_xyza_outputs(node->xyza),
-	        (int)sim_xyza_program_state(node->xyza), sim_xyza_program(node->xyza),
-	        sim_xyza_step(node->xyza), sim_xyza_powered(node->xyza),
+	        (unsigned)sim_xyza_state(node->xyza).inputs,
+	        (unsigned)sim_xyza_state(node->xyza).outputs,
+	        (int)sim_xyza_state(node->xyza).program_state, sim_xyza_state(node->xyza).program,
+	        sim_xyza_state(node->xyza).step, sim_xyza_state(node->xyza).powered,
 	        sim_xyza_number(node->xyza), node->received, node->replies,
-	        sim_xyza_failures(node->xyza));
+	        sim_xyza_state(node->xyza).failures);
 	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
 		fprintf(out, " %s=%" PRIu32, counted[i].name,
 		        sim_xyza_count(node->xyza, counted[i].verb));

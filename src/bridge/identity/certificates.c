@@ -70,17 +70,6 @@ static struct place *find_room(struct db_certificates *certificates)
 	return chosen;
 }
 
-/* The first number from the fingerprint's first bytes on that no other certificate has. */
-static uint32_t choose_number(struct db_certificates *certificates, const uint8_t *fingerprint)
-{
-	uint32_t number = (uint32_t)fingerprint[0] << 24 | (uint32_t)fingerprint[1] << 16 |
-	                  (uint32_t)fingerprint[2] << 8 | fingerprint[3];
-
-	while (number == 0 || find(certificates, number))
-		number++;
-	return number;
-}
-
 bool db_certificates_hold(struct db_certificates *certificates,
                           const struct db_secure_client *client, uint8_t address[16])
 {
@@ -92,11 +81,20 @@ bool db_certificates_hold(struct db_certificates *certificates,
 			place = &certificates->places[i];
 	}
 	if (!place) {
+		uint32_t number;
+
 		place = find_room(certificates);
 		if (!place)
 			return false;
 		*place = (struct place){ .number = 0 };
-		place->number = choose_number(certificates, client->fingerprint);
+		/* The first number from the fingerprint's first bytes on that no other certificate
+		 * has. */
+		number = (uint32_t)client->fingerprint[0] << 24 |
+		         (uint32_t)client->fingerprint[1] << 16 |
+		         (uint32_t)client->fingerprint[2] << 8 | client->fingerprint[3];
+		while (number == 0 || find(certificates, number))
+			number++;
+		place->number = number;
 		memcpy(place->fingerprint, client->fingerprint, sizeof(place->fingerprint));
 		strcpy(place->name, client->name);
 		strcpy(place->role, client->role);

@@ -59,21 +59,6 @@ void change_free(struct db_change *change)
 
 /* --- removing --------------------------------------------------------------------------------- */
 
-static void begin_to_leave(struct db_engine *engine, struct station *station, db_time now)
-{
-	enum db_command command = db_on_loss_command(station->config->on_exit);
-	/* A controller's stop is for all of its axes: an axis that stands leaves without disturbing
-	 * the others. */
-	bool stop = command == DB_CMD_DISABLE || !station->node->first->next_axis ||
-	            !station_is_seen_to_stand(station);
-
-	station->leaving = true;
-	engine_finish_waiting_requests(engine, station, DB_RESULT_CANCELLED, now);
-	station_cancel_command(station, engine->driver, now);
-	if (stop && command != DB_CMD_NONE)
-		engine_add_stop(engine, station, command, DB_STAND_EXIT, NULL, now);
-}
-
 void change_begin(struct db_engine *engine, struct db_change *change, db_time now)
 {
 	engine->change = change;
@@ -81,8 +66,19 @@ void change_begin(struct db_engine *engine, struct db_change *change, db_time no
 	for (size_t i = 0; i < change->leaving_count && !engine->shutting_down; i++) {
 		struct station *station = engine_find_station(engine, change->leaving[i]);
 
-		if (station)
-			begin_to_leave(engine, station, now);
+		if (station) {
+			enum db_command command = db_on_loss_command(station->config->on_exit);
+			/* A controller's stop is for all of its axes: an axis that stands leaves
+			 * without disturbing the others. */
+			bool stop = command == DB_CMD_DISABLE || !station->node->first->next_axis ||
+			            !station_is_seen_to_stand(station);
+
+			station->leaving = true;
+			engine_finish_waiting_requests(engine, station, DB_RESULT_CANCELLED, now);
+			station_cancel_command(station, engine->driver, now);
+			if (stop && command != DB_CMD_NONE)
+				engine_add_stop(engine, station, command, DB_STAND_EXIT, NULL, now);
+		}
 	}
 }
 

@@ -93,24 +93,6 @@ void learn_gap_received(struct learn_gap *gap, db_time pause, db_time now)
 		gap->lower_at = now + A_MINUTE;
 }
 
-static enum learnt raise_gap(struct learn_gap *gap, db_time pause, db_time now)
-{
-	if (gap->now >= gap->most) {
-		gap->raise_at = now + USELESS_PAUSE;
-		gap->peak = gap->begin;
-		set_gap(gap, gap->begin);
-		gap->sure = gap->most;
-		return LEARNT_NO_USE;
-	}
-	set_gap(gap, db_time_min(db_time_max(db_time_max(2 * (db_time)gap->now, pause + pause / 4),
-	                                     STEP),
-	                         gap->most));
-	gap->peak = gap->now;
-	gap->sure = gap->most;
-	gap->lower_at = now + A_MINUTE;
-	return LEARNT_MORE;
-}
-
 enum learnt learn_gap_lost(struct learn_gap *gap, db_time pause, db_time now)
 {
 	if (pause > db_time_max(gap->most, LEARN_GAP_MOST) + NEAR) {
@@ -133,7 +115,20 @@ enum learnt learn_gap_lost(struct learn_gap *gap, db_time pause, db_time now)
 	if (gap->lost < TELLING_LOSSES || gap->lost * 3 <= gap->received ||
 	    gap->lost_later * 2 >= gap->lost || now < gap->raise_at)
 		return LEARNT_NOTHING;
-	return raise_gap(gap, pause, now);
+	if (gap->now >= gap->most) {
+		gap->raise_at = now + USELESS_PAUSE;
+		gap->peak = gap->begin;
+		set_gap(gap, gap->begin);
+		gap->sure = gap->most;
+		return LEARNT_NO_USE;
+	}
+	set_gap(gap, db_time_min(db_time_max(db_time_max(2 * (db_time)gap->now, pause + pause / 4),
+	                                     STEP),
+	                         gap->most));
+	gap->peak = gap->now;
+	gap->sure = gap->most;
+	gap->lower_at = now + A_MINUTE;
+	return LEARNT_MORE;
 }
 
 /* --- patience --------------------------------------------------------------------------------- */

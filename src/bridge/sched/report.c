@@ -116,14 +116,23 @@ static void report_changes(struct db_engine *engine, struct station *station)
 	station->last_logged.status = feedback->status;
 }
 
-/* Parameters are found missing one after the other: they are reported together after all were
- * requested. */
-static void report_missing_params(struct db_engine *engine, struct station *station)
+void engine_publish(struct db_engine *engine, struct station *station)
 {
+	const struct bus_state bus = {
+		.up = engine->stats.up,
+		.aside = engine->stats.aside,
+		.wall_offset_us = engine->wall_offset_us,
+		.interval = station->node->interval,
+		.now = engine->now,
+	};
 	const struct db_driver *driver = engine->driver;
 	const uint64_t *missing;
 	bool more = false;
 
+	station_publish(station, engine->driver, &bus);
+	report_changes(engine, station);
+	/* Parameters are found missing one after the other: they are reported together after all were
+	 * requested. */
 	if (driver->param_count == 0 ||
 	    !(station->snapshot.feedback.status & DB_STATUS_PARAMS_VALID))
 		return;
@@ -134,19 +143,4 @@ static void report_missing_params(struct db_engine *engine, struct station *stat
 	}
 	if (more && engine->ops->on_missing_params)
 		engine->ops->on_missing_params(engine->context, station->config, missing);
-}
-
-void engine_publish(struct db_engine *engine, struct station *station)
-{
-	const struct bus_state bus = {
-		.up = engine->stats.up,
-		.aside = engine->stats.aside,
-		.wall_offset_us = engine->wall_offset_us,
-		.interval = station->node->interval,
-		.now = engine->now,
-	};
-
-	station_publish(station, engine->driver, &bus);
-	report_changes(engine, station);
-	report_missing_params(engine, station);
 }

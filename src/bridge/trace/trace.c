@@ -268,17 +268,6 @@ void db_trace_close(struct db_trace *trace, enum db_trace_kind kind, uint32_t qu
 	publish(trace);
 }
 
-/* An event follows the frame that is being processed. */
-static void write_open_frame(struct db_trace *trace)
-{
-	struct head head = head_of(trace->frame_time, next_number(trace), DB_TRACE_STRAY, 0,
-	                           trace->frame_length);
-
-	trace->frame_is_written = true;
-	trace->frame_at = trace->written;
-	append(trace, &head, trace->frame_bytes);
-}
-
 void db_trace_write_event(struct db_trace *trace, db_time time, enum db_event event,
                           const char *drive)
 {
@@ -288,8 +277,15 @@ void db_trace_write_event(struct db_trace *trace, db_time time, enum db_event ev
 
 	if (drive)
 		memcpy(said + 1, drive, length);
-	if (trace->frame_is_open && !trace->frame_is_written)
-		write_open_frame(trace);
+	if (trace->frame_is_open && !trace->frame_is_written) {
+		/* An event follows the frame that is being processed. */
+		struct head frame = head_of(trace->frame_time, next_number(trace), DB_TRACE_STRAY,
+		                            0, trace->frame_length);
+
+		trace->frame_is_written = true;
+		trace->frame_at = trace->written;
+		append(trace, &frame, trace->frame_bytes);
+	}
 	head = head_of(time, next_number(trace), DB_TRACE_EVENT, 0, 1 + length);
 	append(trace, &head, said);
 	if (!trace->frame_is_open)

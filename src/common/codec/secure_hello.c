@@ -81,19 +81,6 @@ static bool is_name(const char *name)
 	return true;
 }
 
-static void write_client(const struct db_secure_client *client, uint8_t *bytes)
-{
-	put(bytes + CLIENT_PORT, 2, client->port);
-	memcpy(bytes + CLIENT_ADDRESS, client->address, sizeof(client->address));
-	memcpy(bytes + CLIENT_FINGERPRINT, client->fingerprint, sizeof(client->fingerprint));
-	put(bytes + CLIENT_EXPIRES, 8, (uint64_t)client->expires);
-	bytes[CLIENT_SERIAL] = client->serial_size;
-	memcpy(bytes + CLIENT_SERIAL + 1, client->serial, client->serial_size);
-	memcpy(bytes + CLIENT_NAME, client->name, strlen(client->name));
-	memcpy(bytes + CLIENT_ROLE, client->role, strlen(client->role));
-	put(bytes + CLIENT_WAITED, 4, client->waited_ms);
-}
-
 static bool read_client(const uint8_t *bytes, struct db_secure_client *client)
 {
 	client->port = (uint16_t)get(bytes + CLIENT_PORT, 2);
@@ -112,40 +99,35 @@ static bool read_client(const uint8_t *bytes, struct db_secure_client *client)
 	       (client->role[0] == '\0' || db_secure_role_is_good(client->role));
 }
 
-static void write_status(const struct db_secure_status *status, uint8_t *bytes)
-{
-	const int64_t times[] = { status->expires, status->crl_expires, status->client_expires };
-	const uint32_t counts[] = { status->clients, status->greetings, status->accepted,
-		                    status->refused, status->displaced };
-
-	for (unsigned i = 0; i < sizeof(times) / sizeof(times[0]); i++)
-		put(bytes + STATUS_TIMES + 8 * i, 8, (uint64_t)times[i]);
-	for (unsigned i = 0; i < sizeof(counts) / sizeof(counts[0]); i++)
-		put(bytes + STATUS_COUNTS + 4 * i, 4, counts[i]);
-}
-
-static void read_status(const uint8_t *bytes, struct db_secure_status *status)
-{
-	int64_t *const times[] = { &status->expires, &status->crl_expires,
-		                   &status->client_expires };
-	uint32_t *const counts[] = { &status->clients, &status->greetings, &status->accepted,
-		                     &status->refused, &status->displaced };
-
-	for (unsigned i = 0; i < sizeof(times) / sizeof(times[0]); i++)
-		*times[i] = (int64_t)get(bytes + STATUS_TIMES + 8 * i, 8);
-	for (unsigned i = 0; i < sizeof(counts) / sizeof(counts[0]); i++)
-		*counts[i] = (uint32_t)get(bytes + STATUS_COUNTS + 4 * i, 4);
-}
-
 void db_secure_hello_write(const struct db_secure_hello *hello, uint8_t bytes[DB_SECURE_HELLO_SIZE])
 {
 	memset(bytes, 0, DB_SECURE_HELLO_SIZE);
 	memcpy(bytes, MAGIC, sizeof(MAGIC));
 	bytes[KIND] = (uint8_t)hello->kind;
-	if (hello->kind == DB_SECURE_CLIENT)
-		write_client(&hello->client, bytes);
-	else
-		write_status(&hello->status, bytes);
+	if (hello->kind == DB_SECURE_CLIENT) {
+		put(bytes + CLIENT_PORT, 2, hello->client.port);
+		memcpy(bytes + CLIENT_ADDRESS, hello->client.address,
+		       sizeof(hello->client.address));
+		memcpy(bytes + CLIENT_FINGERPRINT, hello->client.fingerprint,
+		       sizeof(hello->client.fingerprint));
+		put(bytes + CLIENT_EXPIRES, 8, (uint64_t)hello->client.expires);
+		bytes[CLIENT_SERIAL] = hello->client.serial_size;
+		memcpy(bytes + CLIENT_SERIAL + 1, hello->client.serial, hello->client.serial_size);
+		memcpy(bytes + CLIENT_NAME, hello->client.name, strlen(hello->client.name));
+		memcpy(bytes + CLIENT_ROLE, hello->client.role, strlen(hello->client.role));
+		put(bytes + CLIENT_WAITED, 4, hello->client.waited_ms);
+	} else {
+		const int64_t times[] = { hello->status.expires, hello->status.crl_expires,
+			                  hello->status.client_expires };
+		const uint32_t counts[] = { hello->status.clients, hello->status.greetings,
+			                    hello->status.accepted, hello->status.refused,
+			                    hello->status.displaced };
+
+		for (unsigned i = 0; i < sizeof(times) / sizeof(times[0]); i++)
+			put(bytes + STATUS_TIMES + 8 * i, 8, (uint64_t)times[i]);
+		for (unsigned i = 0; i < sizeof(counts) / sizeof(counts[0]); i++)
+			put(bytes + STATUS_COUNTS + 4 * i, 4, counts[i]);
+	}
 }
 
 enum db_secure_kind db_secure_hello_read(const uint8_t bytes[DB_SECURE_HELLO_SIZE],
@@ -155,12 +137,22 @@ enum db_secure_kind db_secure_hello_read(const uint8_t bytes[DB_SECURE_HELLO_SIZ
 	uint8_t same[DB_SECURE_HELLO_SIZE];
 
 	memset(hello, 0, sizeof(*hello));
-	if (good && bytes[KIND] == DB_SECURE_CLIENT)
+	if (good && bytes[KIND] == DB_SECURE_CLIENT) {
 		good = read_client(bytes, &hello->client);
-	else if (good && bytes[KIND] == DB_SECURE_STATUS)
-		read_status(bytes, &hello->status);
-	else
+	} else if (good && bytes[KIND] == DB_SECURE_STATUS) {
+		int64_t *const times[] = { &hello->status.expires, &hello->status.crl_expires,
+			                   &hello->status.client_expires };
+		uint32_t *const counts[] = { &hello->status.clients, &hello->status.greetings,
+			                     &hello->status.accepted, &hello->status.refused,
+			                     &hello->status.displaced };
+
+		for (unsigned i = 0; i < sizeof(times) / sizeof(times[0]); i++)
+			*times[i] = (int64_t)get(bytes + STATUS_TIMES + 8 * i, 8);
+		for (unsigned i = 0; i < sizeof(counts) / sizeof(counts[0]); i++)
+			*counts[i] = (uint32_t)get(bytes + STATUS_COUNTS + 4 * i, 4);
+	} else {
 		good = false;
+	}
 	if (!good)
 		return hello->kind = DB_SECURE_WRONG;
 	hello->kind = (enum db_secure_kind)bytes[KIND];

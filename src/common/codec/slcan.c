@@ -84,12 +84,6 @@ static void put_hex(struct writer *writer, uint32_t value, unsigned digits)
 		put(writer, "0123456789ABCDEF"[value >> (4 * digits) & 0xF]);
 }
 
-static void put_text(struct writer *writer, const char *text)
-{
-	while (*text)
-		put(writer, *text++);
-}
-
 static int finish_line(struct writer *writer, char end)
 {
 	put(writer, end);
@@ -317,7 +311,8 @@ int slcan_encode_reply(const struct slcan_reply *reply, char *line, size_t size)
 		if (!is_text(reply->text, strnlen(reply->text, sizeof(reply->text))))
 			return SLCAN_ERR_RANGE;
 		put(&writer, reply->kind == SLCAN_REPLY_VERSION ? 'V' : 'N');
-		put_text(&writer, reply->text);
+		for (const char *text = reply->text; *text; text++)
+			put(&writer, *text);
 		return finish_line(&writer, SLCAN_CR);
 	default:
 		return SLCAN_ERR_RANGE;

@@ -386,17 +386,12 @@ static enum vsmd_error get_shake(const uint8_t *data, unsigned length,
 	return VSMD_OK;
 }
 
-/* Ports counted from 1; a number below the first becomes 0, which no command accepts. */
-static uint8_t get_port(uint8_t number, unsigned base)
-{
-	unsigned port = number + 1u - base;
-
-	return port > UINT8_MAX ? 0 : (uint8_t)port;
-}
-
 static void get_pair(const uint8_t *data, unsigned base, struct vsmd_can_command *command)
 {
-	command->port = get_port(data[0], base);
+	unsigned port = data[0] + 1u - base;
+
+	/* Ports counted from 1; a number below the first becomes 0, which no command accepts. */
+	command->port = port > UINT8_MAX ? 0 : (uint8_t)port;
 	command->value = data[1];
 }
 
@@ -483,11 +478,19 @@ static void put_registers(const uint32_t *values, unsigned count, struct db_can_
 		put_be32(values[i], frame->data + (size_t)i * REG_BYTES);
 }
 
-static enum vsmd_error decode_registers(const struct db_can_frame *frame,
-                                        struct vsmd_can_message *message)
+enum vsmd_error vsmd_can_decode(const struct vsmd_can_style *style,
+                                const struct db_can_frame *frame, struct vsmd_can_message *message)
 {
-	unsigned count = frame->length / REG_BYTES;
+	unsigned count;
 
+	*message = (struct vsmd_can_message){ 0 };
+	if (vsmd_can_unpack_id(frame->id, &message->id) != VSMD_OK ||
+	    frame->length > DB_CAN_DATA_MAX)
+		return VSMD_ERR_SYNTAX;
+	if (message->id.control == VSMD_CAN_COMMAND)
+		return decode_command(style, frame, message);
+
+	count = frame->length / REG_BYTES;
 	if (count == 0 || frame->length % REG_BYTES != 0)
 		return VSMD_ERR_SYNTAX;
 	if (!window_possible(message->id.reg, count, message->id.extended))
@@ -496,17 +499,6 @@ static enum vsmd_error decode_registers(const struct db_can_frame *frame,
 	for (unsigned i = 0; i < count; i++)
 		message->values[i] = get_be32(frame->data + (size_t)i * REG_BYTES);
 	return VSMD_OK;
-}
-
-enum vsmd_error vsmd_can_decode(const struct vsmd_can_style *style,
-                                const struct db_can_frame *frame, struct vsmd_can_message *message)
-{
-	*message = (struct vsmd_can_message){ 0 };
-	if (vsmd_can_unpack_id(frame->id, &message->id) != VSMD_OK ||
-	    frame->length > DB_CAN_DATA_MAX)
-		return VSMD_ERR_SYNTAX;
-	return message->id.control == VSMD_CAN_COMMAND ? decode_command(style, frame, message) :
-	                                                 decode_registers(frame, message);
 }
 
 /* True if a whole register, given raw, holds a possible value of its only parameter. */

@@ -300,17 +300,6 @@ static void describe_can_command(struct db_description *description,
 
 /* --- registers -------------------------------------------------------------------------------- */
 
-static void describe_identity(struct db_description *description, uint32_t value)
-{
-	db_description_add(description, "identity, a part: \"");
-	for (int shift = 24; shift >= 0; shift -= 8) {
-		int character = (int)(value >> shift & 0xFF);
-
-		db_description_add(description, "%c", isprint(character) ? character : ' ');
-	}
-	db_description_add(description, "\"");
-}
-
 static void describe_status_register(struct db_description *description, unsigned reg,
                                      uint32_t value)
 {
@@ -330,11 +319,18 @@ static void describe_status_register(struct db_description *description, unsigne
 	default:
 		break;
 	}
-	if (reg >= VSMD_CAN_IDENTITY && reg < VSMD_CAN_IDENTITY + VSMD_CAN_IDENTITY_REGS)
-		describe_identity(description, value);
-	else
+	if (reg >= VSMD_CAN_IDENTITY && reg < VSMD_CAN_IDENTITY + VSMD_CAN_IDENTITY_REGS) {
+		db_description_add(description, "identity, a part: \"");
+		for (int shift = 24; shift >= 0; shift -= 8) {
+			int character = (int)(value >> shift & 0xFF);
+
+			db_description_add(description, "%c", isprint(character) ? character : ' ');
+		}
+		db_description_add(description, "\"");
+	} else {
 		db_description_add(description, "status register %02X is %08lX", reg,
 		                   (unsigned long)value);
+	}
 }
 
 static void describe_data_register(struct db_description *description, unsigned reg, uint32_t raw)

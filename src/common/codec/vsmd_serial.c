@@ -116,18 +116,6 @@ static void put_port(struct writer *writer, const char *verb, const struct vsmd_
 	put_small(writer, command->value, 0, 255);
 }
 
-static void put_optional(struct writer *writer, const struct vsmd_command *command)
-{
-	put(writer, command->verb == VSMD_STP ? "stp" : "org");
-	if (!command->has_value)
-		return;
-	put(writer, " ");
-	if (command->verb == VSMD_STP)
-		put_small(writer, command->value, 0, 1);
-	else
-		put_int(writer, command->position);
-}
-
 /* Verbs with a single fixed text. */
 static const char *const fixed[VSMD_VERB_COUNT] = {
 	[VSMD_DEV] = "dev",
@@ -159,7 +147,14 @@ static void put_command(struct writer *writer, const struct vsmd_command *comman
 		break;
 	case VSMD_STP:
 	case VSMD_ORG:
-		put_optional(writer, command);
+		put(writer, command->verb == VSMD_STP ? "stp" : "org");
+		if (!command->has_value)
+			break;
+		put(writer, " ");
+		if (command->verb == VSMD_STP)
+			put_small(writer, command->value, 0, 1);
+		else
+			put_int(writer, command->position);
 		break;
 	case VSMD_SENSOR_OUT:
 		put(writer, "s");
@@ -593,20 +588,6 @@ static bool is_separator(const char *text, size_t length, size_t at)
 	return at + 1 == length || !(text[at + 1] >= '0' && text[at + 1] <= '9');
 }
 
-/* The text between two separators; of length 0 at the end. */
-static struct word next_pair(const char *text, size_t length, size_t *cursor)
-{
-	struct word word;
-
-	while (*cursor < length && is_separator(text, length, *cursor))
-		(*cursor)++;
-	word.text = text + *cursor;
-	while (*cursor < length && !is_separator(text, length, *cursor))
-		(*cursor)++;
-	word.length = (size_t)(text + *cursor - word.text);
-	return word;
-}
-
 /* A parameter by its name as a drive writes it: in small letters, or in capitals. -1: unknown. */
 static int find_param(struct word name)
 {
@@ -625,11 +606,18 @@ static int find_param(struct word name)
 int vsmd_serial_next_param(const char *text, size_t length, size_t *cursor,
                            struct vsmd_setting *setting)
 {
-	struct word word = next_pair(text, length, cursor);
+	struct word word;
 	struct word value;
 	const char *equals;
 	int param;
 
+	/* The text between two separators; of length 0 at the end. */
+	while (*cursor < length && is_separator(text, length, *cursor))
+		(*cursor)++;
+	word.text = text + *cursor;
+	while (*cursor < length && !is_separator(text, length, *cursor))
+		(*cursor)++;
+	word.length = (size_t)(text + *cursor - word.text);
 	if (word.length == 0)
 		return 0;
 	equals = memchr(word.text, '=', word.length);

@@ -45,22 +45,6 @@ static struct attributes find(struct attributes all, unsigned type)
 	return (struct attributes){ 0 };
 }
 
-static void read_can(struct attributes data, struct db_can_link *link)
-{
-	struct attributes timing = find(data, IFLA_CAN_BITTIMING);
-	struct attributes state = find(data, IFLA_CAN_STATE);
-	struct can_bittiming bits;
-
-	if (timing.length >= sizeof(bits)) {
-		memcpy(&bits, timing.bytes, sizeof(bits));
-		link->bitrate = bits.bitrate;
-	}
-	if (state.length >= sizeof(link->state)) {
-		memcpy(&link->state, state.bytes, sizeof(link->state));
-		link->has_state = true;
-	}
-}
-
 bool db_can_link_parse(const void *message, size_t length, struct db_can_link *link)
 {
 	const size_t start = NLMSG_LENGTH(NLMSG_ALIGN(sizeof(struct ifinfomsg)));
@@ -78,8 +62,21 @@ bool db_can_link_parse(const void *message, size_t length, struct db_can_link *l
 	            IFLA_LINKINFO);
 	kind = find(info, IFLA_INFO_KIND);
 	/* With or without its terminating zero. */
-	if (kind.length >= 3 && strncmp((const char *)kind.bytes, "can", kind.length) == 0)
-		read_can(find(info, IFLA_INFO_DATA), link);
+	if (kind.length >= 3 && strncmp((const char *)kind.bytes, "can", kind.length) == 0) {
+		struct attributes data = find(info, IFLA_INFO_DATA);
+		struct attributes timing = find(data, IFLA_CAN_BITTIMING);
+		struct attributes state = find(data, IFLA_CAN_STATE);
+		struct can_bittiming bits;
+
+		if (timing.length >= sizeof(bits)) {
+			memcpy(&bits, timing.bytes, sizeof(bits));
+			link->bitrate = bits.bitrate;
+		}
+		if (state.length >= sizeof(link->state)) {
+			memcpy(&link->state, state.bytes, sizeof(link->state));
+			link->has_state = true;
+		}
+	}
 	return true;
 }
 

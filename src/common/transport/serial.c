@@ -87,21 +87,6 @@ static enum sp_parity sp_parity_of(enum db_parity parity)
 	}
 }
 
-static enum sp_return set_port(struct sp_port *port, const struct db_bus_config *config)
-{
-	enum sp_return code = sp_set_baudrate(port, (int)config->baud);
-
-	if (code == SP_OK)
-		code = sp_set_bits(port, 8);
-	if (code == SP_OK)
-		code = sp_set_parity(port, sp_parity_of(config->parity));
-	if (code == SP_OK)
-		code = sp_set_stopbits(port, (int)config->stop_bits);
-	if (code == SP_OK)
-		code = sp_set_flowcontrol(port, SP_FLOWCONTROL_NONE);
-	return code;
-}
-
 static int control(int fd, unsigned long request, void *argument)
 {
 	return ioctl(fd, request, argument);
@@ -123,7 +108,15 @@ static int open_port(const char *path, const struct db_bus_config *config, struc
 	if (code == SP_OK)
 		code = sp_open(serial->port, SP_MODE_READ_WRITE);
 	if (code == SP_OK)
-		code = set_port(serial->port, config);
+		code = sp_set_baudrate(serial->port, (int)config->baud);
+	if (code == SP_OK)
+		code = sp_set_bits(serial->port, 8);
+	if (code == SP_OK)
+		code = sp_set_parity(serial->port, sp_parity_of(config->parity));
+	if (code == SP_OK)
+		code = sp_set_stopbits(serial->port, (int)config->stop_bits);
+	if (code == SP_OK)
+		code = sp_set_flowcontrol(serial->port, SP_FLOWCONTROL_NONE);
 	if (code == SP_OK)
 		code = sp_get_port_handle(serial->port, &serial->fd);
 	if (code != SP_OK)

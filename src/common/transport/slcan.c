@@ -255,25 +255,20 @@ static void note_flags(struct db_port *port, uint8_t flags, db_time now)
 	}
 }
 
-static void status_timed_out(struct db_port *port, db_time now)
-{
-	bool in_vain;
-
-	status_answered(port, now);
-	in_vain = ++port->status_silences >= STATUS_SILENCES;
-	if (port->refused_in_a_row >= REFUSED_IN_A_ROW)
-		go_down(port, EPROTO, now);
-	else if (in_vain && port->status_known)
-		go_down(port, ETIMEDOUT, now);
-	else if (in_vain)
-		port->status_useless = true;
-}
-
 static void run_status(struct db_port *port, db_time now)
 {
-	if (port->status_asked && now >= port->status_at)
-		status_timed_out(port, now);
-	else if (!port->status_asked && !port->status_useless && now >= port->status_at) {
+	if (port->status_asked && now >= port->status_at) {
+		bool in_vain;
+
+		status_answered(port, now);
+		in_vain = ++port->status_silences >= STATUS_SILENCES;
+		if (port->refused_in_a_row >= REFUSED_IN_A_ROW)
+			go_down(port, EPROTO, now);
+		else if (in_vain && port->status_known)
+			go_down(port, ETIMEDOUT, now);
+		else if (in_vain)
+			port->status_useless = true;
+	} else if (!port->status_asked && !port->status_useless && now >= port->status_at) {
 		if (!has_room(port)) {
 			port->status_at = now + FLUSH_RETRY;
 		} else {

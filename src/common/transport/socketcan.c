@@ -76,23 +76,6 @@ static void come_back(struct db_port_health *health)
 	health->error_passive = false;
 }
 
-/* The controller's error counters passed a limit, or it lost a frame. */
-static void note_controller(struct db_port_health *health, uint8_t what)
-{
-	if (what & (CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW))
-		health->overflows++;
-	if (what & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) {
-		set_passive(health, true);
-		health->error_warning = true;
-	} else if (what & (CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING)) {
-		set_passive(health, false);
-		health->error_warning = true;
-	} else if (what & CAN_ERR_CRTL_ACTIVE) {
-		set_passive(health, false);
-		health->error_warning = false;
-	}
-}
-
 /* Takes an error frame; it may contain several reports. */
 static void note_error(struct db_port *port, const struct db_can_frame *frame, db_time now)
 {
@@ -102,8 +85,21 @@ static void note_error(struct db_port *port, const struct db_can_frame *frame, d
 		health->arbitration_lost++;
 	if (frame->id & (CAN_ERR_PROT | CAN_ERR_ACK | CAN_ERR_BUSERROR))
 		health->line_errors++;
-	if (frame->id & CAN_ERR_CRTL)
-		note_controller(health, frame->data[1]);
+	if (frame->id & CAN_ERR_CRTL) {
+		/* The controller's error counters passed a limit, or it lost a frame. */
+		if (frame->data[1] & (CAN_ERR_CRTL_RX_OVERFLOW | CAN_ERR_CRTL_TX_OVERFLOW))
+			health->overflows++;
+		if (frame->data[1] & (CAN_ERR_CRTL_RX_PASSIVE | CAN_ERR_CRTL_TX_PASSIVE)) {
+			set_passive(health, true);
+			health->error_warning = true;
+		} else if (frame->data[1] & (CAN_ERR_CRTL_RX_WARNING | CAN_ERR_CRTL_TX_WARNING)) {
+			set_passive(health, false);
+			health->error_warning = true;
+		} else if (frame->data[1] & CAN_ERR_CRTL_ACTIVE) {
+			set_passive(health, false);
+			health->error_warning = false;
+		}
+	}
 	if (frame->id & CAN_ERR_RESTARTED)
 		come_back(health);
 	if (frame->id & CAN_ERR_BUSOFF && health->up) {

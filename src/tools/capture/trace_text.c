@@ -84,11 +84,15 @@ static void write_words(const struct db_capture_questions *questions, const json
 	db_words_clean(text);
 }
 
-static void remember(struct db_capture_questions *questions, const json_t *record)
+void db_capture_trace_take(struct db_capture_questions *questions, const json_t *record,
+                           char *words, size_t size)
 {
-	json_int_t number = number_of(record, "number");
-	size_t place = (size_t)number % DB_CAPTURE_TRACE_QUESTIONS;
+	json_int_t number;
+	size_t place;
 
+	write_words(questions, record, words, size);
+	number = number_of(record, "number");
+	place = (size_t)number % DB_CAPTURE_TRACE_QUESTIONS;
 	if (strcmp(db_words_text(record, "direction"), "sent") != 0)
 		return;
 	questions->asked[place].number = number;
@@ -97,13 +101,6 @@ static void remember(struct db_capture_questions *questions, const json_t *recor
 	(void)snprintf(questions->asked[place].words, sizeof(questions->asked[place].words), "%s",
 	               db_words_text(record, "words"));
 	db_words_clean(questions->asked[place].words);
-}
-
-void db_capture_trace_take(struct db_capture_questions *questions, const json_t *record,
-                           char *words, size_t size)
-{
-	write_words(questions, record, words, size);
-	remember(questions, record);
 }
 
 void db_capture_trace_write_bytes(const json_t *record, char *text, size_t size)

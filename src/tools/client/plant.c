@@ -397,21 +397,6 @@ static void connect_all(struct db_plant *plant)
 		call(plant, CALLS, "Describe", NULL, on_description);
 }
 
-/* Closes failed connections, and logs the reason once. */
-static void give_up(struct db_plant *plant, db_time now)
-{
-	bool was_there = plant->there;
-
-	if (strcmp(plant->why, plant->logged) != 0)
-		db_client_log(DB_CLIENT_WARNING, "no connection to drivebridged: %s", plant->why);
-	memcpy(plant->logged, plant->why, sizeof(plant->logged));
-	disconnect(plant);
-	plant->there = false;
-	plant->connect_at = now + CONNECT_INTERVAL;
-	if (was_there)
-		plant->ops->lost(plant->context);
-}
-
 db_time db_plant_tend(struct db_plant *plant, db_time now)
 {
 	db_time due;
@@ -428,8 +413,20 @@ db_time db_plant_tend(struct db_plant *plant, db_time now)
 		disconnect(plant);
 		connect_all(plant);
 	}
-	if (plant->failed)
-		give_up(plant, now);
+	if (plant->failed) {
+		/* The reason is logged once. */
+		bool was_there = plant->there;
+
+		if (strcmp(plant->why, plant->logged) != 0)
+			db_client_log(DB_CLIENT_WARNING, "no connection to drivebridged: %s",
+			              plant->why);
+		memcpy(plant->logged, plant->why, sizeof(plant->logged));
+		disconnect(plant);
+		plant->there = false;
+		plant->connect_at = now + CONNECT_INTERVAL;
+		if (was_there)
+			plant->ops->lost(plant->context);
+	}
 	due = plant->links[CALLS] ? plant->look_at : plant->connect_at;
 	return plant->answer_by < due ? plant->answer_by : due;
 }

@@ -168,11 +168,6 @@ static void begin_trial(struct db_commission_act *act)
 		(void)db_trial_add(&act->trial, &first);
 }
 
-static double trial_ms(const struct db_commission_act *act)
-{
-	return (double)(db_client_wall_us() - act->wall_us) / 1000;
-}
-
 /* True if the position after this number of milliseconds at that velocity stays within the limits,
  * as far as they are known. */
 static bool stays_inside(const struct db_commission_act *act, double velocity, double ms)
@@ -322,7 +317,7 @@ static void do_move(struct db_commission_act *act, const struct db_commission_ac
 	} else {
 		begin_motion(act, action, token);
 		hold(act, action);
-		act->trial.ended_ms = trial_ms(act);
+		act->trial.ended_ms = (double)(db_client_wall_us() - act->wall_us) / 1000;
 		if (silent)
 			wait_in_silence(act, !action->unheld);
 		stop(act, silent ? "stop" : action->ending);

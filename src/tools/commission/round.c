@@ -65,21 +65,6 @@ static void learn_facts(struct db_commission_round *round, const struct db_commi
 	db_commission_open(&round->engine, &facts);
 }
 
-/* The configured position limits, and the largest velocity. */
-static void learn_limits(struct db_commission_round *round)
-{
-	const char *low = db_commission_setting(&round->engine, "drive", "min-position");
-	const char *high = db_commission_setting(&round->engine, "drive", "max-position");
-	double unit = db_commission_number(&round->engine, "drive", "counts-per-unit");
-
-	round->act.low = low[0] ? strtod(low, NULL) * unit : -INFINITY;
-	round->act.high = high[0] ? strtod(high, NULL) * unit : INFINITY;
-	round->act.counts_per_velocity =
-		strcmp(round->engine.facts.family, "servo-can") != 0 ?
-			1 :
-			db_commission_number(&round->engine, "drive", "counts-per-turn") / 60;
-}
-
 static int learn_drive(struct db_commission_round *round, const struct db_commission_order *order,
                        struct db_client_error *error)
 {
@@ -194,6 +179,10 @@ int db_commission_round_open(struct db_commission_round *round,
                              const struct db_commission_order *order,
                              const struct db_commission_asker *asker, struct db_client_error *error)
 {
+	const char *low;
+	const char *high;
+	double unit;
+
 	*round = (struct db_commission_round){
 		.asker = asker,
 		.done = json_array(),
@@ -210,7 +199,16 @@ int db_commission_round_open(struct db_commission_round *round,
 		json_object_get(round->description, "configuration_since_us"));
 	read_sections(round);
 	learn_facts(round, order);
-	learn_limits(round);
+	/* The configured position limits, and the largest velocity. */
+	low = db_commission_setting(&round->engine, "drive", "min-position");
+	high = db_commission_setting(&round->engine, "drive", "max-position");
+	unit = db_commission_number(&round->engine, "drive", "counts-per-unit");
+	round->act.low = low[0] ? strtod(low, NULL) * unit : -INFINITY;
+	round->act.high = high[0] ? strtod(high, NULL) * unit : INFINITY;
+	round->act.counts_per_velocity =
+		strcmp(round->engine.facts.family, "servo-can") != 0 ?
+			1 :
+			db_commission_number(&round->engine, "drive", "counts-per-turn") / 60;
 	return 0;
 }
 

@@ -116,28 +116,24 @@ static json_t *write_group(const struct db_params_writer *writer, const json_t *
 	return parameters;
 }
 
-/* Secrets are never read. */
-static json_t *read_group(const struct db_params_writer *writer, const json_t *names)
-{
-	json_t *read = json_array();
-	size_t i;
-	json_t *name;
-
-	json_array_foreach(names, i, name)
-	{
-		if (!is_secret(writer, name))
-			(void)json_array_append(read, name);
-	}
-	return json_pack("{s:s, s:o}", "drive", writer->drive, "names", read);
-}
-
 const char *db_params_writer_next(struct db_params_writer *writer, json_t **parameters)
 {
 	const json_t *names;
 
 	*parameters = NULL;
 	if (writer->reads_back) {
-		*parameters = read_group(writer, json_array_get(writer->plan, writer->at));
+		/* Secrets are never read. */
+		json_t *read = json_array();
+		size_t i;
+		json_t *name;
+
+		names = json_array_get(writer->plan, writer->at);
+		json_array_foreach(names, i, name)
+		{
+			if (!is_secret(writer, name))
+				(void)json_array_append(read, name);
+		}
+		*parameters = json_pack("{s:s, s:o}", "drive", writer->drive, "names", read);
 		return "Read";
 	}
 	names = writer->over[0] == '\0' ? group_of(writer) : NULL;

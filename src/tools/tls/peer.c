@@ -66,16 +66,6 @@ static void set_option(int fd, int level, int option, int value)
 	(void)setsockopt(fd, level, option, &value, sizeof(value));
 }
 
-static void tune(int fd)
-{
-	set_option(fd, IPPROTO_TCP, TCP_NODELAY, 1);
-	set_option(fd, SOL_SOCKET, SO_KEEPALIVE, 1);
-	set_option(fd, IPPROTO_TCP, TCP_KEEPIDLE, KEEPALIVE_S);
-	set_option(fd, IPPROTO_TCP, TCP_KEEPINTVL, KEEPALIVE_S);
-	set_option(fd, IPPROTO_TCP, TCP_KEEPCNT, KEEPALIVE_PROBES);
-	set_option(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, (KEEPALIVE_PROBES + 1) * KEEPALIVE_S * 1000);
-}
-
 /* --- the greeting ----------------------------------------------------------------------------- */
 
 static int on_verify(gnutls_session_t session)
@@ -110,7 +100,12 @@ struct db_tls_peer *db_tls_peer_new(struct db_tls_peers *peers, int fd, const ui
 		close(fd);
 		return NULL;
 	}
-	tune(fd);
+	set_option(fd, IPPROTO_TCP, TCP_NODELAY, 1);
+	set_option(fd, SOL_SOCKET, SO_KEEPALIVE, 1);
+	set_option(fd, IPPROTO_TCP, TCP_KEEPIDLE, KEEPALIVE_S);
+	set_option(fd, IPPROTO_TCP, TCP_KEEPINTVL, KEEPALIVE_S);
+	set_option(fd, IPPROTO_TCP, TCP_KEEPCNT, KEEPALIVE_PROBES);
+	set_option(fd, IPPROTO_TCP, TCP_USER_TIMEOUT, (KEEPALIVE_PROBES + 1) * KEEPALIVE_S * 1000);
 	peer->peers = peers;
 	peer->fd = fd;
 	peer->service = -1;

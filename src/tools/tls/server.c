@@ -264,16 +264,6 @@ static void greet(struct db_tls_server *server, db_time now)
 
 /* --- what is done now and then ---------------------------------------------------------------- */
 
-static void end_overdue(struct db_tls_server *server, db_time now)
-{
-	for (size_t i = server->count; i-- > 0;) {
-		struct db_tls_peer *peer = server->members[i].peer;
-
-		if (db_tls_peer_deadline(peer) <= now)
-			drop(server, peer, db_tls_peer_overdue(peer));
-	}
-}
-
 /* One at a time: each takes a part of a millisecond. */
 static void check_one(struct db_tls_server *server, db_time now)
 {
@@ -316,24 +306,6 @@ static void look_at_own(struct db_tls_server *server, db_time now)
 	}
 }
 
-static void fill_status(struct db_tls_server *server)
-{
-	struct db_secure_status *status = &server->status;
-
-	status->expires = db_tls_trust_expires(server->peers.trust);
-	status->crl_expires = db_tls_trust_crl_expires(server->peers.trust);
-	status->client_expires = 0;
-	status->clients = (uint32_t)server->clients;
-	status->greetings = (uint32_t)(server->count - server->clients);
-	for (size_t i = 0; i < server->count; i++) {
-		int64_t expires = db_tls_peer_client(server->members[i].peer)->expires;
-
-		if (server->members[i].open &&
-		    (status->client_expires == 0 || expires < status->client_expires))
-			status->client_expires = expires;
-	}
-}
-
 static int connect_teller(const char *path)
 {
 	struct sockaddr_un name = { .sun_family = AF_UNIX };
@@ -352,13 +324,25 @@ static void tell_status(struct db_tls_server *server, db_time now)
 {
 	struct db_secure_hello hello = { .kind = DB_SECURE_STATUS };
 	uint8_t bytes[DB_SECURE_HELLO_SIZE];
+	struct db_secure_status *status = &server->status;
 
 	server->tell_at = now + STATUS_INTERVAL;
 	if (server->teller < 0)
 		server->teller = connect_teller(server->config->socket);
 	if (server->teller < 0)
 		return;
-	fill_status(server);
+	status->expires = db_tls_trust_expires(server->peers.trust);
+	status->crl_expires = db_tls_trust_crl_expires(server->peers.trust);
+	status->client_expires = 0;
+	status->clients = (uint32_t)server->clients;
+	status->greetings = (uint32_t)(server->count - server->clients);
+	for (size_t i = 0; i < server->count; i++) {
+		int64_t expires = db_tls_peer_client(server->members[i].peer)->expires;
+
+		if (server->members[i].open &&
+		    (status->client_expires == 0 || expires < status->client_expires))
+			status->client_expires = expires;
+	}
 	hello.status = server->status;
 	db_secure_hello_write(&hello, bytes);
 	if (send(server->teller, bytes, sizeof(bytes), MSG_NOSIGNAL) != (ssize_t)sizeof(bytes)) {
@@ -378,7 +362,12 @@ db_time db_tls_server_turn(void *context, db_time now, int64_t us)
 	db_time next;
 
 	(void)us;
-	end_overdue(server, now);
+	for (size_t i = server->count; i-- > 0;) {
+		struct db_tls_peer *peer = server->members[i].peer;
+
+		if (db_tls_peer_deadline(peer) <= now)
+			drop(server, peer, db_tls_peer_overdue(peer));
+	}
 	if (server->rest_until <= now)
 		greet(server, now);
 	check_one(server, now);

@@ -191,7 +191,7 @@ static void commands_reach_the_drive(void **state)
 	assert_non_null(strstr(ask(b, "get b"), "unheard=1"));
 	assert_string_equal(ask(b, "power d on"), "ok\n");
 	assert_string_equal(ask(b, "identity d VSMD999 new"), "ok\n");
-	assert_string_equal(sim_vsmd_identity(b->world.nodes[0].drive), "VSMD999 new");
+	assert_string_equal(sim_vsmd_state(b->world.nodes[0].drive).identity, "VSMD999 new");
 	assert_string_equal(ask(b, "address d 5"), "ok\n");
 	host_sends(b, "4 sts\n");
 	assert_non_null(strstr(ask(b, "get d"), "heard=2 replies=2"));

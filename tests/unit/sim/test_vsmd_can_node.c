@@ -110,7 +110,7 @@ static struct vsmd_status status_of(struct bench *b)
 
 static uint32_t refusals(const struct bench *b)
 {
-	return sim_vsmd_refusals(b->node.drive);
+	return sim_vsmd_state(b->node.drive).refusals;
 }
 
 static uint32_t count(const struct bench *b, enum vsmd_verb verb)

@@ -373,7 +373,7 @@ static void flash_outlives_power(void **state)
 	b.config.flash_path = path;
 	power_on(&b);
 	assert_true(send(&b, "cfg spd=777.5 cid=7 pae=1"));
-	assert_int_equal(sim_vsmd_address(b.drive), 1);
+	assert_int_equal(sim_vsmd_state(b.drive).address, 1);
 	sim_vsmd_power(b.drive, false, b.now);
 	sim_vsmd_power(b.drive, true, b.now);
 	assert_true(sim_vsmd_params(b.drive)[VSMD_SPD].f == 6400.0f); /* not saved */
@@ -383,11 +383,11 @@ static void flash_outlives_power(void **state)
 	assert_true(send(&b, "sav") && bit(&b, VSMD_ST_FLASH_ERR));
 	sim_vsmd_fail_flash(b.drive, false);
 	assert_true(send(&b, "sav") && !bit(&b, VSMD_ST_FLASH_ERR));
-	assert_int_equal(sim_vsmd_address(b.drive), 1); /* until the next power-up */
+	assert_int_equal(sim_vsmd_state(b.drive).address, 1); /* until the next power-up */
 	sim_vsmd_free(b.drive);
 
 	power_on(&b); /* a new process */
-	assert_int_equal(sim_vsmd_address(b.drive), 7);
+	assert_int_equal(sim_vsmd_state(b.drive).address, 7);
 	assert_true(sim_vsmd_params(b.drive)[VSMD_SPD].f == 777.5f);
 	assert_true(bit(&b, VSMD_ST_PWR) && !bit(&b, VSMD_ST_HS));
 	sim_vsmd_free(b.drive);

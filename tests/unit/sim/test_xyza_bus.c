@@ -170,7 +170,7 @@ static void a_wrong_sum_is_answered_as_failed(void **state)
 	assert_int_equal(xyza_decode_reply(b->bytes, b->length, &reply), XYZA_OK);
 	assert_int_equal(reply.kind, XYZA_REPLY_FAILED);
 	assert_int_equal(reply.order, XYZA_ORDER_MANUAL);
-	assert_true(sim_xyza_standing(b->nodes[0].xyza, XYZA_X));
+	assert_true(sim_xyza_axis_state(b->nodes[0].xyza, XYZA_X).standing);
 }
 
 static void replies_on_the_line_are_no_requests(void **state)
@@ -225,11 +225,11 @@ static void dropped_is_carried_out_and_lost_is_not(void **state)
 	fault(b, "lose-request 1");
 	ask(b, &output);
 	assert_int_equal(b->length, 0);
-	assert_int_equal(sim_xyza_outputs(b->nodes[0].xyza), 0);
+	assert_int_equal(sim_xyza_state(b->nodes[0].xyza).outputs, 0);
 	fault(b, "drop 1");
 	ask(b, &output);
 	assert_int_equal(b->length, 0);
-	assert_int_equal(sim_xyza_outputs(b->nodes[0].xyza), 1);
+	assert_int_equal(sim_xyza_state(b->nodes[0].xyza).outputs, 1);
 	assert_int_equal(reply_to(b, &output).kind, XYZA_REPLY_DONE);
 }
 

@@ -141,13 +141,13 @@ static void a_jog_runs_at_the_manual_speed(void **state)
 
 	jog(b, XYZA_X, false);
 	/* From the lowest speed at once, then along the ramp. */
-	assert_true(sim_xyza_speed(b->controller, XYZA_X) == MIN_SPEED);
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_X).speed == MIN_SPEED);
 	pass(b, SECOND / 20);
-	assert_true(sim_xyza_speed(b->controller, XYZA_X) > MIN_SPEED);
-	assert_true(sim_xyza_speed(b->controller, XYZA_X) < MANUAL_SPEED);
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_X).speed > MIN_SPEED);
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_X).speed < MANUAL_SPEED);
 	assert_int_equal(axis_value(b, XYZA_READ_STANDING, XYZA_X), 0);
 	pass(b, SECOND);
-	assert_true(sim_xyza_speed(b->controller, XYZA_X) == MANUAL_SPEED);
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_X).speed == MANUAL_SPEED);
 	/* Without a brake it stands at once, on a whole pulse. */
 	assert_done(b, (struct xyza_request){ .verb = XYZA_MANUAL_STOP });
 	assert_int_equal(axis_value(b, XYZA_READ_STANDING, XYZA_X), 1);
@@ -167,15 +167,15 @@ static void a_brake_takes_its_time(void **state)
 	pass(b, SECOND);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_MANUAL_STOP });
 	pass(b, needed - SECOND / 1000);
-	assert_false(sim_xyza_standing(b->controller, XYZA_Y));
+	assert_false(sim_xyza_axis_state(b->controller, XYZA_Y).standing);
 	/* Below its lowest speed it does not go on. */
 	pass(b, SECOND / 500);
-	assert_true(sim_xyza_standing(b->controller, XYZA_Y));
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_Y).standing);
 	/* An emergency stop does not brake. */
 	jog(b, XYZA_Y, true);
 	pass(b, SECOND);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_MANUAL_QUICK_STOP });
-	assert_true(sim_xyza_standing(b->controller, XYZA_Y));
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_Y).standing);
 }
 
 static void one_axis_moves_at_a_time(void **state)
@@ -188,7 +188,7 @@ static void one_axis_moves_at_a_time(void **state)
 	jog(b, XYZA_X, false);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_MANUAL_STOP });
 	jog(b, XYZA_Y, false);
-	assert_int_equal(sim_xyza_failures(b->controller), 1);
+	assert_int_equal(sim_xyza_state(b->controller).failures, 1);
 	assert_int_equal(sim_xyza_count(b->controller, XYZA_MANUAL_JOG), 3);
 }
 
@@ -200,10 +200,10 @@ static void a_new_manual_speed_holds_from_the_next_jog(void **state)
 	pass(b, SECOND);
 	write_item(b, XYZA_ITEM_MANUAL_SPEED, XYZA_A, 1000);
 	pass(b, SECOND);
-	assert_true(sim_xyza_speed(b->controller, XYZA_A) == MANUAL_SPEED);
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_A).speed == MANUAL_SPEED);
 	jog(b, XYZA_A, false);
 	pass(b, SECOND);
-	assert_true(sim_xyza_speed(b->controller, XYZA_A) == 1000);
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_A).speed == 1000);
 	/* Others have their own. */
 	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_MANUAL_SPEED, XYZA_X),
 	                 MANUAL_SPEED);
@@ -217,7 +217,7 @@ static void positions_are_magnitude_and_sign(void **state)
 			       .verb = XYZA_WRITE_MAGNITUDE, .axis = XYZA_Z, .value = 268 });
 	assert_done(b, (struct xyza_request){
 			       .verb = XYZA_WRITE_SIGN, .axis = XYZA_Z, .negative = true });
-	assert_true(sim_xyza_position(b->controller, XYZA_Z) == -268);
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_Z).position == -268);
 	assert_int_equal(axis_value(b, XYZA_READ_MAGNITUDE, XYZA_Z), 268);
 	assert_int_equal(axis_value(b, XYZA_READ_SIGN, XYZA_Z), 1);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_MANUAL_CLEAR, .axis = XYZA_Z });
@@ -228,9 +228,9 @@ static void positions_are_magnitude_and_sign(void **state)
 			       .verb = XYZA_WRITE_SIGN, .axis = XYZA_Z, .negative = true });
 	assert_done(b, (struct xyza_request){
 			       .verb = XYZA_WRITE_MAGNITUDE, .axis = XYZA_Z, .value = 5 });
-	assert_true(sim_xyza_position(b->controller, XYZA_Z) == -5);
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_Z).position == -5);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_PROGRAM_CLEAR, .axis = XYZA_Z });
-	assert_true(sim_xyza_position(b->controller, XYZA_Z) == 0);
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_Z).position == 0);
 }
 
 /* What a driver has to be safe against: both answers are true, each in its moment, and together they
@@ -266,11 +266,11 @@ static void outputs_are_switched_singly_or_all(void **state)
 	assert_int_equal(xyza_outputs(value_of(b, ports)), 0x0082);
 	assert_int_equal(xyza_inputs(value_of(b, ports)), 0x8001);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_WRITE_OUTPUT, .number = 2 });
-	assert_int_equal(sim_xyza_outputs(b->controller), 0x0080);
+	assert_int_equal(sim_xyza_state(b->controller).outputs, 0x0080);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_WRITE_OUTPUTS, .on = true });
-	assert_int_equal(sim_xyza_outputs(b->controller), 0x00ff);
+	assert_int_equal(sim_xyza_state(b->controller).outputs, 0x00ff);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_WRITE_OUTPUTS });
-	assert_int_equal(sim_xyza_outputs(b->controller), 0);
+	assert_int_equal(sim_xyza_state(b->controller).outputs, 0);
 }
 
 /* --- programs ------------------------------------------------------------------------------------- */
@@ -298,7 +298,7 @@ static void a_delayed_start_waits(void **state)
 	start_program(b, 1);
 	pass(b, 2 * SECOND - 1);
 	assert_program(b, XYZA_PROGRAM_IDLE, 1, 0);
-	assert_true(sim_xyza_standing(b->controller, XYZA_X));
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_X).standing);
 	pass(b, 1);
 	assert_program(b, XYZA_PROGRAM_RUNNING, 1, 1);
 }
@@ -312,7 +312,7 @@ static void a_stop_calls_a_delayed_start_off(void **state)
 	assert_done(b, (struct xyza_request){ .verb = XYZA_PROGRAM_STOP });
 	pass(b, 5 * SECOND);
 	assert_program(b, XYZA_PROGRAM_IDLE, 1, 0);
-	assert_true(sim_xyza_standing(b->controller, XYZA_X));
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_X).standing);
 }
 
 static void a_stopped_program_goes_on_or_ends(void **state)
@@ -325,12 +325,12 @@ static void a_stopped_program_goes_on_or_ends(void **state)
 	assert_done(b, (struct xyza_request){ .verb = XYZA_PROGRAM_STOP });
 	pass(b, 10 * SECOND);
 	assert_program(b, XYZA_PROGRAM_WAITING, 1, 2);
-	assert_true(sim_xyza_standing(b->controller, XYZA_X));
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_X).standing);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_PROGRAM_CONTINUE });
 	assert_program(b, XYZA_PROGRAM_RUNNING, 1, 3);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_PROGRAM_QUICK_STOP });
 	assert_program(b, XYZA_PROGRAM_INTERRUPTED, 1, 3);
-	assert_true(sim_xyza_standing(b->controller, XYZA_X));
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_X).standing);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_PROGRAM_END });
 	assert_program(b, XYZA_PROGRAM_IDLE, 1, 0);
 	assert_failed(b, (struct xyza_request){ .verb = XYZA_PROGRAM_CONTINUE });
@@ -416,7 +416,7 @@ static void missing_axes_and_wrong_requests_fail(void **state)
 		sim_xyza_execute(b->controller, &request, XYZA_ERR_CHECKSUM, b->now, &b->reply));
 	assert_int_equal(b->reply.kind, XYZA_REPLY_FAILED);
 	assert_int_equal(b->reply.order, XYZA_ORDER_DATA);
-	assert_int_equal(sim_xyza_failures(b->controller), 3);
+	assert_int_equal(sim_xyza_state(b->controller).failures, 3);
 }
 
 static void every_item_keeps_what_is_written(void **state)
@@ -457,15 +457,15 @@ static void without_power_positions_go_and_parameters_stay(void **state)
 	assert_done(b, (struct xyza_request){ .verb = XYZA_WRITE_OUTPUTS, .on = true });
 	jog(b, XYZA_X, false);
 	sim_xyza_power(b->controller, false, b->now);
-	assert_false(sim_xyza_powered(b->controller));
+	assert_false(sim_xyza_state(b->controller).powered);
 	assert_false(sim_xyza_busy(b->controller));
 	assert_false(ask(b, (struct xyza_request){ .verb = XYZA_VERB_ONLINE }));
 	pass(b, SECOND);
 	sim_xyza_power(b->controller, true, b->now);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_VERB_ONLINE });
-	assert_true(sim_xyza_position(b->controller, XYZA_Z) == 0);
-	assert_true(sim_xyza_standing(b->controller, XYZA_X));
-	assert_int_equal(sim_xyza_outputs(b->controller), 0);
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_Z).position == 0);
+	assert_true(sim_xyza_axis_state(b->controller, XYZA_X).standing);
+	assert_int_equal(sim_xyza_state(b->controller).outputs, 0);
 	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_LEAD, XYZA_Z), 2000);
 }
 

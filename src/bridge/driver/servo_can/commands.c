@@ -76,11 +76,6 @@ static enum db_step confirm_no_power(struct db_conversation *talk, enum db_resul
 	return servo_can_send_trigger(talk, false);
 }
 
-static enum db_step confirm_disable(struct db_conversation *talk)
-{
-	return confirm_no_power(talk, DB_RESULT_OK, DB_RESULT_FAILED);
-}
-
 /* A command reported as failed must not begin any more: without power it cannot. */
 static enum db_step confirm_retreat(struct db_conversation *talk)
 {
@@ -280,7 +275,7 @@ static enum db_step continue_stop(struct db_conversation *talk)
 	struct db_device *device = talk->device;
 
 	if (is_done(talk, STEP_POWER))
-		return confirm_disable(talk);
+		return confirm_no_power(talk, DB_RESULT_OK, DB_RESULT_FAILED);
 	if (is_done(talk, STEP_SETPOINT)) {
 		device->stopping = !servo_can_stands(device);
 		return end_job(talk, DB_RESULT_OK);
@@ -582,8 +577,9 @@ enum db_step servo_can_continue_command(struct db_conversation *talk)
 	case DB_CMD_ENABLE:
 		return continue_enable(talk);
 	case DB_CMD_DISABLE:
-		return is_done(talk, STEP_POWER) ? confirm_disable(talk) :
-		                                   servo_can_send_power(talk, false);
+		return is_done(talk, STEP_POWER) ?
+		               confirm_no_power(talk, DB_RESULT_OK, DB_RESULT_FAILED) :
+		               servo_can_send_power(talk, false);
 	case DB_CMD_STOP:
 	case DB_CMD_QUICK_STOP:
 		return continue_stop(talk);

@@ -311,16 +311,23 @@ static bool sends_ramps_again(struct db_conversation *talk, enum db_step *step)
 	return true;
 }
 
-/* Sends the profile's mode, else the one that the drive is assumed to have. */
-static bool sends_mode_again(struct db_conversation *talk, enum db_step *step)
+bool servo_can_sends_all(struct db_conversation *talk, enum db_step *step)
 {
 	const struct db_device *device = talk->device;
 	const struct db_nameplate *plate = &device->plate;
-	uint16_t max_speed = (uint16_t)plate->values[PARAM_MAX_SPEED].u;
-	bool known = (plate->valid[0] & PARAM_BIT(PARAM_MAX_SPEED)) != 0;
-	int mode = device->profile.mode != SERVO_CAN_MODE_NOT_KNOWN ? device->profile.mode :
-	                                                              device->mode;
+	uint16_t max_speed;
+	bool known;
+	int mode;
 
+	if (sends_ramps_again(talk, step))
+		return true;
+	if (device->words_given && sends_words(talk, step))
+		return true;
+	/* The profile's mode, else the one that the drive is assumed to have. */
+	max_speed = (uint16_t)plate->values[PARAM_MAX_SPEED].u;
+	known = (plate->valid[0] & PARAM_BIT(PARAM_MAX_SPEED)) != 0;
+	mode = device->profile.mode != SERVO_CAN_MODE_NOT_KNOWN ? device->profile.mode :
+	                                                          device->mode;
 	if (mode == SERVO_CAN_MODE_NOT_KNOWN && servo_can_lacks_max_speed(device))
 		mode = SERVO_CAN_MODE_SPEED;
 	if (!device->may_change_mode || mode == SERVO_CAN_MODE_NOT_KNOWN ||
@@ -328,15 +335,6 @@ static bool sends_mode_again(struct db_conversation *talk, enum db_step *step)
 		return false;
 	*step = servo_can_send_mode(talk, (enum servo_can_mode)mode, known ? &max_speed : NULL);
 	return true;
-}
-
-bool servo_can_sends_all(struct db_conversation *talk, enum db_step *step)
-{
-	if (sends_ramps_again(talk, step))
-		return true;
-	if (talk->device->words_given && sends_words(talk, step))
-		return true;
-	return sends_mode_again(talk, step);
 }
 
 enum db_step servo_can_continue_identify(struct db_conversation *talk)

@@ -59,14 +59,12 @@ static enum db_step add_read(struct db_conversation *talk, enum vsmd_can_code co
 	return DB_STEP_SEND;
 }
 
-static enum db_step add_whole_status(struct db_conversation *talk)
+/* Position and status word, and the speed before them if `speed`. */
+static enum db_step add_status(struct db_conversation *talk, bool speed)
 {
-	return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, VSMD_CAN_STATUS_REGS);
-}
-
-static enum db_step add_position_status(struct db_conversation *talk)
-{
-	return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 2);
+	return speed ? add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED,
+	                        VSMD_CAN_STATUS_REGS) :
+	               add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 2);
 }
 
 bool vsmd_can_lacks_speed(const struct db_device *device)
@@ -77,14 +75,12 @@ bool vsmd_can_lacks_speed(const struct db_device *device)
 enum db_step vsmd_can_read_status(struct db_conversation *talk)
 {
 	vsmd_can_start_burst(talk->exchange, true);
-	return vsmd_can_lacks_speed(talk->device) ? add_position_status(talk) :
-	                                            add_whole_status(talk);
+	return add_status(talk, !vsmd_can_lacks_speed(talk->device));
 }
 
 static enum db_step add_confirmation(struct db_conversation *talk)
 {
-	return vsmd_can_lacks_speed(talk->device) ? add_whole_status(talk) :
-	                                            add_position_status(talk);
+	return add_status(talk, vsmd_can_lacks_speed(talk->device));
 }
 
 bool vsmd_can_lacks_identity(const struct db_device *device)

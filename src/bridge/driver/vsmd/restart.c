@@ -152,21 +152,6 @@ static bool handshake_counts(const struct pair *pair)
 	        axis->status_at - axis->handshake_since > HANDSHAKE_LAPSES);
 }
 
-/* It was silent, and nothing in its status indicates a restart. */
-static enum vsmd_verdict judge_silence(const struct pair *pair)
-{
-	const struct vsmd_axis *axis = pair->axis;
-	bool near = is_at_beginning(axis, pair->position) && !is_far(axis, way_of(pair));
-
-	if (axis->params_differ)
-		return VSMD_RESTARTED;
-	if (!stood(pair) || kept_power(pair) || !(axis->placed || axis->homed))
-		return VSMD_COUNTS_ON;
-	/* At 0 before and now: a restart would look the same. At another place than before: the
-	 * cause of the motion is unknown. */
-	return near || is_far(axis, way_of(pair)) ? VSMD_MAY_HAVE_RESTARTED : VSMD_COUNTS_ON;
-}
-
 static enum vsmd_verdict judge_signs(const struct pair *pair, unsigned signs, bool handshake)
 {
 	const struct vsmd_axis *axis = pair->axis;
@@ -175,8 +160,19 @@ static enum vsmd_verdict judge_signs(const struct pair *pair, unsigned signs, bo
 		return VSMD_RESTARTED;
 	if (signs == 1)
 		return VSMD_MAY_HAVE_RESTARTED;
-	if (axis->away)
-		return judge_silence(pair);
+	if (axis->away) {
+		/* It was silent, and nothing in its status indicates a restart. */
+		bool near = is_at_beginning(axis, pair->position) && !is_far(axis, way_of(pair));
+
+		if (axis->params_differ)
+			return VSMD_RESTARTED;
+		if (!stood(pair) || kept_power(pair) || !(axis->placed || axis->homed))
+			return VSMD_COUNTS_ON;
+		/* At 0 before and now: a restart would look the same. At another place than
+		 * before: the cause of the motion is unknown. */
+		return near || is_far(axis, way_of(pair)) ? VSMD_MAY_HAVE_RESTARTED :
+		                                            VSMD_COUNTS_ON;
+	}
 	return handshake && !kept_power(pair) && (axis->placed || axis->homed) ?
 	               VSMD_MAY_HAVE_RESTARTED :
 	               VSMD_COUNTS_ON;

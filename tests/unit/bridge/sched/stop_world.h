@@ -95,10 +95,10 @@ static inline double world_speed(struct world *world, size_t drive)
 	}
 	if (node->xyza) {
 		sim_xyza_advance(node->xyza, now);
-		return fabs(sim_xyza_speed(node->xyza, XYZA_X));
+		return fabs(sim_xyza_axis_state(node->xyza, XYZA_X).speed);
 	}
 	sim_servo_advance(world->line.servos[drive].drive, now);
-	return fabs(sim_servo_speed(world->line.servos[drive].drive));
+	return fabs(sim_servo_state(world->line.servos[drive].drive).speed);
 }
 
 /* As fast as it is told to be. */
