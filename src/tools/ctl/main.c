@@ -100,13 +100,11 @@ static int list_options(struct option *known)
 /* The place of an option in the table, whatever name it was given by. */
 static int place_of(const struct option *known, int count, int at)
 {
-	int place = 0;
-
-	if (at < count)
-		return at;
-	while (strcmp(known[place].name, renamed[at - count].now) != 0)
-		place++;
-	return place;
+	for (int place = 0; at >= count && place < count; place++) {
+		if (strcmp(known[place].name, renamed[at - count].now) == 0)
+			return place;
+	}
+	return at;
 }
 
 /* A negative number is an argument, not an option. */
