@@ -612,12 +612,13 @@ end
 """
 
 
-def test_a_gateway_goes_into_a_file_and_onto_another(fake, terminal, tmp_path):
+@pytest.mark.parametrize("place", ["conf.d/plant.conf", "edited/edited.conf"])
+def test_a_gateway_goes_into_a_file_and_onto_another(fake, terminal, tmp_path, place):
     old, new, packed = tmp_path / "old", tmp_path / "new" / "drivebridge", tmp_path / "12:00.tar.gz"
-    for folder, name in ((old, "plant"), (new, "other")):
-        (folder / "conf.d").mkdir(parents=True)
+    for folder, path in ((old, old / place), (new, new / "conf.d" / "other.conf")):
+        path.parent.mkdir(parents=True)
         (folder / "drivebridge.conf").write_text("end\n")
-        (folder / "conf.d" / f"{name}.conf").write_text(PLANT)
+        path.write_text(PLANT)
     (old / "web-users").write_text("anna\n")
     (old / "web-users").chmod(0o640)
     fake.answers["Describe"]["configuration"] = str(old / "drivebridge.conf")
@@ -637,7 +638,7 @@ def test_a_gateway_goes_into_a_file_and_onto_another(fake, terminal, tmp_path):
     assert (new / "conf.d" / "other.conf").read_text() == PLANT
 
     ctl(fake, "restore", packed, new, "--yes", "--ports", f"{PORT}=/dev/ttyS7")
-    text = (new / "conf.d" / "plant.conf").read_text()
+    text = (new / place).read_text()
     assert text == PLANT.replace(PORT, "/dev/ttyS7")
     assert (new / "web-users").stat().st_mode & 0o777 == 0o640
     assert (new / "parameters" / "feeder.params").read_text().endswith("end\n")
@@ -652,7 +653,7 @@ def test_a_gateway_goes_into_a_file_and_onto_another(fake, terminal, tmp_path):
     on.shows("go on\\?")
     on.press(b"y\n")
     on.ends(0)
-    assert '"/dev/ttyS8"' in (new.parent / "third" / "conf.d" / "plant.conf").read_text()
+    assert '"/dev/ttyS8"' in (new.parent / "third" / place).read_text()
     (old / "drivebridge.conf").write_text("bogus = 1\nend\n")
     ctl(fake, "backup", packed)
     said = ctl(fake, "restore", packed, new, "--yes", "--ports", f"{PORT}=/dev/ttyS7", status=1)

@@ -2,10 +2,13 @@
 """Buses and drives of the configuration are changed over the control socket and over drivebridge-webd: checked first,
 never over a change of somebody else, with the former texts at hand, and without a way to more rights."""
 
+import json
+
 import pytest
 import varlink
 from bridgelib import CONTINUOUS, eventually
 from test_control import Tool
+from test_last_good import ctl
 from test_web import gateway, refused  # noqa: F811 (a fixture)
 from weblib import OPERATOR, READER
 
@@ -105,7 +108,7 @@ def test_who_may_is_for_root_to_say(bridge, section):
         assert any("is reserved" in line for line in tool.Reload()["messages"])
 
 
-@pytest.mark.parametrize("profile", ["../secret", "/etc/passwd", "profiles/../secret", "profiles/.secret", "secret"])
+@pytest.mark.parametrize("profile", ["../secret", "/etc/passwd", "profiles/../secret", "profiles/x/../../secret", "secret"])
 def test_no_other_file_is_read_by_it(bridge, profile):
     (bridge.place / "secret").write_text("password-of-somebody\n", encoding="utf-8")
     with Tool(bridge) as tool:
@@ -198,3 +201,23 @@ def test_an_engineer_edits_over_the_page_server(gateway, bridge):  # noqa: F811
     assert stale.error == "EditFailed"
     assert page.call("Reload")["messages"] == []
     assert edited(bridge).read_text(encoding="utf-8") == text
+
+
+def test_a_command_line_does_the_same(bridge, tmp_path):
+    path = tmp_path / "text"
+    path.write_text(ADDED, encoding="utf-8")
+    done = ctl(bridge, "config", "check", str(path))
+    assert done.returncode == 0 and done.stdout == "drive2: it is added\nall other drives go on\n"
+    # Nobody says yes.
+    assert ctl(bridge, "config", "set", str(path)).returncode != 0 and not edited(bridge).exists()
+    assert ctl(bridge, "config", "back").stderr == "drivebridgectl: there is no former text\n"
+    done = ctl(bridge, "config", "set", str(path), "--yes")
+    assert done.returncode == 0 and done.stdout.endswith("the configuration is in force\n")
+    assert ctl(bridge, "config", "show").stdout == ADDED
+    path.write_text("modbus {\n}\n", encoding="utf-8")
+    done = ctl(bridge, "config", "set", "--yes", str(path))
+    assert done.returncode == 1 and "section modbus is reserved" in done.stderr
+    done = ctl(bridge, "config", "back", "--yes")
+    assert done.returncode == 0 and "drive2: it is removed" in done.stdout
+    assert ctl(bridge, "config", "show").stdout == ""
+    assert json.loads(ctl(bridge, "config", "show", "--json").stdout)["may_edit"] is True

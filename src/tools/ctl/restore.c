@@ -100,15 +100,14 @@ static enum db_ctl_status read_head(struct restore *restore)
 	                               restore->file);
 }
 
-/* Reads the files of one folder whose names end in .conf. */
-static enum db_ctl_status read_files(struct restore *restore, const char *folder)
+/* Reads the files of the configuration whose paths there are like these. */
+static enum db_ctl_status read_files(struct restore *restore, const char *paths)
 {
 	char pattern[PATH_MAX + 64];
 	glob_t found = { .gl_pathc = 0 };
 	enum db_ctl_status status = DB_CTL_OK;
 
-	(void)snprintf(pattern, sizeof(pattern), "%s/configuration%s/%s", restore->staging, folder,
-	               "*.conf");
+	(void)snprintf(pattern, sizeof(pattern), "%s/configuration/%s", restore->staging, paths);
 	(void)glob(pattern, 0, NULL, &found);
 	for (size_t i = 0; status == DB_CTL_OK && i < found.gl_pathc; i++) {
 		char *text = read_text(found.gl_pathv[i]);
@@ -332,9 +331,12 @@ static enum db_ctl_status carry_out(struct restore *restore)
 	if (status == DB_CTL_OK)
 		status = read_head(restore);
 	if (status == DB_CTL_OK)
-		status = read_files(restore, "");
+		status = read_files(restore, "*.conf");
 	if (status == DB_CTL_OK)
-		status = read_files(restore, "/conf.d");
+		status = read_files(restore, "conf.d/*.conf");
+	/* Texts of before stay as they were. */
+	if (status == DB_CTL_OK)
+		status = read_files(restore, "edited/edited.conf");
 	if (status == DB_CTL_OK)
 		status = choose_ports(restore);
 	if (status == DB_CTL_OK)
