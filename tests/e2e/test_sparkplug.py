@@ -3,12 +3,13 @@
 births and deaths, data, commands, the primary host, several brokers, what waits for them."""
 
 import signal
+import tempfile
 import time
 from itertools import count
 
 import pytest
-from bridgelib import eventually
-from mqttlib import plant_fixture  # noqa: F401
+from bridgelib import Bridge, Path, eventually
+from mqttlib import Plant, plant_fixture  # noqa: F401
 from sparkpluglib import BOOLEAN, FLOAT, INT32, STRING, TEMPLATE, UINT32, Host, Payload, State, properties_of, value_of
 
 NODE = {"payload": "sparkplug"}
@@ -246,27 +247,29 @@ def test_what_is_refused(refuser, how, metrics, result, reason):
 
 
 @pytest.fixture(scope="module")
-def refuser(request, tmp_path_factory, register_map, command_table):
+def refuser(tmp_path_factory, register_map, command_table):
     """One for all that is refused: it stays as it is."""
-    import tempfile  # the path of a socket must be short
-
-    from bridgelib import Bridge, Path
-    from mqttlib import Plant
-
+    bridges = []
+    # The path of a socket must be short.
     with tempfile.TemporaryDirectory(prefix="drivebridge-") as directory:
         def make(**options):
-            bridge = Bridge(Path(directory), register_map, command_table, **options)
-            bridge.start()
-            return bridge
+            bridges.append(Bridge(Path(directory), register_map, command_table, **options))
+            bridges[-1].start()
+            return bridges[-1]
 
         plant = Plant(tmp_path_factory.mktemp("refuser"), make)
-        made = Cell(plant, publish={"values": ["axis_state", "position", "spd"]},
-                    command={"allow": "all", "parameters": "on", "age-ms": 1000})
-        # From now on commands are taken: the way from the broker is known.
-        eventually(lambda: settle(made, spd=1000.0) == "ok")
-        made.mark = made.bridge.sim.mark()
-        yield made
-        problems = plant.finish() + made.bridge.finish() + made.host.problems
+        try:
+            made = Cell(plant, publish={"values": ["axis_state", "position", "spd"]},
+                        command={"allow": "all", "parameters": "on", "age-ms": 1000})
+            # From now on commands are taken: the way from the broker is known.
+            eventually(lambda: settle(made, spd=1000.0) == "ok")
+            made.mark = made.bridge.sim.mark()
+            yield made
+            assert not made.host.problems
+        finally:
+            problems = plant.finish()
+            for bridge in bridges:
+                problems += bridge.finish()
         assert not problems, problems
 
 

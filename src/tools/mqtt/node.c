@@ -22,9 +22,9 @@
 /* Births that are asked for come at most once in this time. */
 #define BIRTH_INTERVAL (1 * DB_NS_PER_S)
 
-/* This number of historical messages is sent in each of these times, between the others. */
-#define HISTORY_INTERVAL (100 * DB_NS_PER_MS)
-#define HISTORY_BURST 20
+/* Historical messages are sent in portions, one in each of these times. */
+#define HISTORY_INTERVAL (200 * DB_NS_PER_MS)
+#define HISTORY_PORTIONS 5 /* a second */
 
 struct device {
 	char name[DB_MQTT_NAME_MAX];
@@ -392,7 +392,7 @@ static enum db_mqtt_kind take(void *form, const char *topic, const void *bytes, 
 	bool alive;
 
 	if (strcmp(topic, node->host.topic.text) == 0) {
-		db_mqtt_host_take(&node->host, bytes, length);
+		db_mqtt_host_take(&node->host, bytes, length, db_client_now(), (unsigned)rand());
 		return DB_MQTT_NOTHING;
 	}
 	if (strcmp(topic, topic_of(node, "NCMD", "").text) == 0) {
@@ -506,7 +506,8 @@ static const struct db_mqtt_stored *find_history(struct node *node, db_time now)
 
 	if (now - node->history_from >= HISTORY_INTERVAL) {
 		node->history_from = now;
-		node->history_left = HISTORY_BURST;
+		node->history_left = (node->config->history_rate + HISTORY_PORTIONS - 1) /
+		                     HISTORY_PORTIONS;
 	}
 	while ((stored = db_mqtt_store_first(node->store, DB_MQTT_SHELF_LATER)) != NULL) {
 		const struct device *device = find_device(node, stored->device);
@@ -527,7 +528,7 @@ static uint8_t *choose(struct node *node, db_time now, struct prepared *next, si
 
 	*length = 0;
 	*next = (struct prepared){ .what = NOTHING };
-	if (!db_mqtt_host_allows(&node->host))
+	if (!db_mqtt_host_allows(&node->host, now))
 		return NULL;
 	if (node->wants_birth) {
 		if (now - node->born_at < BIRTH_INTERVAL)
@@ -685,7 +686,7 @@ static db_time turn(void *form, struct db_mqtt_broker *broker, db_time now)
 		db_mqtt_broker_leave(broker, why, now);
 		return now;
 	}
-	if (node->wants_birth && db_mqtt_host_allows(&node->host))
+	if (node->wants_birth && db_mqtt_host_allows(&node->host, now))
 		due = db_time_min(due, db_time_max(now, node->born_at + BIRTH_INTERVAL));
 	else if (db_mqtt_store_first(node->store, DB_MQTT_SHELF_LATER))
 		due = db_time_min(due, node->history_from + HISTORY_INTERVAL);
