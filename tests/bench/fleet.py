@@ -161,8 +161,8 @@ class Gateway:
                 late = start + at - time.monotonic()
                 if late > 0:
                     await asyncio.sleep(late)
-                elif late < -self.period:
-                    break
+                elif late < -0.5:
+                    continue  # of a moment before this connection
                 writer.write(self.message(topic, metrics))
                 await writer.drain()
             start += self.period
@@ -315,7 +315,7 @@ class Fleet:
         await self.births("all gateways connect at once", begun, 1)
         await asyncio.sleep(5)
         await self.steady(f"{WISH.gateways} gateways", WISH.seconds)
-        for spread in WISH.spreads.split(","):
+        for spread in WISH.spreads.split(",") if WISH.spreads else ():
             await self.restart(float(spread))
             await asyncio.sleep(3)
         if WISH.away:
