@@ -188,6 +188,7 @@ check_cppcheck() {
 # release (ANALYZER_NODES=225000).
 check_clang_tidy() {
 	cmake --preset clang >/dev/null &&
+		cmake --build build/clang --target drivebridge_sparkplug >/dev/null &&
 		find src docs -name '*.c' -print0 |
 		xargs -0 -P "$JOBS" -n 1 timeout 600 clang-tidy -p build/clang --quiet \
 			--extra-arg=-Xclang --extra-arg=-analyzer-config \

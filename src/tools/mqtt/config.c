@@ -205,7 +205,7 @@ static void check_values(struct db_settings *settings)
 static void check_sparkplug(struct db_settings *settings)
 {
 	const struct db_mqtt_config *config = settings->values;
-	static const char *const keys[] = { "group", "primary-host", "templates" };
+	static const char *const keys[] = { "group", "primary-host", "templates", "history-rate" };
 
 	check_topic(settings, "sparkplug", "group", config->group, false);
 	if (config->primary_host[0])

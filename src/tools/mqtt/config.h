@@ -63,6 +63,7 @@ struct db_mqtt_config {
 	char *group;
 	char *primary_host; /* "": none */
 	unsigned templates;
+	unsigned history_rate;
 
 	struct db_setting_list allow;
 	struct db_setting_list command_drives;

@@ -9,10 +9,15 @@
  * time. */
 #define WAIT (5 * DB_NS_PER_S)
 
+/* A STATE that comes later than this after the connection is no retained one: the host has come. */
+#define RETAINED (2 * DB_NS_PER_S)
+
 void db_mqtt_host_connect(struct db_mqtt_host *host, const struct db_mqtt_config *config,
                           db_time now)
 {
-	*host = (struct db_mqtt_host){ .others = config->address_count > 1, .since = now };
+	*host = (struct db_mqtt_host){ .others = config->address_count > 1,
+		                       .since = now,
+		                       .spread = config->spread_s * DB_NS_PER_S };
 	if (config->primary_host[0] == '\0')
 		return;
 	(void)snprintf(host->topic.text, sizeof(host->topic.text), "spBv1.0/STATE/%s",
@@ -21,7 +26,8 @@ void db_mqtt_host_connect(struct db_mqtt_host *host, const struct db_mqtt_config
 	               config->primary_host);
 }
 
-void db_mqtt_host_take(struct db_mqtt_host *host, const char *text, size_t length)
+void db_mqtt_host_take(struct db_mqtt_host *host, const char *text, size_t length, db_time now,
+                       unsigned chance)
 {
 	json_t *state = json_loadb(text, length, JSON_REJECT_DUPLICATES, NULL);
 	const json_t *online = json_object_get(state, "online");
@@ -30,14 +36,16 @@ void db_mqtt_host_take(struct db_mqtt_host *host, const char *text, size_t lengt
 	if (json_is_boolean(online) && json_is_integer(ms) && json_integer_value(ms) >= host->ms) {
 		host->ms = json_integer_value(ms);
 		host->left = host->left || (host->online && !json_is_true(online));
+		if (!host->online && json_is_true(online) && now - host->since > RETAINED)
+			host->from = now + host->spread / 1000 * (chance % 1000);
 		host->online = json_is_true(online);
 	}
 	json_decref(state);
 }
 
-bool db_mqtt_host_allows(const struct db_mqtt_host *host)
+bool db_mqtt_host_allows(const struct db_mqtt_host *host, db_time now)
 {
-	return host->topic.text[0] == '\0' || (host->online && !host->left);
+	return host->topic.text[0] == '\0' || (host->online && !host->left && now >= host->from);
 }
 
 const char *db_mqtt_host_complain(struct db_mqtt_host *host, db_time now, db_time *due)
@@ -46,6 +54,8 @@ const char *db_mqtt_host_complain(struct db_mqtt_host *host, db_time now, db_tim
 		return NULL;
 	if (host->left)
 		return host->why;
+	if (host->online && now < host->from)
+		*due = db_time_min(*due, host->from);
 	if (host->online || !host->others)
 		return NULL;
 	if (now - host->since >= WAIT)

@@ -52,7 +52,7 @@ const struct db_setting db_mqtt_keys[] = {
 	  AT(keepalive_s) },
 	{ DB_NUMBER_SETTING("broker", "spread-s", "0", 0, 3600, "s",
 	                    "After a lost connection a random time up to this is waited for before the next one: where hundreds of "
-	                    "gateways have lost one broker, they do not all come back at once"),
+	                    "gateways have lost one broker, they do not all come back at once; so it is with births when a primary host comes back"),
 	  AT(spread_s) },
 
 	{ DB_WORD_SETTING("publish", "payload", "json", "json sparkplug",
@@ -114,6 +114,10 @@ const struct db_setting db_mqtt_keys[] = {
 	                  "Whether the values of a drive are published as one metric, an instance of its family's template; off: each "
 	                  "value is a metric of its own"),
 	  AT(templates) },
+	{ DB_NUMBER_SETTING("sparkplug", "history-rate", "50", 5, 10000, "1/s",
+	                    "How many historical messages are sent at most, between those of now: a fleet whose host was away for "
+	                    "minutes must not bury it"),
+	  AT(history_rate) },
 
 	{ DB_LIST_SETTING("command", "allow", "none", "none stop all",
 	                  "Which commands are taken from the broker, by their names; stop: stop, quick_stop and disable. The service decides "

@@ -22,9 +22,9 @@
 /* Births that are asked for come at most once in this time. */
 #define BIRTH_INTERVAL (1 * DB_NS_PER_S)
 
-/* This number of historical messages is sent in each of these times, between the others. */
-#define HISTORY_INTERVAL (100 * DB_NS_PER_MS)
-#define HISTORY_BURST 20
+/* Historical messages are sent in portions, one in each of these times. */
+#define HISTORY_INTERVAL (200 * DB_NS_PER_MS)
+#define HISTORY_PORTIONS 5 /* a second */
 
 struct device {
 	char name[DB_MQTT_NAME_MAX];
@@ -32,6 +32,7 @@ struct device {
 	struct db_mqtt_points *points;
 	bool alive; /* the drive answers */
 	bool born;  /* its DBIRTH was published in this session, and no DDEATH */
+	bool unfit; /* its DBIRTH is too long for the broker: nothing of it is published */
 };
 
 /* What db_mqtt_source_ops.next() has given out. */
@@ -66,6 +67,7 @@ struct node {
 	unsigned bd_seq;      /* of this session, or of the next one */
 	bool bd_seq_used;     /* there was a session with it */
 	unsigned seq;         /* of the next message */
+	bool unfit;           /* NBIRTH is too long for this broker: nothing is published */
 	bool wants_birth;     /* NBIRTH and all DBIRTHs are to be published */
 	bool born;            /* NBIRTH was published in this session */
 	db_time born_at;      /* when, the last time */
@@ -339,6 +341,7 @@ static void on_connected(void *form, struct db_mqtt_broker *broker)
 	node->bd_seq_used = true;
 	node->leaving = false;
 	node->born = false;
+	node->unfit = false;
 	node->wants_birth = true;
 	node->born_at = -BIRTH_INTERVAL;
 	node->history_left = 0;
@@ -392,7 +395,7 @@ static enum db_mqtt_kind take(void *form, const char *topic, const void *bytes, 
 	bool alive;
 
 	if (strcmp(topic, node->host.topic.text) == 0) {
-		db_mqtt_host_take(&node->host, bytes, length);
+		db_mqtt_host_take(&node->host, bytes, length, db_client_now(), (unsigned)rand());
 		return DB_MQTT_NOTHING;
 	}
 	if (strcmp(topic, topic_of(node, "NCMD", "").text) == 0) {
@@ -506,7 +509,8 @@ static const struct db_mqtt_stored *find_history(struct node *node, db_time now)
 
 	if (now - node->history_from >= HISTORY_INTERVAL) {
 		node->history_from = now;
-		node->history_left = HISTORY_BURST;
+		node->history_left = (node->config->history_rate + HISTORY_PORTIONS - 1) /
+		                     HISTORY_PORTIONS;
 	}
 	while ((stored = db_mqtt_store_first(node->store, DB_MQTT_SHELF_LATER)) != NULL) {
 		const struct device *device = find_device(node, stored->device);
@@ -527,7 +531,7 @@ static uint8_t *choose(struct node *node, db_time now, struct prepared *next, si
 
 	*length = 0;
 	*next = (struct prepared){ .what = NOTHING };
-	if (!db_mqtt_host_allows(&node->host))
+	if (!db_mqtt_host_allows(&node->host, now) || node->unfit)
 		return NULL;
 	if (node->wants_birth) {
 		if (now - node->born_at < BIRTH_INTERVAL)
@@ -538,7 +542,7 @@ static uint8_t *choose(struct node *node, db_time now, struct prepared *next, si
 	}
 	for (size_t i = 0; i < node->count; i++) {
 		next->device = &node->devices[i];
-		if (!next->device->alive || next->device->born)
+		if (!next->device->alive || next->device->born || next->device->unfit)
 			continue;
 		next->what = DEVICE_BIRTH;
 		next->topic = topic_of(node, "DBIRTH", next->device->name);
@@ -607,8 +611,10 @@ static void begin_births(struct node *node, db_time now)
 	node->born = true;
 	node->born_at = now;
 	node->seq = 0;
-	for (size_t i = 0; i < node->count; i++)
+	for (size_t i = 0; i < node->count; i++) {
 		node->devices[i].born = false;
+		node->devices[i].unfit = false;
+	}
 	/* What was to be sent is older than what the births tell. */
 	db_mqtt_store_defer(node->store);
 }
@@ -618,14 +624,22 @@ static void settle(struct node *node, bool refused, db_time now)
 {
 	struct device *device = node->prepared.device;
 
+	if (refused)
+		db_client_log(
+			DB_CLIENT_ERROR,
+			"%s has %zu bytes, which is too long for this broker; choose fewer values",
+			node->prepared.topic.text, node->prepared.length);
 	switch (node->prepared.what) {
 	case NOTHING:
 		return;
 	case NODE_BIRTH:
-		begin_births(node, now);
+		node->unfit = refused;
+		if (!refused)
+			begin_births(node, now);
 		break;
 	case DEVICE_BIRTH:
-		device->born = true;
+		device->unfit = refused;
+		device->born = !refused;
 		db_mqtt_store_unpark(node->store);
 		break;
 	case DEVICE_DEATH:
@@ -685,7 +699,7 @@ static db_time turn(void *form, struct db_mqtt_broker *broker, db_time now)
 		db_mqtt_broker_leave(broker, why, now);
 		return now;
 	}
-	if (node->wants_birth && db_mqtt_host_allows(&node->host))
+	if (node->wants_birth && db_mqtt_host_allows(&node->host, now))
 		due = db_time_min(due, db_time_max(now, node->born_at + BIRTH_INTERVAL));
 	else if (db_mqtt_store_first(node->store, DB_MQTT_SHELF_LATER))
 		due = db_time_min(due, node->history_from + HISTORY_INTERVAL);
