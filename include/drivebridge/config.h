@@ -130,6 +130,7 @@ struct db_control_config {
 	char *act_group;
 	bool audit_off;     /* audit = off, default on */
 	unsigned audit_mib; /* audit-mib, 1..4096, default 32 */
+	bool health_off;    /* health = off, default on */
 };
 
 #define DB_NO_SOCKET "off"

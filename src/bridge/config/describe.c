@@ -372,6 +372,8 @@ void db_config_describe(const struct db_config *config, FILE *out)
 	else
 		fprintf(out, "  %-14s%u MiB of files at most\n", "audit trail",
 		        config->control.audit_mib);
+	if (config->control.health_off)
+		fprintf(out, "  %-14soff\n", "health");
 	for (size_t i = 0; i < config->bus_count; i++)
 		describe_bus(config, i, out);
 	if (config->drive_count == 0)

@@ -118,6 +118,10 @@ static const struct db_config_key KEYS[] = {
 	{ NUMBER("control", "audit-mib", "32", 1, 4096, "MiB",
 	         "What these files take at most: then the oldest records go"),
 	  AT(control, audit_mib) },
+	{ WORD("control", "health", "on", "on off",
+	       "Round trips, retries, losses and temperatures of the drives for a week, and the alarms, in files of 1 MiB and 140 KiB "
+	       "at most; drivebridgectl health and drivebridgectl alarms show them"),
+	  AT(control, health_off) },
 
 	{ .section = "role", .name = "read", .kind = DB_KEY_DRIVES, .preset = "all", .unit = "",
 	  .words = "all none",

@@ -112,8 +112,13 @@ static json_t *describe_row(const struct row *row)
 static void print_as_json(const struct db_ctl *ctl, const struct row *rows, size_t count, bool well)
 {
 	static const char *const of_configuration[] = {
-		"configuration_state", "configuration_since_us", "configuration_messages",
-		"restart_needed",      "audit_trouble",          "secure",
+		"configuration_state",
+		"configuration_since_us",
+		"configuration_messages",
+		"restart_needed",
+		"audit_trouble",
+		"health_trouble",
+		"secure",
 	};
 	json_t *buses = json_object_get(ctl->description, "buses");
 	json_t *drives = json_array();
@@ -255,6 +260,17 @@ static void print_audit(const struct db_ctl *ctl)
 		             trouble);
 }
 
+/* A hint, too. */
+static void print_health(const struct db_ctl *ctl)
+{
+	const char *trouble = db_words_text(ctl->description, "health_trouble");
+
+	if (trouble[0])
+		(void)printf("health values and alarms cannot be written: %s; they are in memory "
+		             "only\n",
+		             trouble);
+}
+
 /* A hint: people have this long to renew it. */
 static void print_certificates(const struct db_ctl *ctl)
 {
@@ -328,6 +344,7 @@ static void print_for_people(const struct db_ctl *ctl, const struct row *rows, s
 	print_configuration(ctl, troubles->configuration);
 	print_restart(ctl);
 	print_audit(ctl);
+	print_health(ctl);
 	print_certificates(ctl);
 	json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
 	{
