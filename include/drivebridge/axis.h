@@ -167,6 +167,9 @@ struct db_axis_stats {
 	uint32_t round_trip_min_us;
 	uint32_t round_trip_max_us;
 	uint32_t round_trip_mean_us;
+	/* for means over a span of time: their number and their sum, both modulo 2^32 */
+	uint32_t round_trips;
+	uint32_t round_trip_sum_us;
 };
 
 /* Why the drive must stand, as far as the bus knows. */

@@ -160,6 +160,7 @@ struct db_control_config {
 	bool audit_off;     /* audit = off, default on */
 	unsigned audit_mib; /* audit-mib, 1..4096, default 32 */
 	bool edit;          /* edit = off (default) or on: clients may change buses and drives */
+	bool health_off;    /* health = off, default on */
 };
 
 #define DB_NO_SOCKET "off"

@@ -20,6 +20,7 @@ struct db_audit_entry;
 struct db_control_socket;
 struct db_edit_answer;
 struct db_edit_request;
+struct db_health;
 struct db_registers;
 struct db_scan_find;
 struct db_scan_foreign;
@@ -62,6 +63,8 @@ struct db_control_socket_ops {
 	/* As in struct db_registers_ops. */
 	uint32_t (*audit_post)(void *context, const struct db_client *client,
 	                       const struct db_audit_entry *entry);
+	/* Values of the drives, and alarms; null: there are none (yet). */
+	struct db_health *(*health)(void *context);
 };
 
 /* Maximum number of sessions, more than drivebridge-mqtt, -opcua and -webd use together, so that

@@ -83,6 +83,9 @@ enum db_event {
 	DB_EVENT_RESTART_NEEDED, /* an upgrade has replaced a running program or library */
 	DB_EVENT_AUDIT_UNKEPT,   /* the audit trail cannot be written, or something of it is lost */
 	DB_EVENT_AUDIT_KEPT,     /* it is written again */
+	/* health values and alarms cannot be written, or something of them is lost */
+	DB_EVENT_HEALTH_UNKEPT,
+	DB_EVENT_HEALTH_KEPT, /* they are written again */
 	DB_EVENT_COUNT
 };
 

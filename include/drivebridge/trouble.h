@@ -54,6 +54,12 @@ enum db_trouble_cause db_trouble_of(const struct db_feedback *feedback,
 /* True if it has had to stand for longer than an ordinary stop takes. */
 bool db_trouble_stands_late(const struct db_must_stand *must_stand, db_time now);
 
+/* `up`: its port is open and carries something; `aside`: a scan has it. */
+static inline enum db_trouble_cause db_trouble_of_bus(bool up, bool aside)
+{
+	return up ? DB_TROUBLE_NONE : aside ? DB_TROUBLE_ASIDE : DB_TROUBLE_PORT;
+}
+
 const char *db_trouble_name(unsigned cause); /* "none", "port" ...; "unknown" */
 enum db_trouble_need db_trouble_need(enum db_trouble_cause cause);
 const char *db_trouble_need_name(enum db_trouble_need need); /* nothing hint look act */

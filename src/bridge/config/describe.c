@@ -403,6 +403,8 @@ void db_config_describe(const struct db_config *config, FILE *out)
 		describe_plc(config, &config->modbus.lines[i], out);
 	if (config->control.edit)
 		fprintf(out, "  %-14sbuses and drives, over the page and this socket\n", "edit");
+	if (config->control.health_off)
+		fprintf(out, "  %-14soff\n", "health");
 	for (size_t i = 0; i < config->bus_count; i++)
 		describe_bus(config, i, out);
 	if (config->drive_count == 0)

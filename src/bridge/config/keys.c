@@ -122,6 +122,10 @@ static const struct db_config_key KEYS[] = {
 	       "Whether engineers may change buses and drives over it, which is over the page as well: in the file "
 	       "edited/edited.conf next to this one"),
 	  AT(control, edit) },
+	{ WORD("control", "health", "on", "on off",
+	       "Round trips, retries, losses and temperatures of the drives for a week, and the alarms, in files of 1 MiB and 140 KiB "
+	       "at most; drivebridgectl health and drivebridgectl alarms show them"),
+	  AT(control, health_off) },
 
 	{ .section = "role", .name = "read", .kind = DB_KEY_DRIVES, .preset = "all", .unit = "",
 	  .words = "all none",

@@ -92,6 +92,9 @@ static const struct method {
 	{ CONTROL ".SetUp", db_scan_set_up, " bus address what value speeds ", false },
 	{ CONTROL ".Metrics", db_metrics_call, " ", false },
 	{ CONTROL ".Audit", db_audit_call, " from since_us drive who refused verify ", false },
+	{ CONTROL ".Health", db_health_call, " drive since_us step_s ", false },
+	{ CONTROL ".Alarms", db_alarms_call, " after ", false },
+	{ CONTROL ".AcknowledgeAlarm", db_alarms_acknowledge_call, " id ", false },
 	{ CONTROL ".Note", db_audit_note, " kind what user from text refused drive ", false },
 };
 

@@ -149,6 +149,9 @@ void db_troubles_call(const struct db_call *call);
 /* Called when it is due (DB_WAITS_FOR_TROUBLES). */
 void db_troubles_look(struct db_session *session, db_time now);
 
+/* The name of this trouble of the configuration: "refused" ... */
+const char *db_troubles_of_configuration(enum db_configuration_state state);
+
 /* --- audit.c ---------------------------------------------------------------------------------- */
 
 /* The calls for the audit trail: Audit reads it, Note adds what a tool's users did. */
@@ -172,6 +175,27 @@ void db_edit_set(const struct db_call *call);
 
 /* Called for each session when an answer has come: it is that of one with DB_WAITS_FOR_EDIT. */
 void db_edit_answered(struct db_session *session, const struct db_edit_answer *answer);
+
+/* --- health.c --------------------------------------------------------------------------------- */
+
+/* The call Health: how drives have been in the last week. */
+
+void db_health_call(const struct db_call *call);
+
+/* Called when it is due (DB_WAITS_FOR_HEALTH). */
+void db_health_look(struct db_session *session, db_time now);
+/* The session is over. */
+void db_health_leave(struct db_session *session);
+
+/* --- alarms.c --------------------------------------------------------------------------------- */
+
+/* The calls Alarms and AcknowledgeAlarm. */
+
+void db_alarms_call(const struct db_call *call);
+void db_alarms_acknowledge_call(const struct db_call *call);
+
+/* Called when it is due (DB_WAITS_FOR_ALARMS). */
+void db_alarms_look(struct db_session *session, db_time now);
 
 /* --- metrics.c -------------------------------------------------------------------------------- */
 

@@ -6,6 +6,7 @@
 #include "control/values.h"
 #include "drivebridge/audit.h"
 #include "drivebridge/command_table.h"
+#include "drivebridge/health.h"
 #include "drivebridge/version.h"
 
 #include <math.h>
@@ -97,6 +98,8 @@ void db_look_describe(const struct db_call *call)
 	static const char *const names[DB_CONFIGURATION_STATES] = DB_CONFIGURATION_NAMES;
 	struct db_configuration_report report;
 	struct db_audit_state audit;
+	struct db_health *health = control->setup.ops->health(control->setup.context);
+	struct db_health_state state = { .on = false };
 
 	for (size_t i = 0; db_named_bus(registers, i); i++)
 		json_array_append_new(buses, describe_bus(registers, i));
@@ -120,6 +123,9 @@ void db_look_describe(const struct db_call *call)
 	json_object_set_new(description, "restart_needed", json_string(report.replaced));
 	db_audit_state(control->setup.ops->audit(control->setup.context), &audit);
 	json_object_set_new(description, "audit_trouble", json_string(audit.trouble));
+	if (health)
+		db_health_state(health, &state);
+	json_object_set_new(description, "health_trouble", json_string(state.trouble));
 	json_object_set_new(description, "secure", describe_secure(control));
 	json_object_set_new(description, "listen", json_string(db_named_modbus(registers)->listen));
 	json_object_set_new(description, "low_word_first",

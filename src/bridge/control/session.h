@@ -31,6 +31,8 @@ enum db_session_wait {
 	DB_WAITS_FOR_SCAN,
 	DB_WAITS_FOR_AUDIT,
 	DB_WAITS_FOR_EDIT,
+	DB_WAITS_FOR_HEALTH,
+	DB_WAITS_FOR_ALARMS,
 };
 
 /* Whether the first message may be taken while its session waits for something. */

@@ -39,7 +39,7 @@ static bool is_stream(const struct db_session *session)
 {
 	return session->wait == DB_WAITS_FOR_REGISTERS || session->wait == DB_WAITS_FOR_VALUES ||
 	       session->wait == DB_WAITS_FOR_EVENTS || session->wait == DB_WAITS_FOR_TRACE ||
-	       session->wait == DB_WAITS_FOR_TROUBLES;
+	       session->wait == DB_WAITS_FOR_TROUBLES || session->wait == DB_WAITS_FOR_ALARMS;
 }
 
 /* Next time due, or DB_TIME_NEVER. */
@@ -61,6 +61,7 @@ static void end_session(struct db_control_socket *control, size_t place)
 
 	db_scan_forget(session);
 	db_audit_leave(session);
+	db_health_leave(session);
 	db_once_abandon(session);
 	control->sessions[place] = control->sessions[--control->count];
 	/* For the registers it is an ordinary client. */
@@ -326,6 +327,7 @@ static void settle(struct db_control_socket *control)
 			/* Nobody waits for it, but calls after it are still carried out. */
 			db_scan_forget(session);
 			db_audit_leave(session);
+			db_health_leave(session);
 			db_once_abandon(session);
 			free(session->out);
 			session->out = NULL;
@@ -521,6 +523,8 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 			db_scan_look(session, now);
 		else if (session->wait == DB_WAITS_FOR_AUDIT)
 			db_audit_look(session, now);
+		else if (session->wait == DB_WAITS_FOR_HEALTH)
+			db_health_look(session, now);
 		else if (session->wait == DB_WAITS_FOR_STOPS)
 			db_stops_leave(session);
 		else if (!stream || session->due < stream->due)
@@ -536,6 +540,8 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 			db_traces_look(stream, now);
 		else if (stream->wait == DB_WAITS_FOR_TROUBLES)
 			db_troubles_look(stream, now);
+		else if (stream->wait == DB_WAITS_FOR_ALARMS)
+			db_alarms_look(stream, now);
 		else
 			db_streams_look(stream, now);
 		control->rest_until = now + (1 + STREAMS_REST) * (read_clock() - begun);

@@ -94,11 +94,12 @@ static void fill_bus(const struct db_control_socket *control, size_t place, stru
 	struct db_bus_stats stats;
 
 	db_named_bus_stats(control->setup.registers, place, &stats);
-	*record = (struct record){ .cause = DB_TROUBLE_NONE };
-	if (stats.up && stats.port.up)
+	*record = (struct record){
+		.cause = db_trouble_of_bus(stats.up && stats.port.up, stats.aside),
+	};
+	if (record->cause == DB_TROUBLE_NONE)
 		return;
 	record->bus = bus->name;
-	record->cause = stats.aside ? DB_TROUBLE_ASIDE : DB_TROUBLE_PORT;
 	record->since = stats.down_since;
 	record->since_us = wall_us_of(control, stats.down_since);
 	db_trouble_port_advice(bus->driver->medium == DB_MEDIUM_SERIAL, (int)stats.last_error,
@@ -285,6 +286,11 @@ static const struct {
 #define CONFIGURATION_EVENTS                                                          \
 	(DB_EVENT_BIT(DB_EVENT_RELOAD_FAILED) | DB_EVENT_BIT(DB_EVENT_CONFIG_WRONG) | \
 	 DB_EVENT_BIT(DB_EVENT_CONFIG_CHANGED) | DB_EVENT_BIT(DB_EVENT_CONFIG_LAST_GOOD))
+
+const char *db_troubles_of_configuration(enum db_configuration_state state)
+{
+	return of_configuration[state].cause;
+}
 
 static json_t *collect_configuration(const struct db_control_socket *control, struct wait *wait,
                                      bool *news, bool *well)

@@ -115,6 +115,10 @@ static const struct db_event_kind KINDS[DB_EVENT_COUNT] = {
 		KIND("audit-unkept", "8ef4a6280f4c4bbfaf69ba8a363a7695", ERROR, AUDIT, 4),
 	[DB_EVENT_AUDIT_KEPT] =
 		KIND("audit-kept", "2dea4b65aeed403083e4bccb271f3694", NOTICE, AUDIT, 4),
+	[DB_EVENT_HEALTH_UNKEPT] =
+		KIND("health-unkept", "e0b920204ddf4f40b4f4cba367396891", WARNING, HEALTH, 4),
+	[DB_EVENT_HEALTH_KEPT] =
+		KIND("health-kept", "bfa55bbfb08d44ecaf1596fedbf71fcd", NOTICE, HEALTH, 4),
 };
 /* clang-format on */
 

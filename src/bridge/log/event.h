@@ -26,6 +26,7 @@ enum db_topic {
 	DB_TOPIC_TIMING,
 	DB_TOPIC_COMMAND,
 	DB_TOPIC_AUDIT,
+	DB_TOPIC_HEALTH,
 };
 
 struct db_event_kind {

@@ -216,6 +216,8 @@ void station_count_answer(struct station *station, db_time round_trip, bool in_t
 	station->round_trips++;
 	station->round_trip_sum_us += us;
 	stats->round_trip_mean_us = (uint32_t)(station->round_trip_sum_us / station->round_trips);
+	stats->round_trips = (uint32_t)station->round_trips;
+	stats->round_trip_sum_us = (uint32_t)station->round_trip_sum_us;
 }
 
 /* --- stops ------------------------------------------------------------------------------------ */

@@ -229,6 +229,7 @@ static void retire_parts(struct service *service, struct reload *reload)
 	reload->server = NULL;
 	service->log.level = reload->next->edition->config->modbus.log;
 	audit_change(service, &reload->next->edition->config->control);
+	health_change(service, &reload->next->edition->config->control);
 	db_control_socket_change(service->control, &reload->next->edition->config->control,
 	                         &service->log);
 	if (elsewhere)
@@ -295,6 +296,7 @@ static int begin_next(struct service *service, struct reload *reload)
 		if (!plant_has_bus(before, service->plant->buses[i]))
 			error = db_bus_start(service->plant->buses[i]->bus);
 	}
+	health_set_drives(service);
 	plant_free(before, service->plant);
 	must_stand_look(service);
 	take_for_loaded(service, reload);

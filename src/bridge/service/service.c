@@ -134,6 +134,13 @@ static struct db_audit *audit_of(void *context)
 	return service->audit;
 }
 
+static struct db_health *health_of(void *context)
+{
+	const struct service *service = context;
+
+	return service->health;
+}
+
 static uint32_t post_record(void *context, const struct db_client *client,
                             const struct db_audit_entry *entry)
 {
@@ -173,6 +180,7 @@ static int listen_for_tools(struct service *service)
 		.trace = find_trace,
 		.audit = audit_of,
 		.audit_post = post_record,
+		.health = health_of,
 	};
 	const struct db_control_socket_setup setup = {
 		.loop = service->loop,
@@ -215,6 +223,8 @@ static int set_up(struct service *service, struct configuration_start *start)
 	if (error == 0)
 		error = status_begin(service);
 	if (error == 0)
+		error = health_begin(service);
+	if (error == 0)
 		error = configuration_begin(service, start);
 	/* A program that waits for this line finds everything ready. */
 	if (error == 0)
@@ -243,6 +253,7 @@ static void tear_down(struct service *service)
 	edit_end(service);
 	must_stand_end(service);
 	audit_end(service);
+	health_end(service);
 	db_registers_free(service->registers);
 	traces_end(service);
 	plant_free(service->plant, NULL);

@@ -56,7 +56,10 @@ struct service {
 	struct edit *edit;                   /* in progress; null */
 	struct must_stand *must_stand;       /* drives that must stand, across a restart */
 	struct db_audit *audit;
-	bool log_in_use;       /* by a thread of the audit trail that a disk holds up */
+	struct db_health *health;
+	sd_event_source *health_timer;
+	db_time alarms_from;   /* before, drives may not have been asked yet */
+	bool log_in_use;       /* by a thread that a disk holds up */
 	struct status *status; /* the line shown by systemd; null: not used */
 	int lock;              /* of the configuration, see alone_take(); -1: none */
 };
@@ -213,6 +216,21 @@ void audit_post_end(struct service *service, uint32_t record, const char *drive,
                     enum db_result result, db_time took);
 /* A reload has ended, with these lines of errors; null: it is in force. */
 void audit_post_reload(struct service *service, const char *errors);
+
+/* --- health.c --------------------------------------------------------------------------------- */
+
+/*
+ * How the drives are, and the alarms: looked at several times in a second, and kept in systemd's
+ * StateDirectory; without that folder only in memory.
+ */
+
+/* 0 or a negative errno. */
+int health_begin(struct service *service);
+void health_change(struct service *service, const struct db_control_config *config);
+/* The plant is another one. */
+void health_set_drives(struct service *service);
+/* Writes what is still to be written. */
+void health_end(struct service *service);
 
 /* --- alone.c ---------------------------------------------------------------------------------- */
 

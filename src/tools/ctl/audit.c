@@ -19,8 +19,7 @@ struct tally {
 
 /* --- times ------------------------------------------------------------------------------------ */
 
-/* "30m", "2h", "1d" ago, or a date with or without a time of day, in local time. 0: neither. */
-static json_int_t parse_since(const char *text)
+json_int_t db_ctl_parse_since(const char *text)
 {
 	static const char *const forms[] = { "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M:%S",
 		                             "%Y-%m-%dT%H:%M", "%Y-%m-%d %H:%M", "%Y-%m-%d" };
@@ -43,6 +42,13 @@ static json_int_t parse_since(const char *text)
 			return (json_int_t)mktime(&moment) * 1000000;
 	}
 	return 0;
+}
+
+enum db_ctl_status db_ctl_complain_since(const struct db_ctl *ctl)
+{
+	return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+	                       "--since is a time ago, such as 30m, 2h or 1d, or a date such as "
+	                       "\"2026-05-01 14:00\"");
 }
 
 /* --- the command ------------------------------------------------------------------------------ */
@@ -126,16 +132,13 @@ static json_t *make_query(const struct db_ctl *ctl, bool verify, json_int_t sinc
 /* All pages, one after the other. */
 static enum db_ctl_status read_trail(struct db_ctl *ctl, bool verify, struct tally *tally)
 {
-	json_int_t since_us = ctl->since ? parse_since(ctl->since) : 0;
+	json_int_t since_us = ctl->since ? db_ctl_parse_since(ctl->since) : 0;
 	enum db_ctl_status status = DB_CTL_OK;
 	json_t *query;
 	bool over = false;
 
 	if (ctl->since && since_us == 0)
-		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-		                       "--since is a time ago, such as 30m, 2h or 1d, or a date "
-		                       "such as "
-		                       "\"2026-05-01 14:00\"");
+		return db_ctl_complain_since(ctl);
 	query = make_query(ctl, verify, since_us);
 	while (status == DB_CTL_OK && !over) {
 		json_t *page = db_ctl_call(ctl, "Audit", json_incref(query), DB_CTL_TIMEOUT_MS,

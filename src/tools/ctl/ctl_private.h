@@ -20,6 +20,8 @@
 typedef enum db_ctl_status db_ctl_function(struct db_ctl *ctl, int count, char **arguments);
 
 enum db_ctl_status db_ctl_address(struct db_ctl *ctl, int count, char **arguments);
+enum db_ctl_status db_ctl_alarms(struct db_ctl *ctl, int count, char **arguments);
+enum db_ctl_status db_ctl_alarms_acknowledge(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_audit(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_audit_verify(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_backup(struct db_ctl *ctl, int count, char **arguments);
@@ -35,6 +37,7 @@ enum db_ctl_status db_ctl_config_show(struct db_ctl *ctl, int count, char **argu
 enum db_ctl_status db_ctl_events(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_export(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_get(struct db_ctl *ctl, int count, char **arguments);
+enum db_ctl_status db_ctl_health(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_help(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_history(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_jog(struct db_ctl *ctl, int count, char **arguments);
@@ -64,6 +67,14 @@ enum db_ctl_status db_ctl_watch(struct db_ctl *ctl, int count, char **arguments)
 /* DB_CTL_OK: yes, or --yes was given; else the reason is printed. */
 enum db_ctl_status db_ctl_ask(const struct db_ctl *ctl, const char *format, ...)
 	__attribute__((format(printf, 2, 3)));
+
+/* --- audit ------------------------------------------------------------------------------------ */
+
+/* The option --since, in microseconds since 1970-01-01 UTC: "30m", "2h", "1d" ago, or a date with or
+ * without a time of day, in local time. 0: neither. */
+json_int_t db_ctl_parse_since(const char *text);
+/* Says what it has to be. */
+enum db_ctl_status db_ctl_complain_since(const struct db_ctl *ctl);
 
 /* --- backup ----------------------------------------------------------------------------------- */
 

@@ -112,8 +112,13 @@ static json_t *describe_row(const struct row *row)
 static void print_as_json(const struct db_ctl *ctl, const struct row *rows, size_t count, bool well)
 {
 	static const char *const of_configuration[] = {
-		"configuration_state", "configuration_since_us", "configuration_messages",
-		"restart_needed",      "audit_trouble",          "secure",
+		"configuration_state",
+		"configuration_since_us",
+		"configuration_messages",
+		"restart_needed",
+		"audit_trouble",
+		"health_trouble",
+		"secure",
 	};
 	json_t *buses = json_object_get(ctl->description, "buses");
 	json_t *drives = json_array();
@@ -277,6 +282,20 @@ static size_t print_audit(const struct db_ctl *ctl)
 	return 1;
 }
 
+static size_t print_health(const struct db_ctl *ctl)
+{
+	const char *trouble = db_words_text(ctl->description, "health_trouble");
+	char text[1024];
+
+	if (!trouble[0])
+		return 0;
+	(void)snprintf(text, sizeof(text),
+	               "health values and alarms cannot be written: %s; they are in memory only",
+	               trouble);
+	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
+	return 1;
+}
+
 /* People have this long to renew them. */
 static size_t print_certificates(const struct db_ctl *ctl)
 {
@@ -354,6 +373,7 @@ static void print_for_people(const struct db_ctl *ctl, const struct row *rows, s
 	print_configuration(ctl, troubles->configuration);
 	hints = print_restart(ctl);
 	hints += print_audit(ctl);
+	hints += print_health(ctl);
 	hints += print_certificates(ctl);
 	json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
 	{

@@ -66,6 +66,17 @@ const struct db_ctl_command db_ctl_commands[] = {
 	{ "history", "DRIVE", "drives", 1, 1, true, DB_CTL_TASK_WHY,
 	  "The last commands of a drive; the newest first: what, how it ended, and by whom",
 	  db_ctl_history },
+	{ "health", "[DRIVE]", "drives", 0, 1, true, DB_CTL_TASK_WHY,
+	  "How the drives were in the last day; or since --since, at most a week: exchanges, retries, "
+	  "lost answers, round trips, time offline, temperature. Of one drive hour by hour, with charts",
+	  db_ctl_health },
+	{ "alarms acknowledge", "ID...", "-", 1, -1, true, DB_CTL_TASK_WHY,
+	  "Say that these alarms were seen; or all of them (all): it is on record who has",
+	  db_ctl_alarms_acknowledge },
+	{ "alarms", "", "", 0, 0, true, DB_CTL_TASK_WHY,
+	  "What needed somebody; since when, until when, how often, and who has acknowledged it, over "
+	  "restarts of the service",
+	  db_ctl_alarms },
 	{ "audit verify", "", "", 0, 0, true, DB_CTL_TASK_WHY,
 	  "Check that the audit trail is whole; each line against the one before it. Ends with 1 "
 	  "when one was changed, or is missing",
@@ -205,7 +216,7 @@ const struct db_ctl_option db_ctl_options[] = {
 	  "(registers as controllers write them)" },
 	{ "drive", "NAME", " audit ", "Only of this drive" },
 	{ "user", "TEXT", " audit ", "Only where the words for who have this in them: a user, an address" },
-	{ "since", "TIME", " audit ", "Only from then on: 30m, 2h or 1d ago, or a date such as \"2026-05-01 14:00\"" },
+	{ "since", "TIME", " audit health ", "Only from then on: 30m, 2h or 1d ago, or a date such as \"2026-05-01 14:00\"" },
 	{ "refused", NULL, " audit ", "Only what was refused, or failed" },
 	{ "cef", NULL, " audit ", "In the Common Event Format, a line each, for systems that collect such" },
 	{ "ports", "OLD=NEW,...", " restore ", "Which device is here what another one was there" },

@@ -10,6 +10,7 @@
 #include "drivebridge/audit.h"
 #include "drivebridge/bus.h"
 #include "drivebridge/control_socket.h"
+#include "drivebridge/health.h"
 #include "drivebridge/log.h"
 #include "drivebridge/server.h"
 #include "service/service_private.h"
@@ -181,6 +182,68 @@ void db_audit_end(struct db_audit *audit, uint32_t number, const char *drive, en
 	(void)result;
 	(void)took_us;
 	(void)time_us;
+}
+
+/* Nor values of health, nor alarms. */
+
+int db_health_new(const struct db_health_setup *setup, db_time now, struct db_health **health)
+{
+	(void)setup;
+	(void)now;
+	*health = NULL;
+	return 0;
+}
+
+bool db_health_free(struct db_health *health, db_time now, uint64_t wall_us)
+{
+	(void)health;
+	(void)now;
+	(void)wall_us;
+	return true;
+}
+
+void db_health_change(struct db_health *health, bool on)
+{
+	(void)health;
+	(void)on;
+}
+
+int db_health_set_drives(struct db_health *health, const struct db_health_drive *drives,
+                         size_t count)
+{
+	(void)health;
+	(void)drives;
+	(void)count;
+	return 0;
+}
+
+void db_health_sample(struct db_health *health, size_t place, const struct db_snapshot *snapshot,
+                      bool has_temperature, db_time now)
+{
+	(void)health;
+	(void)place;
+	(void)snapshot;
+	(void)has_temperature;
+	(void)now;
+}
+
+void db_health_tick(struct db_health *health, db_time now, uint64_t wall_us)
+{
+	(void)health;
+	(void)now;
+	(void)wall_us;
+}
+
+void db_health_see(struct db_health *health, const struct db_alarm_seen *seen)
+{
+	(void)health;
+	(void)seen;
+}
+
+void db_health_seen(struct db_health *health, uint64_t wall_us)
+{
+	(void)health;
+	(void)wall_us;
 }
 
 int db_log_new(struct db_log **log)

@@ -1,0 +1,260 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/ctl_private.h"
+#include "ctl/grid.h"
+#include "ctl/terminal.h"
+#include "words/value.h"
+
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define DAY_US (INT64_C(86400) * 1000000)
+#define HOUR_S 3600
+#define QUARTER_S 900
+#define MINUTE_S 60
+/* Characters of a chart. */
+#define CHART_HEIGHT 5
+#define CHART_WIDTH_MAX 240
+
+static json_int_t number_of(const json_t *value, const char *key)
+{
+	return json_integer_value(json_object_get(value, key));
+}
+
+/* Of a hundred exchanges, those without an answer. */
+static double percent_lost(const json_t *value)
+{
+	double exchanges = (double)number_of(value, "exchanges");
+
+	return exchanges > 0 ? 100.0 * (double)number_of(value, "losses") / exchanges : 0.0;
+}
+
+/* --- table ------------------------------------------------------------------------------------ */
+
+static void add_heads(struct db_ctl_grid *grid, const char *first)
+{
+	static const char *const heads[] = { "EXCHANGES", "RETRIES", "LOST",    "DAMAGED",
+		                             "MEAN",      "LONGEST", "OFFLINE", "DEGREES C" };
+
+	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", first);
+	for (size_t i = 0; i < sizeof(heads) / sizeof(heads[0]); i++)
+		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", heads[i]);
+}
+
+static void add_trip(struct db_ctl_grid *grid, json_int_t us)
+{
+	if (us == 0)
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "-");
+	else
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%.2f ms", (double)us / 1000.0);
+}
+
+static void add_row(struct db_ctl_grid *grid, const char *first, const json_t *value)
+{
+	json_int_t offline = number_of(value, "offline_ms");
+	json_int_t losses = number_of(value, "losses");
+	const json_t *hottest = json_object_get(value, "hottest");
+	json_int_t coldest = number_of(value, "coldest");
+
+	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", first);
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(value, "exchanges"));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(value, "retries"));
+	if (losses == 0)
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "0");
+	else
+		db_ctl_grid_add(grid, DB_CTL_YELLOW, "%lld (%.2g %%)", (long long)losses,
+		                percent_lost(value));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(value, "damaged"));
+	add_trip(grid, number_of(value, "round_trip_us"));
+	add_trip(grid, number_of(value, "round_trip_longest_us"));
+	if (offline == 0)
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "0");
+	else
+		db_ctl_grid_add(grid, DB_CTL_YELLOW, "%.1f s", (double)offline / 1000.0);
+	if (!json_is_integer(hottest))
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "-");
+	else
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld to %lld", (long long)coldest,
+		                (long long)json_integer_value(hottest));
+}
+
+/* In each line when it was, or which drive it is. */
+static void print_table(const struct db_ctl *ctl, const json_t *answer, bool of_drive)
+{
+	static const char *const lists[] = { "values", "running" };
+	struct db_ctl_grid *grid = db_ctl_grid_new("lrrrrrrrr");
+	const json_t *value;
+	size_t i;
+
+	if (!grid)
+		return;
+	add_heads(grid, of_drive ? "UNTIL" : "DRIVE");
+	/* Of all drives, the minute that goes on is only shown where there is nothing else. */
+	for (size_t list = 0; list < 2; list++) {
+		const json_t *values = json_object_get(answer, lists[list]);
+
+		if (list == 1 && !of_drive &&
+		    json_array_size(json_object_get(answer, "values")) > 0)
+			continue;
+		json_array_foreach(values, i, value)
+		{
+			char when[DB_WORDS_TIME_MAX];
+
+			db_words_write_time(number_of(value, "end_us"), when);
+			when[strcspn(when, ".")] = '\0';
+			add_row(grid, of_drive ? when : db_words_text(value, "drive"), value);
+		}
+	}
+	db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
+	db_ctl_grid_free(grid);
+}
+
+/* --- charts ----------------------------------------------------------------------------------- */
+
+/* A bar for each span of time, as high as the greatest value in it. */
+struct chart {
+	double bars[CHART_WIDTH_MAX];
+	unsigned width;
+	double greatest;
+};
+
+/* Over the time from the first to the last value, of which some may be missing. */
+static void fill_chart(struct chart *chart, const json_t *values, const char *key, unsigned width)
+{
+	size_t count = json_array_size(values);
+	json_int_t first = number_of(json_array_get(values, 0), "end_us");
+	json_int_t last = number_of(json_array_get(values, count - 1), "end_us");
+	json_int_t span = last > first ? last - first : 1;
+	const json_t *value;
+	size_t i;
+
+	*chart = (struct chart){ .width = width < CHART_WIDTH_MAX ? width : CHART_WIDTH_MAX };
+	json_array_foreach(values, i, value)
+	{
+		double at = (double)(number_of(value, "end_us") - first) / (double)span;
+		unsigned place = at > 0 ? (unsigned)(at * (chart->width - 1)) : 0;
+		double number = (double)number_of(value, key);
+
+		/* A clock that was set back. */
+		if (place >= chart->width)
+			place = chart->width - 1;
+		if (number > chart->bars[place])
+			chart->bars[place] = number;
+		if (number > chart->greatest)
+			chart->greatest = number;
+	}
+}
+
+static void print_chart(const struct chart *chart, const char *title, double scale)
+{
+	(void)printf("\n%s, at most %.6g\n", title, chart->greatest * scale);
+	for (unsigned line = CHART_HEIGHT; line > 0; line--) {
+		char text[CHART_WIDTH_MAX + 1];
+
+		for (unsigned i = 0; i < chart->width; i++) {
+			double height = chart->bars[i] * CHART_HEIGHT / chart->greatest;
+
+			text[i] = height > line - 1 ? '#' : ' ';
+		}
+		text[chart->width] = '\0';
+		(void)printf("|%s\n", text);
+	}
+}
+
+static void print_charts(const json_t *values)
+{
+	static const struct {
+		const char *key;
+		const char *title;
+		double scale;
+	} charts[] = {
+		{ "losses", "lost answers", 1 },
+		{ "retries", "questions asked again", 1 },
+		{ "round_trip_longest_us", "longest round trip, ms", 0.001 },
+		{ "offline_ms", "offline, s", 0.001 },
+		{ "hottest", "temperature, degrees C", 1 },
+	};
+	size_t count = json_array_size(values);
+	char begin[DB_WORDS_TIME_MAX];
+	char end[DB_WORDS_TIME_MAX];
+	unsigned lines = 24;
+	unsigned width = 80;
+	struct chart chart = { .width = 0 };
+	bool any = false;
+
+	if (count < 2)
+		return;
+	db_ctl_terminal_size(&lines, &width);
+	for (size_t i = 0; i < sizeof(charts) / sizeof(charts[0]); i++) {
+		fill_chart(&chart, values, charts[i].key, width > 22 ? width - 1 : 21);
+		if (chart.greatest <= 0)
+			continue;
+		print_chart(&chart, charts[i].title, charts[i].scale);
+		any = true;
+	}
+	if (!any)
+		return;
+	db_words_write_time(number_of(json_array_get(values, 0), "end_us"), begin);
+	db_words_write_time(number_of(json_array_get(values, count - 1), "end_us"), end);
+	(void)printf("%.16s%*.16s\n", begin, (int)chart.width + 1 - 16, end);
+}
+
+/* --- the command ------------------------------------------------------------------------------ */
+
+static json_t *ask(struct db_ctl *ctl, const char *drive, json_int_t since_us, int step_s,
+                   enum db_ctl_status *status)
+{
+	json_t *query = json_pack("{s:I, s:i}", "since_us", since_us, "step_s", step_s);
+
+	if (drive)
+		(void)json_object_set_new(query, "drive", json_string(drive));
+	return db_ctl_call(ctl, "Health", query, DB_CTL_TIMEOUT_MS, status);
+}
+
+static void print_state(const json_t *answer)
+{
+	const char *trouble = db_words_text(answer, "trouble");
+
+	if (json_is_false(json_object_get(answer, "on")))
+		(void)printf("health = off: no values are taken, see drivebridge.conf(5)\n");
+	else if (trouble[0])
+		(void)printf("the values cannot be written: %s; a restart loses them\n", trouble);
+	else if (json_is_false(json_object_get(answer, "kept")))
+		(void)printf("the service has no folder for its state: a restart loses the "
+		             "values\n");
+}
+
+enum db_ctl_status db_ctl_health(struct db_ctl *ctl, int count, char **arguments)
+{
+	const char *drive = count > 0 ? arguments[0] : NULL;
+	json_int_t now = (json_int_t)time(NULL) * 1000000;
+	json_int_t since_us = ctl->since ? db_ctl_parse_since(ctl->since) : now - DAY_US;
+	json_int_t hours = (now - since_us) / (INT64_C(3600) * 1000000);
+	enum db_ctl_status status = DB_CTL_OK;
+	json_t *answer;
+
+	if (since_us == 0)
+		return db_ctl_complain_since(ctl);
+	/* Some 25 to 170 lines. */
+	answer = ask(ctl, drive, since_us,
+	             !drive      ? 0 :
+	             hours >= 12 ? HOUR_S :
+	             hours >= 2  ? QUARTER_S :
+	                           MINUTE_S,
+	             &status);
+	if (status == DB_CTL_OK && ctl->json) {
+		db_ctl_print_json(answer);
+	} else if (status == DB_CTL_OK) {
+		print_table(ctl, answer, drive != NULL);
+		if (drive) {
+			json_t *fine = ask(ctl, drive, since_us, 0, &status);
+
+			print_charts(json_object_get(fine, "values"));
+			json_decref(fine);
+		}
+		print_state(answer);
+	}
+	json_decref(answer);
+	return status;
+}
