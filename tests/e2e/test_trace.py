@@ -465,7 +465,7 @@ def test_wireshark_shows_a_serial_line_in_words(make_bridge, tmp_path):
     bridge = make_bridge()
     path = tmp_path / "line.pcapng"
     bridge.sim.fault("lose-request 1")
-    text = ctl(bridge, "trace", "line", "--duration", "0.4", "--output", path)
+    text = ctl(bridge, "trace", "line", "--past", "--duration", "0.4", "--output", path)
     count = int(re.match(r"(\d+) records in ", text)[1])
     packets = dissected(path, "drivebridge.direction", "drivebridge.family", "drivebridge.kind", "drivebridge.words",
                         "drivebridge.bytes", "_ws.col.Info", "drivebridge.malformed")
