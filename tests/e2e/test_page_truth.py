@@ -56,13 +56,13 @@ def test_what_took_four_seconds_is_four_seconds_old(site, visit):  # noqa: F811
 
 
 def test_a_weak_link_gets_the_newest_values(site, visit):  # noqa: F811
-    """4 kB/s: the page is not live with old data, and where a value is shown it is young."""
+    """1.2 kB/s for each stream: the page is not live with old data, and where a value is shown it is young."""
     with SlowLine(site) as line:
         visitor = visit_through(line, visit, site)
         page = visitor.page
         visitor.go("drive/drive1")
         expect(page.locator("#drive-state")).to_have_text("Standstill")
-        line.rate = 4000
+        line.rate = 1200
         drive = site.bridge.drive(1)
         # Values change for as long as a queue would need to fill.
         drive.settle("move_velocity", target_velocity=3200)
