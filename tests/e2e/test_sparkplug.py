@@ -89,7 +89,9 @@ def test_data_by_change_with_the_times_of_the_data(cell):
     assert host.alive["drive1"].value("position") == -3200
     times = [one.metrics["position"].timestamp for one in host.of("DDATA", since=since) if "position" in one.metrics]
     assert len(times) > 2 and times == sorted(times)
-    assert not [one for one in host.of("DDATA", since=since) if one.device == "drive2"], "nothing changed there"
+    # Nothing changed there, but for the quality on a busy machine.
+    assert not [one for one in host.of("DDATA", since=since) if one.device == "drive2" and
+                not all("Quality" in metric.properties.keys for metric in one.metrics.values())]
     cell.check()
 
 
