@@ -44,7 +44,7 @@ const struct db_ctl_command db_ctl_commands[] = {
 	  "Power the motor",
 	  db_ctl_run_short },
 	{ "disable", "DRIVE", "drives -", 1, 1, true, DB_CTL_TASK_MOVE,
-	  "Take the power off the motor: a load may drop",
+	  "Take off the motor's power: a load may drop",
 	  db_ctl_run_short },
 	{ "home", "DRIVE", "drives -", 1, 1, true, DB_CTL_TASK_MOVE,
 	  "Find the origin; the way the drive's parameters say. Waits for the end",
