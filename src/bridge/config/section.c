@@ -10,6 +10,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 #define OUT_OF_MEMORY "out of memory; free some and try again"
@@ -132,12 +133,15 @@ static void refuse_value(const struct db_section *section, const struct db_confi
 	                      "%s = %s %s; %s", key->name, text, wrong, range);
 }
 
-/* The number's characters in a text such as 40ms or 640mm, 0 in any other text. */
+/* The length of the number in a text such as 40ms or 640mm; 0 for any other text, a hexadecimal
+ * number among them. */
 static size_t number_before_unit(const char *text)
 {
 	size_t digits = strspn(text, "0123456789.");
 	const char *unit = text + digits;
 
+	if (strncasecmp(text, "0x", 2) == 0)
+		return 0;
 	while (isalpha((unsigned char)*unit) || *unit == '/' || (unsigned char)*unit >= 0x80)
 		unit++;
 	return *unit == '\0' && text[digits] != '\0' ? digits : 0;
