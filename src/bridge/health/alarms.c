@@ -235,7 +235,7 @@ uint8_t *db_alarms_write(const struct db_alarms *alarms, size_t *size)
 
 static void read_text(char *to, const uint8_t **at, size_t size)
 {
-	memcpy(to, *at, size - 1);
+	memcpy(to, *at, size);
 	to[size - 1] = '\0';
 	*at += size;
 }

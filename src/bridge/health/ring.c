@@ -91,7 +91,7 @@ void db_ring_write_head(const struct db_ring_shape *shape, const struct db_ring_
 	for (size_t i = 0; i < shape->columns; i++) {
 		uint8_t *at = bytes + HEAD + i * COLUMN;
 
-		memcpy(at, columns[i].name, strnlen(columns[i].name, DB_HEALTH_NAME_MAX - 1));
+		memcpy(at, columns[i].name, DB_HEALTH_NAME_MAX);
 		db_bytes_put(at + 32, columns[i].unit, 2);
 		db_bytes_put(at + 36, columns[i].since, 4);
 	}
