@@ -10,7 +10,6 @@
  * change, since, came, gone, acknowledged; u32 times, u8 kind, u8 cause, 2 bytes 0; texts name,
  * detail, by, with zeros behind them.
  */
-#define MAGIC "DBALARMS"
 #define VERSION 1
 #define CHECKSUM_AT 12
 #define HEAD 36
@@ -21,6 +20,8 @@
 #define AGAIN_US (UINT64_C(60) * 1000000)
 
 #define ROOM_FIRST 16
+
+static const uint8_t magic[8] = { 'D', 'B', 'A', 'L', 'A', 'R', 'M', 'S' };
 
 const char *db_alarm_kind_name(enum db_alarm_kind kind)
 {
@@ -206,7 +207,7 @@ uint8_t *db_alarms_write(const struct db_alarms *alarms, size_t *size)
 	if (!bytes)
 		return NULL;
 	*size = HEAD + alarms->count * RECORD;
-	memcpy(bytes, MAGIC, 8);
+	memcpy(bytes, magic, sizeof(magic));
 	db_bytes_put(bytes + 8, VERSION, 2);
 	db_bytes_put(bytes + 16, alarms->count, 4);
 	db_bytes_put(bytes + 20, alarms->last_id, 8);
@@ -262,7 +263,8 @@ bool db_alarms_read(struct db_alarms *alarms, const uint8_t *bytes, size_t size)
 	uint64_t count;
 	uint64_t last = 0;
 
-	if (size < HEAD || memcmp(bytes, MAGIC, 8) != 0 || db_bytes_get(bytes + 8, 2) != VERSION ||
+	if (size < HEAD || memcmp(bytes, magic, sizeof(magic)) != 0 ||
+	    db_bytes_get(bytes + 8, 2) != VERSION ||
 	    db_bytes_get(bytes + CHECKSUM_AT, 4) != db_bytes_crc(bytes + 16, size - 16))
 		return false;
 	count = db_bytes_get(bytes + 16, 4);

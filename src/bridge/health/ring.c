@@ -12,7 +12,6 @@
  * u32 clock_s, u64 wall_us; then the values.
  */
 
-#define MAGIC "DBHEALTH"
 #define VERSION 1
 #define HEAD 32
 #define CHECKSUM_AT 18
@@ -22,6 +21,8 @@
 #define QUARTERS_MOST (24 * 4)
 #define QUARTERS_LEAST (6 * 4)
 #define MINUTES_MOST (24 * 60)
+
+static const uint8_t magic[8] = { 'D', 'B', 'H', 'E', 'A', 'L', 'T', 'H' };
 
 const unsigned db_ring_widths[DB_RING_COUNT] = { 1, 15, 60 };
 
@@ -83,7 +84,7 @@ void db_ring_write_head(const struct db_ring_shape *shape, const struct db_ring_
 	size_t size = db_ring_head_bytes(shape);
 
 	memset(bytes, 0, size);
-	memcpy(bytes, MAGIC, 8);
+	memcpy(bytes, magic, sizeof(magic));
 	db_bytes_put(bytes + 8, VERSION, 2);
 	db_bytes_put(bytes + 10, shape->columns, 2);
 	for (unsigned ring = 0; ring < DB_RING_COUNT; ring++)
@@ -125,7 +126,8 @@ bool db_ring_read_head(const uint8_t *bytes, size_t size, struct db_ring_shape *
 {
 	struct db_ring_shape wanted;
 
-	if (size < HEAD || memcmp(bytes, MAGIC, 8) != 0 || db_bytes_get(bytes + 8, 2) != VERSION)
+	if (size < HEAD || memcmp(bytes, magic, sizeof(magic)) != 0 ||
+	    db_bytes_get(bytes + 8, 2) != VERSION)
 		return false;
 	shape->columns = (uint16_t)db_bytes_get(bytes + 10, 2);
 	if (shape->columns == 0 || shape->columns > DB_RING_COLUMNS_MAX ||
