@@ -527,20 +527,20 @@ run_side_by_side() {
 
 # finish PHASE...: what all of them saw. A phase without a result has failed.
 finish() {
-	local phase numbers failures=() passed=0 failed=0 lines
+	local phase numbers broken=() sum=0 bad=0 lines
 
 	for phase; do
 		lines=("0 1" "$phase: it broke off")
 		[ ! -s "build/logs/$phase.result" ] || mapfile -t lines <"build/logs/$phase.result"
 		read -r -a numbers <<<"${lines[0]}"
-		passed=$((passed + numbers[0]))
-		failed=$((failed + numbers[1]))
-		failures+=("${lines[@]:1}")
+		sum=$((sum + numbers[0]))
+		bad=$((bad + numbers[1]))
+		broken+=("${lines[@]:1}")
 	done
-	if [ ${#failures[@]} -gt 0 ]; then
+	if [ ${#broken[@]} -gt 0 ]; then
 		say "failed"
-		printf '%s\n' "${failures[@]}"
+		printf '%s\n' "${broken[@]}"
 	fi
-	printf '%d passed, %d failed\n' "$passed" "$failed"
-	[ "$failed" -eq 0 ]
+	printf '%d passed, %d failed\n' "$sum" "$bad"
+	[ "$bad" -eq 0 ]
 }

@@ -340,7 +340,8 @@ static void read_drives(const struct db_section *section, const struct db_config
 		set.all = position == 0;
 	}
 	memcpy(member, &set, sizeof(set));
-	// cppcheck-suppress memleak ; the member has it now
+	/* Neither cppcheck nor gcc's analyzer sees that the member has it now. */
+	// cppcheck-suppress memleak
 }
 
 /* --- units ------------------------------------------------------------------------------------ */

@@ -207,7 +207,8 @@ uint8_t *db_alarms_write(const struct db_alarms *alarms, size_t *size)
 	if (!bytes)
 		return NULL;
 	*size = HEAD + alarms->count * RECORD;
-	memcpy(bytes, magic, sizeof(magic));
+	for (size_t i = 0; i < sizeof(magic); i++)
+		bytes[i] = magic[i];
 	db_bytes_put(bytes + 8, VERSION, 2);
 	db_bytes_put(bytes + 16, alarms->count, 4);
 	db_bytes_put(bytes + 20, alarms->last_id, 8);

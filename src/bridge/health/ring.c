@@ -84,7 +84,8 @@ void db_ring_write_head(const struct db_ring_shape *shape, const struct db_ring_
 	size_t size = db_ring_head_bytes(shape);
 
 	memset(bytes, 0, size);
-	memcpy(bytes, magic, sizeof(magic));
+	for (size_t i = 0; i < sizeof(magic); i++)
+		bytes[i] = magic[i];
 	db_bytes_put(bytes + 8, VERSION, 2);
 	db_bytes_put(bytes + 10, shape->columns, 2);
 	for (unsigned ring = 0; ring < DB_RING_COUNT; ring++)

@@ -14,22 +14,30 @@
 /* A file, or standard input for "-". To be freed; NULL: the reason is printed. */
 static char *read_file(const struct db_ctl *ctl, const char *path, enum db_ctl_status *status)
 {
-	FILE *in = strcmp(path, "-") == 0 ? stdin : fopen(path, "re");
-	char *text = in ? calloc(1, TEXT_MAX + 1) : NULL;
-	size_t length = text ? fread(text, 1, TEXT_MAX, in) : 0;
-	const char *why = !text || ferror(in) ? strerror(errno) :
-	                  length == TEXT_MAX || memchr(text, '\0', length) ?
-	                                        "it is too long, or no text" :
-	                                        NULL;
+	bool given = strcmp(path, "-") != 0;
+	FILE *in = given ? fopen(path, "re") : stdin;
+	const char *why = in ? NULL : strerror(errno);
+	char *text = calloc(1, TEXT_MAX + 1);
+	size_t length;
 
-	*status = why ? db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.File", "%s: %s",
-	                                path, why) :
-	                DB_CTL_OK;
-	if (in && in != stdin)
+	if (in && text) {
+		length = fread(text, 1, TEXT_MAX, in);
+		if (ferror(in))
+			why = strerror(errno);
+		else if (length == TEXT_MAX || memchr(text, '\0', length))
+			why = "it is too long, or no text";
+	} else if (!why) {
+		why = strerror(ENOMEM);
+	}
+	/* gcc's analyzer takes standard input for a file that is left open. */
+	if (in && given)
 		(void)fclose(in);
+	*status = DB_CTL_OK;
 	if (!why)
 		return text;
 	free(text);
+	*status = db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.File", "%s: %s", path,
+	                          why);
 	return NULL;
 }
 

@@ -93,59 +93,79 @@ static void read_password(struct db_settings *settings)
 		add_out_of_memory(settings);
 }
 
-/* HOST, HOST:PORT or [ADDRESS]:PORT, where an address may have colons. Without memory, or with a
- * port that is none, this is an error. */
-static void add_address(struct db_settings *settings, const char *text)
+/* HOST, HOST:PORT or [ADDRESS]:PORT, where an address may have colons; without a port *port stays.
+ * False: it is none of these. */
+static bool cut_address(const char *text, const char **host, size_t *length, unsigned *port)
+{
+	const char *colon = strchr(text, ':');
+	const char *rest;
+	unsigned long number;
+	char *end;
+
+	if (text[0] == '[') {
+		*host = text + 1;
+		*length = strcspn(*host, "]");
+		if ((*host)[*length] != ']')
+			return false;
+		rest = *host + *length + 1;
+	} else {
+		/* With a second colon it is an address. */
+		*host = text;
+		*length = colon && !strchr(colon + 1, ':') ? (size_t)(colon - text) : strlen(text);
+		rest = text + *length;
+	}
+	if (*length == 0 || rest[0] == '\0')
+		return *length > 0;
+	if (rest[0] != ':' || rest[1] < '0' || rest[1] > '9')
+		return false;
+	errno = 0;
+	number = strtoul(rest + 1, &end, 10);
+	*port = (unsigned)number;
+	return *end == '\0' && errno == 0 && number >= 1 && number <= 65535;
+}
+
+static void add_address(struct db_settings *settings, const char *host, size_t length,
+                        unsigned port)
 {
 	struct db_mqtt_config *config = settings->values;
-	struct db_mqtt_address *grown = reallocarray(config->addresses, config->address_count + 1,
-	                                             sizeof(*config->addresses));
-	bool bracket = text[0] == '[';
-	size_t length = bracket ? strcspn(++text, "]") : strlen(text);
-	const char *colon = bracket ? (text[length] ? text + length + 1 : "") : strchr(text, ':');
-	unsigned long port = config->port;
-	char *end = NULL;
-	char *host;
+	struct db_mqtt_address *address = &config->addresses[config->address_count];
 
 	/* gcc's analyzer does not see that the configuration has it now. */
-	if (grown)
-		config->addresses = grown;
-	/* Without brackets a second colon is a part of an address. */
-	if (!bracket && colon && strchr(colon + 1, ':'))
-		colon = NULL;
-	if (!bracket && colon)
-		length = (size_t)(colon - text);
-	if (colon && colon[0] == ':') {
-		errno = 0;
-		port = strtoul(colon + 1, &end, 10);
-	}
-	if (length == 0 || (bracket && text[length] != ']') || (colon && colon[0] && !end) ||
-	    (end && (end == colon + 1 || *end || errno || colon[1] < '0' || colon[1] > '9')) ||
-	    port < 1 || port > 65535)
-		db_messages_add_error(
-			settings->messages, db_settings_line(settings, "broker", "others"),
-			"others: '%s' is no HOST or HOST:PORT", bracket ? text - 1 : text);
-	host = grown ? strndup(text, length) : NULL;
-	if (host)
-		config->addresses[config->address_count++] =
-			(struct db_mqtt_address){ .host = host, .port = (unsigned)port };
+	address->host = strndup(host, length);
+	address->port = port;
+	if (address->host)
+		config->address_count++;
 	else
 		add_out_of_memory(settings);
 }
 
+/* `host` and `port` first, then the others. */
 static void list_addresses(struct db_settings *settings)
 {
 	struct db_mqtt_config *config = settings->values;
+	size_t count = 1;
 
-	config->addresses = calloc(1, sizeof(*config->addresses));
-	if (config->addresses)
-		config->addresses[0] = (struct db_mqtt_address){ strdup(config->host),
-			                                         config->port };
-	config->address_count = config->addresses != NULL;
-	if (!config->addresses || !config->addresses[0].host)
-		add_out_of_memory(settings);
 	for (const char *at = config->others.names; at && *at; at += strlen(at) + 1)
-		add_address(settings, at);
+		count++;
+	/* gcc's analyzer does not see that the configuration has them now. */
+	config->addresses = calloc(count, sizeof(*config->addresses));
+	if (!config->addresses) {
+		add_out_of_memory(settings);
+		return;
+	}
+	add_address(settings, config->host, strlen(config->host), config->port);
+	for (const char *at = config->others.names; at && *at; at += strlen(at) + 1) {
+		unsigned port = config->port;
+		const char *host;
+		size_t length;
+
+		if (cut_address(at, &host, &length, &port))
+			add_address(settings, host, length, port);
+		else
+			db_messages_add_error(settings->messages,
+			                      db_settings_line(settings, "broker", "others"),
+			                      "others: '%s' is no HOST or HOST:PORT", at);
+	}
 }
 
 static void check_broker(struct db_settings *settings)
