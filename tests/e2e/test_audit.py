@@ -16,13 +16,14 @@ import time
 import pytest
 from asyncua import ua
 from bridgelib import Client, as_shown, eventually, find_program
+from mqttlib import plant_fixture  # noqa: F401
 from opcualib import OPERATOR as OPCUA_OPERATOR
 from opcualib import READER as OPCUA_READER
 from opcualib import at, call, connect, fixture_certificate, fixture_make_server, in_loop, says, until  # noqa: F401
 from pymodbus.client import ModbusTcpClient
 from test_control import Tool, as_nobody
 from test_history import entry
-from test_mqtt import command, commander, plant  # noqa: F401
+from test_mqtt import command, commander  # noqa: F401
 from test_roles import USERS, method, run, stream, users_text, variable, write
 from test_web import gateway, refused  # noqa: F401
 from weblib import OPERATOR, READER

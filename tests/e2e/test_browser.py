@@ -867,8 +867,9 @@ def test_a_move_is_captured_around_its_trigger(site, visit):
 
     def captured():
         """Its samples may come only after some moves."""
-        site.bridge.drive(1).settle("move_absolute", target_position=640)
-        site.bridge.drive(1).settle("move_absolute", target_position=0)
+        for target in (640, 0):
+            site.bridge.drive(1).settle("move_absolute", target_position=target)
+            eventually(lambda target=target: site.bridge.drive(1).read("position") == target, what="its end")
         return "Waits" not in view.locator("#scope-said").inner_text()
 
     eventually(captured, 60, "the trigger to come")

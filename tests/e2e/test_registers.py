@@ -288,8 +288,10 @@ def test_function_codes(make_bridge):
         # The unit as the id, the run indicator, then the text.
         assert server_id[2:4] == bytes([1, 0xFF])
         assert b"drivebridge" in server_id or b"VSMD" in server_id
+        # 8: the loopback
+        assert raw.request(b"\x08\x00\x00\x12\x34") == b"\x08\x00\x00\x12\x34"
         # Others do not exist here.
-        for code in (7, 8, 11, 12, 20, 21, 24, 99):
+        for code in (7, 11, 12, 20, 21, 24, 99):
             assert raw.request(bytes([code, 0, 0, 0, 0])) == bytes([code | 0x80, ILLEGAL_FUNCTION])
 
 
