@@ -74,6 +74,10 @@ struct db_backend {
 	int (*write_same)(void *context, const struct db_client *client, uint8_t unit,
 	                  uint16_t address, uint16_t value, struct db_write_token token);
 
+	/* True if this write of holding registers is a stop of the unit's drive. */
+	bool (*stops)(void *context, uint8_t unit, uint16_t address, uint16_t count,
+	              const uint16_t *values);
+
 	/*
 	 * A write of holding registers to all of these units (a bit each), as if to each drive's
 	 * neutral registers; nobody is answered. A stop is carried out for every drive that the

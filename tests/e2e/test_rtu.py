@@ -226,6 +226,20 @@ def test_a_repeated_request_after_an_answer_that_came_too_late(rtu_bridge, line)
     rests_at(bridge, 1200)
 
 
+def test_a_repeated_stop_acts_each_time(rtu_bridge, line):
+    """Its answer was not sent, and another client has moved the drive since: the PLC's repetition stops it."""
+    bridge = rtu_bridge(modbus={"confirm-ms": 2000}, line_keys={"answer-timeout-ms": 5000})
+    bridge.sim.fault("lose-request 1")
+    line.send(framed(1, block(bridge, "stop")))
+    time.sleep(PAUSE)
+    line.send(framed(77, POSITION))
+    eventually(lambda: figure(bridge, "late_total") == 1)
+    drive = bridge.drive()
+    assert drive.command("move_velocity", target_velocity=2000.0) == 0
+    assert line.request(block(bridge, "stop"))[0] == 16
+    bridge.wait_standing()
+
+
 def test_an_answer_is_not_sent_into_another_request(rtu_bridge, line):
     bridge = rtu_bridge(drives=2, modbus={"confirm-ms": 2000})
     bridge.sim.fault("lose-request 2")

@@ -105,6 +105,16 @@ static bool has_unit(const uint8_t units[32], unsigned unit)
 	return unit != 0 && (units[unit / 8] >> (unit % 8) & 1);
 }
 
+static bool backend_stops(void *context, uint8_t unit, uint16_t address, uint16_t count,
+                          const uint16_t *values)
+{
+	const struct db_registers *registers = context;
+	const struct db_view_drive *drive = drive_of(registers, unit);
+
+	return drive && !registers->roster->vendor_units[unit] &&
+	       db_write_find_stop(drive, address, count, values) != DB_CMD_NONE;
+}
+
 static bool backend_broadcast(void *context, const struct db_client *client,
                               const uint8_t units[32], uint16_t address, uint16_t count,
                               const uint16_t *values)
@@ -241,6 +251,7 @@ const struct db_backend db_registers_backend = {
 	.read = backend_read,
 	.write = backend_write,
 	.write_same = backend_write_same,
+	.stops = backend_stops,
 	.broadcast = backend_broadcast,
 	.server_id = backend_server_id,
 	.device_id = backend_device_id,

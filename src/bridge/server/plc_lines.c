@@ -207,6 +207,20 @@ static bool is_repeated(const struct line *line, const struct db_rtu_frame *fram
 	       (line->pending || frame->at - line->frame.at < soon);
 }
 
+/* A stop acts each time: another client may have moved the drive since the first one. */
+static bool is_stop(const struct line *line, const struct db_modbus_request *request)
+{
+	const struct db_executor *executor = line->lines->host.executor;
+	uint16_t values[MODBUS_MAX_WRITE_REGISTERS];
+
+	if (request->function != MODBUS_FC_WRITE_SINGLE_REGISTER &&
+	    request->function != MODBUS_FC_WRITE_MULTIPLE_REGISTERS)
+		return false;
+	db_pdu_values(request, values);
+	return executor->backend->stops(executor->context, request->unit, request->write_address,
+	                                request->write_count, values);
+}
+
 /* What the port has counted counts for FC 8, too. */
 static void look_at_port(struct line *line)
 {
@@ -248,7 +262,7 @@ static void handle_frame(struct line *line, const struct db_rtu_frame *frame)
 			handle_broadcast(line, &request);
 		return;
 	}
-	if (is_repeated(line, frame)) {
+	if (is_repeated(line, frame) && (line->pending || !is_stop(line, &request))) {
 		line->repeated++;
 		line->frame.number = frame->number;
 		line->frame.at = frame->at;
