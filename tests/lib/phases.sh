@@ -346,7 +346,7 @@ start_pytest() {
 	DRIVEBRIDGE_BUILD=$PWD/build/$preset DRIVEBRIDGE_COLLECTED=$PWD/build/logs/$name.collected \
 		DRIVEBRIDGE_FAILED=$PWD/build/logs/$name.failed \
 		"${prefix[@]}" "$VENV/bin/python" -m pytest -q \
-		-n "${PYTEST_WORKERS:-$((JOBS * 4))}" --junitxml="build/logs/$name.xml" "$@" \
+		-n "${PYTEST_WORKERS:-$((JOBS * 3))}" --junitxml="build/logs/$name.xml" "$@" \
 		>"build/logs/$name.log" 2>&1 </dev/null || true
 }
 
@@ -373,7 +373,7 @@ count_pytest() {
 }
 
 # How many failed tests are run alone. Where more fail, it is not because they ran side by side.
-ALONE_MAX=20
+ALONE_MAX=40
 
 # count_with_alone NAME COMMAND...: counts what start_pytest saw. The tests that failed run once more, alone, as arguments
 # of COMMAND, whose report is NAME-alone (tests/e2e/stalls.py).
