@@ -120,7 +120,7 @@ struct db_alarm {
 	uint64_t change;       /* greater than that of all that changed before */
 	uint64_t since;        /* microseconds: when it came first */
 	uint64_t came;         /* ... and last */
-	uint64_t gone;         /* 0: it is there */
+	uint64_t gone;         /* 0: it has not ended */
 	uint64_t acknowledged; /* 0: it is not */
 	uint32_t times; /* how often it came before it was acknowledged, or within a minute */
 	uint8_t kind;   /* enum db_alarm_kind */
