@@ -375,4 +375,35 @@ static inline int move(struct fake *fake, enum db_command code, int32_t position
 	                                      (struct db_write_token){ 0 }, fake->now));
 }
 
+/* --- clients that each have ids and results of their own --------------------------------------------- */
+
+#define CLIENTS 9
+
+static inline const struct db_client *client(unsigned number)
+{
+	static struct db_client clients[CLIENTS + 1];
+
+	clients[number] = (struct db_client){ .id = number + 100, .address = { (uint8_t)number } };
+	return &clients[number];
+}
+
+static inline int put_as(struct fake *fake, unsigned number, uint16_t id, unsigned command,
+                         int32_t position)
+{
+	fake->client = client(number);
+	db_commander_hear(fake->commander, fake->client, ++fake->now);
+	return put(fake, id, command, position);
+}
+
+static inline struct db_command_state look_as(struct fake *fake, unsigned number)
+{
+	fake->client = client(number);
+	return look(fake);
+}
+
+#define CLIENT_FAKE()     \
+	struct fake fake; \
+	(void)state;      \
+	init_with(&fake, false, 0, true)
+
 #endif
