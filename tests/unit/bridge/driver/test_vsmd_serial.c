@@ -191,12 +191,172 @@ static void a_setting_that_may_be_refused_is_said_again(void **state)
 	drop(f);
 }
 
+/* Drives print two decimals at least, and no more digits than a float has. */
+static void a_number_holds_as_far_as_drives_print_it(void **state)
+{
+	static const struct {
+		float held;
+		float written;
+		bool holds;
+	} cases[] = {
+		{ 0.5f, 0.5f, true },
+		{ 0.505f, 0.5f, true },
+		{ 0.495f, 0.5f, true },
+		{ 0.506f, 0.5f, false },
+		{ 0.494f, 0.5f, false },
+		{ 192000.9f, 192000.0f, true },
+		{ 191999.1f, 192000.0f, true },
+		{ 192002.0f, 192000.0f, false },
+		{ 191998.0f, 192000.0f, false },
+		{ -192000.9f, -192000.0f, true },
+		{ 192000.0f, -192000.0f, false },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++)
+		assert_int_equal(db_driver_vsmd_serial.holds(
+					 VSMD_SPD, (union db_value){ .f = cases[i].held },
+					 (union db_value){ .f = cases[i].written }),
+		                 cases[i].holds);
+	assert_true(db_driver_vsmd_serial.holds(VSMD_MCS, (union db_value){ .u = 4 },
+	                                        (union db_value){ .u = 4 }));
+	assert_false(db_driver_vsmd_serial.holds(VSMD_MCS, (union db_value){ .u = 4 },
+	                                         (union db_value){ .u = 5 }));
+}
+
+/* --- parameter writes -------------------------------------------------------------------------- */
+
+static const char *say(struct fixture *f, enum vsmd_reply_code code, const char *text)
+{
+	uint8_t frame[512];
+	int length = vsmd_serial_encode_text(1, code, text, strlen(text), frame, sizeof(frame));
+
+	assert_true(length > 0);
+	f->now += 4 * MS;
+	return next(f, db_driver_vsmd_serial.answer(talk(f), frame, (size_t)length));
+}
+
+static const char *write_two(struct fixture *f, float current, unsigned step)
+{
+	static struct db_setting settings[2];
+
+	settings[0] = (struct db_setting){ .param = VSMD_CRN, .value = { .f = current } };
+	settings[1] = (struct db_setting){ .param = VSMD_MCS, .value = { .u = step } };
+	f->request = (struct db_request){ .settings = settings, .setting_count = 2 };
+	return begin(f, DB_JOB_SETTINGS);
+}
+
+static void a_write_is_ok_when_the_drive_holds_what_was_written(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	assert_string_equal(write_two(f, 0.5f, 4), "1 cfg crn=0.5 mcs=4");
+	assert_true(f->exchange.repeatable && f->exchange.joins && !f->exchange.proof);
+	assert_string_equal(tell(f, STANDS), "1 cfg");
+	assert_true(f->exchange.proof && !f->exchange.joins && f->exchange.open_ended);
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=4"), "=ok");
+	assert_int_equal(f->part.result, DB_RESULT_OK);
+	drop(f);
+}
+
+/* Once: a line may have arrived damaged. Then it is refused. */
+static void a_write_that_the_drive_does_not_hold_is_said_once_more(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	(void)write_two(f, 0.5f, 4);
+	assert_string_equal(tell(f, STANDS), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=3"), "1 cfg crn=0.5 mcs=4");
+	assert_false(f->exchange.joins);
+	assert_string_equal(tell(f, STANDS), "1 cfg");
+	assert_true(f->exchange.proof);
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=3"), "=refused");
+	assert_int_equal(f->part.result, DB_RESULT_REFUSED);
+	/* What it holds is known now. */
+	assert_int_equal(db_driver_vsmd_serial.nameplate(f->device)->values[VSMD_MCS].u, 3);
+	drop(f);
+}
+
+static void a_drive_that_does_not_print_a_parameter_leaves_it_unproven(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	(void)write_two(f, 0.5f, 4);
+	assert_string_equal(tell(f, STANDS), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50"), "=unproven");
+	drop(f);
+}
+
+/* While a drive moves its values are not read: a stop would wait for the long text. */
+static void a_moving_drive_is_not_asked_what_it_holds(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, VSMD_ST_PWR);
+	assert_string_equal(write_two(f, 0.5f, 4), "1 cfg crn=0.5 mcs=4");
+	assert_string_equal(tell(f, VSMD_ST_PWR), "=unproven");
+	assert_int_equal(f->part.result, DB_RESULT_UNPROVEN);
+	/* Nor when it says no, twice, to what may be old: then it is refused. */
+	assert_string_equal(write_two(f, 0.5f, 4), "1 cfg crn=0.5 mcs=4");
+	assert_string_equal(tell(f, VSMD_ST_PWR | WRONG), "=refused");
+	assert_int_equal(f->part.result, DB_RESULT_REFUSED);
+	drop(f);
+}
+
+/* A refusal while it holds the values already is none; otherwise it is. */
+static void what_a_drive_holds_decides_after_a_refusal(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	(void)write_two(f, 0.5f, 4);
+	assert_string_equal(tell(f, STANDS | WRONG), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=4"), "=ok");
+	(void)write_two(f, 0.7f, 4);
+	assert_string_equal(tell(f, STANDS | WRONG), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=4"), "=refused");
+	drop(f);
+}
+
+/* What was acknowledged and is not proved when the answer is lost. */
+static void a_lost_proof_leaves_what_was_acknowledged_unproven(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	(void)write_two(f, 0.5f, 4);
+	assert_string_equal(tell(f, STANDS), "1 cfg");
+	assert_string_equal(next(f, db_driver_vsmd_serial.lost(talk(f))), "=unproven");
+	assert_true(db_driver_vsmd_serial.nameplate(f->device)->doubtful);
+	/* Nothing was acknowledged. */
+	(void)write_two(f, 0.5f, 4);
+	assert_string_equal(next(f, db_driver_vsmd_serial.lost(talk(f))), "=timeout");
+	assert_int_equal(f->part.result, DB_RESULT_PENDING);
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_refusal_of_what_was_not_answered_is_not_the_next_ones),
 		cmocka_unit_test(a_refusal_that_may_be_old_is_looked_into),
 		cmocka_unit_test(a_setting_that_may_be_refused_is_said_again),
+		cmocka_unit_test(a_number_holds_as_far_as_drives_print_it),
+		cmocka_unit_test(a_write_is_ok_when_the_drive_holds_what_was_written),
+		cmocka_unit_test(a_write_that_the_drive_does_not_hold_is_said_once_more),
+		cmocka_unit_test(a_drive_that_does_not_print_a_parameter_leaves_it_unproven),
+		cmocka_unit_test(a_moving_drive_is_not_asked_what_it_holds),
+		cmocka_unit_test(what_a_drive_holds_decides_after_a_refusal),
+		cmocka_unit_test(a_lost_proof_leaves_what_was_acknowledged_unproven),
 	};
 
 	return cmocka_run_group_tests_name("vsmd_serial", tests, NULL, NULL);
