@@ -336,11 +336,14 @@ db_time db_commander_next_deadline(const struct db_commander *commander);
  * it tripped now. */
 bool db_commander_expire(struct db_commander *commander, db_time now);
 
-/* The largest target_velocity that the configuration allows, in either direction; NAN: there is no
- * such limit, or the drive has not reported its scale yet. */
-double db_commander_max_velocity(const struct db_commander *commander);
-/* Where the configuration lets the drive be, in its own units; each NAN as above. */
-void db_commander_position_limits(const struct db_commander *commander, double *min, double *max);
+/* What the configuration allows, in the drive's own units; NAN: there is no such limit, or the drive has
+ * not reported its scale yet. */
+struct db_allowed {
+	double min_position;
+	double max_position;
+	double max_velocity; /* the largest target_velocity, in either direction */
+};
+struct db_allowed db_commander_allowed(const struct db_commander *commander);
 
 /* age 0 is the newest; false: there are fewer entries. */
 bool db_commander_history(const struct db_commander *commander, size_t age,

@@ -7,61 +7,10 @@
 #include <string.h>
 
 #define BITS_PER_BYTE 10 /* 8N1 */
-#define LINES_MAX 16
-#define BURSTS_MAX 16
-#define GARBAGE_MAX 8
-#define BURST_BYTES_MAX (2 * (SIM_SERIAL_REPLY_MAX + 2 * GARBAGE_MAX))
 /* A burst is handed out in at most this many chunks, and each chunk has at least this length in
  * time: a host sees bytes arrive gradually, and the simulator does not wake up for each. */
 #define CHUNKS_MAX 8
 #define CHUNK_NS DB_NS_PER_MS
-
-/* A request on its way; complete at `end`. */
-struct line {
-	bool used;
-	db_time start;
-	db_time end;
-	size_t length;
-	uint8_t bytes[SIM_SERIAL_REQUEST_MAX];
-};
-
-/* Bytes on their way to the host. */
-struct sim_burst {
-	bool used;
-	char direction;
-	struct sim_node *node; /* its drive; null: noise */
-	db_time start;         /* of the first byte; fixed after its begin */
-	size_t length;
-	size_t sent;
-	size_t chunk;
-	uint8_t bytes[BURST_BYTES_MAX];
-};
-
-struct sim_serial_bus {
-	const struct sim_serial_protocol *protocol;
-	struct sim_serial_config config;
-	sim_trace_fn *trace;
-	void *context;
-	struct sim_node *nodes[SIM_SERIAL_DRIVES_MAX];
-	size_t node_count;
-	struct sim_faults faults;
-	struct sim_serial_stats stats;
-	uint32_t random;
-
-	uint8_t input[SIM_SERIAL_REQUEST_MAX];
-	size_t input_length;
-	bool input_overflow;
-	db_time input_start; /* when the request's first byte began */
-	db_time input_newest;
-	db_time request_end; /* of the last line: the next one cannot begin sooner */
-	db_time reply_end;
-
-	struct line lines[LINES_MAX];
-	size_t first_line; /* a ring: lines end in the order of arrival */
-	size_t line_count;
-	struct sim_burst bursts[BURSTS_MAX];
-	struct sim_burst *current; /* begun and not finished */
-};
 
 struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_protocol *protocol,
                                           const struct sim_serial_config *config,
@@ -100,11 +49,6 @@ struct sim_faults *sim_serial_bus_faults(void *wire)
 	return &bus->faults;
 }
 
-const struct sim_serial_stats *sim_serial_bus_stats(const struct sim_serial_bus *bus)
-{
-	return &bus->stats;
-}
-
 void sim_serial_bus_set_baud(struct sim_serial_bus *bus, unsigned baud)
 {
 	bus->config.baud = baud;
@@ -138,7 +82,7 @@ static void trace_bytes(const struct sim_serial_bus *bus, db_time time, char dir
 
 static struct sim_burst *new_burst(struct sim_serial_bus *bus)
 {
-	for (size_t i = 0; i < BURSTS_MAX; i++) {
+	for (size_t i = 0; i < SIM_SERIAL_BURSTS_MAX; i++) {
 		if (!bus->bursts[i].used)
 			return &bus->bursts[i];
 	}
@@ -179,7 +123,7 @@ static void end_request(struct sim_serial_bus *bus, db_time now)
 {
 	db_time end = bus->input_start + wire_time(bus, bus->input_length);
 	size_t untraced = bus->input_overflow ? 0 : bus->protocol->untraced;
-	struct line *line;
+	struct sim_serial_line *line;
 
 	if (end < now)
 		end = now;
@@ -188,10 +132,10 @@ static void end_request(struct sim_serial_bus *bus, db_time now)
 	trace_bytes(bus, now, '>', bus->input, bus->input_length - untraced);
 	if (!bus->input_overflow)
 		echo_bytes(bus, bus->input_start);
-	if (bus->input_overflow || bus->line_count == LINES_MAX) {
+	if (bus->input_overflow || bus->line_count == SIM_SERIAL_LINES_MAX) {
 		bus->stats.missed++;
 	} else {
-		line = &bus->lines[(bus->first_line + bus->line_count++) % LINES_MAX];
+		line = &bus->lines[(bus->first_line + bus->line_count++) % SIM_SERIAL_LINES_MAX];
 		line->start = bus->input_start;
 		line->end = end;
 		line->length = bus->input_length;
@@ -208,7 +152,7 @@ static void take_byte(struct sim_serial_bus *bus, uint8_t byte, db_time now)
 	if (bus->input_length == 0 && !bus->input_overflow) {
 		bool replying = false;
 
-		for (size_t i = 0; i < BURSTS_MAX; i++)
+		for (size_t i = 0; i < SIM_SERIAL_BURSTS_MAX; i++)
 			replying |= bus->bursts[i].used && bus->bursts[i].direction == '<' &&
 			            bus->bursts[i].start <= now;
 		bus->input_start = now > bus->request_end ? now : bus->request_end;
@@ -239,21 +183,6 @@ void sim_serial_bus_receive(void *wire, const uint8_t *bytes, size_t length, db_
 	}
 	for (size_t i = 0; i < length; i++)
 		take_byte(bus, bytes[i], now);
-}
-
-const struct sim_serial_config *sim_serial_bus_config(const struct sim_serial_bus *bus)
-{
-	return &bus->config;
-}
-
-struct sim_serial_stats *sim_serial_bus_count(struct sim_serial_bus *bus)
-{
-	return &bus->stats;
-}
-
-struct sim_node *sim_serial_bus_node(const struct sim_serial_bus *bus, size_t index)
-{
-	return index < bus->node_count ? bus->nodes[index] : NULL;
 }
 
 bool sim_serial_bus_connects(const struct sim_serial_bus *bus, const struct sim_node *node)
@@ -302,7 +231,7 @@ void sim_serial_bus_testify(const struct sim_node *node, bool obeyed)
 
 static void insert_garbage(struct sim_serial_bus *bus, struct sim_burst *burst, size_t place)
 {
-	size_t count = 1 + random_below(bus, GARBAGE_MAX);
+	size_t count = 1 + random_below(bus, SIM_SERIAL_GARBAGE_MAX);
 	uint8_t *hole = burst->bytes + place;
 
 	memmove(hole + count, hole, burst->length - place);
@@ -341,11 +270,6 @@ struct sim_burst *sim_serial_bus_begin(struct sim_serial_bus *bus, struct sim_no
 	struct sim_burst *burst = new_burst(bus);
 
 	return sim_serial_bus_take(bus, node, SIM_FAULT_DROP) ? NULL : burst;
-}
-
-uint8_t *sim_serial_bus_bytes(struct sim_burst *burst)
-{
-	return burst->bytes;
 }
 
 void sim_serial_bus_send(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst,
@@ -387,7 +311,7 @@ static struct sim_burst *next_burst(struct sim_serial_bus *bus)
 {
 	struct sim_burst *best = bus->current;
 
-	for (size_t i = 0; !bus->current && i < BURSTS_MAX; i++) {
+	for (size_t i = 0; !bus->current && i < SIM_SERIAL_BURSTS_MAX; i++) {
 		if (bus->bursts[i].used && (!best || bus->bursts[i].start < best->start))
 			best = &bus->bursts[i];
 	}
@@ -458,12 +382,12 @@ size_t sim_serial_bus_run(void *wire, db_time now, uint8_t *out, size_t size)
 
 	while (written < size && sim_serial_bus_next(bus) <= now) {
 		struct sim_burst *burst = next_burst(bus);
-		struct line *line = &bus->lines[bus->first_line];
+		struct sim_serial_line *line = &bus->lines[bus->first_line];
 
 		if (bus->line_count > 0 && (!burst || line->end <= burst_due(bus, burst))) {
 			struct sim_serial_request request;
 
-			bus->first_line = (bus->first_line + 1) % LINES_MAX;
+			bus->first_line = (bus->first_line + 1) % SIM_SERIAL_LINES_MAX;
 			bus->line_count--;
 			request = (struct sim_serial_request){
 				.bytes = line->bytes,
@@ -483,7 +407,7 @@ size_t sim_serial_bus_run(void *wire, db_time now, uint8_t *out, size_t size)
 
 static void wire_describe(void *wire, char *text, size_t size)
 {
-	const struct sim_serial_stats *stats = sim_serial_bus_stats(wire);
+	const struct sim_serial_stats *stats = &((const struct sim_serial_bus *)wire)->stats;
 
 	snprintf(text, size,
 	         "requests=%" PRIu32 " replies=%" PRIu32 " collisions=%" PRIu32 " unheard=%" PRIu32

@@ -54,6 +54,7 @@ struct sim_serial_stats {
 };
 
 struct sim_serial_bus;
+struct sim_serial_protocol;
 
 struct sim_serial_request {
 	const uint8_t *bytes;
@@ -72,6 +73,58 @@ struct sim_serial_protocol {
 	db_time patience; /* an incomplete request is dropped after this time; 0: never */
 	/* Every drive that receives the request carries it out. */
 	void (*process)(struct sim_serial_bus *bus, const struct sim_serial_request *request);
+};
+
+#define SIM_SERIAL_LINES_MAX 16
+#define SIM_SERIAL_BURSTS_MAX 16
+#define SIM_SERIAL_GARBAGE_MAX 8
+#define SIM_SERIAL_BURST_BYTES_MAX (2 * (SIM_SERIAL_REPLY_MAX + 2 * SIM_SERIAL_GARBAGE_MAX))
+
+/* A request on its way; complete at `end`. */
+struct sim_serial_line {
+	bool used;
+	db_time start;
+	db_time end;
+	size_t length;
+	uint8_t bytes[SIM_SERIAL_REQUEST_MAX];
+};
+
+/* Bytes on their way to the host. */
+struct sim_burst {
+	bool used;
+	char direction;
+	struct sim_node *node; /* its drive; null: noise */
+	db_time start;         /* of the first byte; fixed after its begin */
+	size_t length;
+	size_t sent;
+	size_t chunk;
+	uint8_t bytes[SIM_SERIAL_BURST_BYTES_MAX];
+};
+
+struct sim_serial_bus {
+	const struct sim_serial_protocol *protocol;
+	struct sim_serial_config config;
+	sim_trace_fn *trace;
+	void *context;
+	struct sim_node *nodes[SIM_SERIAL_DRIVES_MAX]; /* its drives */
+	size_t node_count;
+	struct sim_faults faults;
+	struct sim_serial_stats stats;
+	uint32_t random;
+
+	uint8_t input[SIM_SERIAL_REQUEST_MAX];
+	size_t input_length;
+	bool input_overflow;
+	db_time input_start; /* when the request's first byte began */
+	db_time input_newest;
+	db_time request_end; /* of the last line: the next one cannot begin sooner */
+	db_time reply_end;
+
+	struct sim_serial_line lines[SIM_SERIAL_LINES_MAX];
+	size_t first_line; /* a ring: lines end in the order of arrival */
+	size_t line_count;
+	struct sim_burst bursts[SIM_SERIAL_BURSTS_MAX];
+	struct sim_burst *current; /* begun and not finished */
 };
 
 /* Null when out of memory. The protocol must outlive the bus; trace may be null. */
@@ -99,19 +152,9 @@ db_time sim_serial_bus_next(void *wire);
 extern const struct sim_wire_ops sim_serial_bus_ops;
 
 struct sim_faults *sim_serial_bus_faults(void *wire);
-const struct sim_serial_stats *sim_serial_bus_stats(const struct sim_serial_bus *bus);
 void sim_serial_bus_set_baud(struct sim_serial_bus *bus, unsigned baud);
 
 /* --- for protocols ---------------------------------------------------------------------------- */
-
-/* A reply on its way to the host. */
-struct sim_burst;
-
-const struct sim_serial_config *sim_serial_bus_config(const struct sim_serial_bus *bus);
-struct sim_serial_stats *sim_serial_bus_count(struct sim_serial_bus *bus);
-
-/* The drives of the bus, from 0; null after the last one. */
-struct sim_node *sim_serial_bus_node(const struct sim_serial_bus *bus, size_t index);
 
 /* False when the drive is as if unplugged. */
 bool sim_serial_bus_connects(const struct sim_serial_bus *bus, const struct sim_node *node);
@@ -133,7 +176,6 @@ void sim_serial_bus_testify(const struct sim_node *node, bool obeyed);
 
 /* Memory for a reply of up to SIM_SERIAL_REPLY_MAX bytes; null when it is dropped. */
 struct sim_burst *sim_serial_bus_begin(struct sim_serial_bus *bus, struct sim_node *node);
-uint8_t *sim_serial_bus_bytes(struct sim_burst *burst);
 
 /* Sends the reply of begin(), with its faults. Without this call the reply is withdrawn. */
 void sim_serial_bus_send(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst,

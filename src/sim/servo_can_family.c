@@ -103,8 +103,7 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	        servo->received, servo->unknown, sim_servo_state(drive).moves,
 	        sim_servo_state(drive).setpoint_at / DB_NS_PER_US);
 	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
-		fprintf(out, " %s=%" PRIu32, counted[i].name,
-		        sim_servo_count(drive, counted[i].kind));
+		fprintf(out, " %s=%" PRIu32, counted[i].name, drive->counts[counted[i].kind]);
 }
 
 static unsigned get_address(const struct sim_node *node)
@@ -132,7 +131,7 @@ static void stall(struct sim_node *node, bool stalled, db_time now)
 
 static void force_status(struct sim_node *node, uint32_t bits)
 {
-	sim_servo_force_status(node->servo->drive, (uint16_t)bits);
+	node->servo->drive->forced = (uint16_t)bits;
 }
 
 static const char *set_faults(struct sim_node *node, const char *rest, db_time now)
@@ -152,7 +151,8 @@ static const char *set_health(struct sim_node *node, const char *rest, db_time n
 	(void)now;
 	if (!sim_read_numbers(rest, raw, 2, UINT16_MAX))
 		return "health needs voltage and temperature as they are reported";
-	sim_servo_set_health(node->servo->drive, (uint16_t)raw[0], (uint16_t)raw[1]);
+	node->servo->drive->voltage = (uint16_t)raw[0];
+	node->servo->drive->temperature = (uint16_t)raw[1];
 	return NULL;
 }
 
@@ -163,7 +163,8 @@ static const char *set_inputs(struct sim_node *node, const char *rest, db_time n
 	(void)now;
 	if (!sim_read_numbers(rest, raw, 2, UINT16_MAX) || raw[0] > UINT8_MAX)
 		return "inputs needs the levels of 8 inputs and the analogue input's value";
-	sim_servo_set_inputs(node->servo->drive, (uint8_t)raw[0], (uint16_t)raw[1]);
+	node->servo->drive->inputs = (uint8_t)raw[0];
+	node->servo->drive->analogue = (uint16_t)raw[1];
 	return NULL;
 }
 

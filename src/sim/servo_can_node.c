@@ -58,7 +58,8 @@ static bool is_for(const struct sim_servo_node *node, const struct servo_can_mes
 {
 	if (message->kind == SERVO_CAN_SYNC || message->node == node->address)
 		return true;
-	return message->node == SERVO_CAN_BROADCAST && !sim_servo_ignores_broadcast(node->drive);
+	return message->node == SERVO_CAN_BROADCAST &&
+	       !node->drive->config.temper.ignores_broadcast;
 }
 
 void sim_servo_node_receive(void *self, const struct db_can_frame *frame, db_time now)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "sim/servo_state.h"
+#include "sim/servo_drive.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -618,33 +618,6 @@ bool sim_servo_moving(const struct sim_servo *drive)
 }
 
 /* --- what tests and the control socket see and set -------------------------------------------- */
-
-void sim_servo_force_status(struct sim_servo *drive, uint16_t bits)
-{
-	drive->forced = bits;
-}
-
-void sim_servo_set_health(struct sim_servo *drive, uint16_t voltage, uint16_t temperature)
-{
-	drive->voltage = voltage;
-	drive->temperature = temperature;
-}
-
-void sim_servo_set_inputs(struct sim_servo *drive, uint8_t inputs, uint16_t analogue)
-{
-	drive->inputs = inputs;
-	drive->analogue = analogue;
-}
-
-bool sim_servo_ignores_broadcast(const struct sim_servo *drive)
-{
-	return drive->config.temper.ignores_broadcast;
-}
-
-uint32_t sim_servo_count(const struct sim_servo *drive, enum servo_can_kind kind)
-{
-	return drive->counts[kind];
-}
 
 struct sim_servo_state sim_servo_state(const struct sim_servo *drive)
 {

@@ -89,7 +89,55 @@ struct sim_servo_config {
 /* Fills in a small motor at 48 V with the vendor's report intervals. */
 void sim_servo_config_init(struct sim_servo_config *config);
 
-struct sim_servo;
+/* Its state, which anybody may read. What is shown unchanged may also be set from outside. */
+struct sim_servo {
+	struct sim_servo_config config;
+	db_time time; /* the motor has been advanced to this time */
+	bool powered;
+
+	/* Set by the host. */
+	enum servo_can_mode mode;
+	bool torque_clockwise;
+	bool enabled;
+	bool shown_enabled; /* in the status bit, `power_time` later */
+	db_time enabled_at;
+	double speed;   /* rpm */
+	double current; /* A */
+	bool speed_staged;
+	bool current_staged;
+	double next_speed;
+	double next_current;
+	db_time setpoint_at;
+	/* counts; without effect before CTRG rises */
+	double internal_positions[SERVO_CAN_SLOT_MAX + 1];
+	uint16_t word0;
+	double max_speed;
+	double acceleration;
+	double deceleration;
+
+	/* The motor. */
+	double position; /* counts, as fed back */
+	double rpm;
+	double amperes;
+	double profile;     /* rpm, within the ramps */
+	double planned;     /* counts, the position of a motor without friction or load */
+	db_time idle_until; /* it received a command, and has not begun */
+	double target;      /* counts, the position that position mode holds or approaches */
+	bool limited;       /* by max_current */
+	bool blocked;
+
+	/* Shown unchanged. */
+	uint16_t faults;
+	uint16_t forced; /* status bits in addition to the real ones */
+	uint16_t voltage;
+	uint16_t temperature;
+	uint16_t analogue;
+	uint8_t inputs;
+
+	db_time report_at[SIM_SERVO_REPORTS];  /* DB_TIME_NEVER: off */
+	uint32_t counts[SERVO_CAN_KIND_COUNT]; /* how often it received each kind of message */
+	uint32_t moves;
+};
 
 /* Powered on. Null when out of memory. Copies the configuration. */
 struct sim_servo *sim_servo_new(const struct sim_servo_config *config, db_time now);
@@ -126,14 +174,6 @@ void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now);
 /* State for tests. Call sim_servo_advance() before. */
 bool sim_servo_moving(const struct sim_servo *drive); /* something changes as time passes */
 
-/* Shows these status bits in addition to the real ones. */
-void sim_servo_force_status(struct sim_servo *drive, uint16_t bits);
-void sim_servo_set_health(struct sim_servo *drive, uint16_t voltage, uint16_t temperature);
-void sim_servo_set_inputs(struct sim_servo *drive, uint8_t inputs, uint16_t analogue);
-
-/* State for tests. Call sim_servo_advance() before. */
-bool sim_servo_ignores_broadcast(const struct sim_servo *drive);
-
 struct sim_servo_state {
 	bool powered;
 	bool enabled;
@@ -148,8 +188,5 @@ struct sim_servo_state {
 };
 
 struct sim_servo_state sim_servo_state(const struct sim_servo *drive);
-
-/* How often it received a message of this kind. */
-uint32_t sim_servo_count(const struct sim_servo *drive, enum servo_can_kind kind);
 
 #endif

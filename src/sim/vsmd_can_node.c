@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/vsmd_can_node.h"
+#include "sim/vsmd_mechanics.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -23,7 +24,7 @@ void sim_vsmd_can_node_init(struct sim_vsmd_can_node *node, struct sim_node *sim
 	node->latency = latency;
 	node->interval = (db_time)VSMD_CAN_INTERVAL_DEFAULT * DB_NS_PER_MS;
 	node->shake_frequency = VSMD_SHAKE_FREQ_MIN_CAN;
-	node->starts = sim_vsmd_state(sim->drive).starts;
+	node->starts = sim->drive->starts;
 }
 
 /* Messages from before a power loss are dropped: reports have to be requested again. */
@@ -31,7 +32,7 @@ static void follow_power(struct sim_vsmd_can_node *node)
 {
 	const struct vsmd_can_style style = node->style;
 
-	if (node->starts != sim_vsmd_state(node->node->drive).starts)
+	if (node->starts != node->node->drive->starts)
 		sim_vsmd_can_node_init(node, node->node, &style, node->latency);
 }
 
@@ -54,7 +55,7 @@ static void write_log(struct sim_node *node, const struct db_can_frame *frame, d
 /* The id of an answer in this drive's form, in extended frames. */
 static uint32_t dress_id(const struct sim_vsmd_can_node *node, uint32_t id)
 {
-	switch (sim_vsmd_temper(node->node->drive)->replies) {
+	switch (node->node->drive->config.temper.replies) {
 	case SIM_REPLIES_HOST_0:
 		return id & ~TARGET_BITS;
 	case SIM_REPLIES_BROADCAST:
@@ -84,7 +85,7 @@ static void queue_frame(struct sim_vsmd_can_node *node, const struct db_can_fram
 static void queue_dressed(struct sim_vsmd_can_node *node, const struct db_can_frame *frame,
                           db_time due)
 {
-	enum sim_answers answers = sim_vsmd_temper(node->node->drive)->answers;
+	enum sim_answers answers = node->node->drive->config.temper.answers;
 	struct db_can_frame dressed = *frame;
 
 	if (answers == SIM_ANSWERS_PADDED)
@@ -112,8 +113,8 @@ static void queue_answer(struct sim_vsmd_can_node *node, enum vsmd_can_control c
 	if (due < node->busy_until)
 		due = node->busy_until;
 	node->busy_until = due;
-	frame_count = vsmd_can_encode_answer(&style, sim_vsmd_state(node->node->drive).address,
-	                                     control, first, values, count, frames,
+	frame_count = vsmd_can_encode_answer(&style, node->node->drive->address, control, first,
+	                                     values, count, frames,
 	                                     sizeof(frames) / sizeof(frames[0]));
 	for (int i = 0; i < frame_count; i++)
 		queue_dressed(node, &frames[i], due);
@@ -136,10 +137,10 @@ static void read_status(struct sim_vsmd_can_node *node, uint16_t host, unsigned 
 	sim_vsmd_note_request(drive, first >= VSMD_CAN_IDENTITY, now);
 	sim_vsmd_report_status(drive, true, now, &status);
 	vsmd_can_put_status(&status, values);
-	snprintf(identity, sizeof(identity), "%s", sim_vsmd_state(drive).identity);
+	snprintf(identity, sizeof(identity), "%s", drive->identity);
 	(void)vsmd_can_put_identity(identity, &values[VSMD_CAN_IDENTITY]);
-	if (first + count > VSMD_CAN_REG_MAX + 1 || !answers_read(sim_vsmd_temper(drive), count) ||
-	    (sim_vsmd_temper(drive)->hides_identity && first + count > VSMD_CAN_IDENTITY))
+	if (first + count > VSMD_CAN_REG_MAX + 1 || !answers_read(&drive->config.temper, count) ||
+	    (drive->config.temper.hides_identity && first + count > VSMD_CAN_IDENTITY))
 		return;
 	queue_answer(node, VSMD_CAN_STATUS_REPLY, host, first, &values[first], count,
 	             now + node->latency);
@@ -151,17 +152,16 @@ static void read_data(struct sim_vsmd_can_node *node, uint16_t host, unsigned fi
 	uint32_t values[VSMD_CAN_READ_MAX] = { 0 };
 
 	if (first > VSMD_CAN_DATA_LAST || count > VSMD_CAN_READ_MAX ||
-	    !sim_vsmd_has_registers(sim_vsmd_temper(node->node->drive), first, count) ||
+	    !sim_vsmd_has_registers(&node->node->drive->config.temper, first, count) ||
 	    sim_vsmd_hides_params(node->node->drive) ||
-	    !answers_read(sim_vsmd_temper(node->node->drive), count))
+	    !answers_read(&node->node->drive->config.temper, count))
 		return;
 	for (unsigned i = 0; i < count; i++) {
 		enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
 		size_t fields = vsmd_can_params_of(first + i, params);
 
 		for (size_t k = 0; k < fields; k++)
-			(void)vsmd_can_insert(params[k],
-			                      sim_vsmd_params(node->node->drive)[params[k]],
+			(void)vsmd_can_insert(params[k], node->node->drive->params[params[k]],
 			                      &values[i]);
 	}
 	queue_answer(node, VSMD_CAN_DATA_REPLY, host, first, values, count, now + node->latency);
@@ -180,14 +180,14 @@ static void write_register(struct sim_vsmd_can_node *node, unsigned reg, uint32_
 	size_t count = vsmd_can_params_of(reg, params);
 	bool right = count > 0;
 
-	if (!sim_vsmd_has_registers(sim_vsmd_temper(drive), reg, 1))
+	if (!sim_vsmd_has_registers(&drive->config.temper, reg, 1))
 		return;
 	for (size_t i = 0; i < count; i++) {
 		union db_value value;
 
 		if (vsmd_can_extract(params[i], raw, &value) != VSMD_OK) {
 			right = false;
-		} else if (value.u != sim_vsmd_params(drive)[params[i]].u) {
+		} else if (value.u != drive->params[params[i]].u) {
 			settings[command.setting_count].param = params[i];
 			settings[command.setting_count++].value = value;
 		}
@@ -319,8 +319,8 @@ static bool is_for(const struct sim_vsmd_can_node *node, const struct vsmd_can_i
 	if (id->control != VSMD_CAN_COMMAND && id->control != VSMD_CAN_DATA_WRITE)
 		return false;
 	return id->extended == node->style.extended &&
-	       ((id->broadcast && !sim_vsmd_temper(node->node->drive)->ignores_broadcast) ||
-	        id->target == sim_vsmd_state(node->node->drive).address);
+	       ((id->broadcast && !node->node->drive->config.temper.ignores_broadcast) ||
+	        id->target == node->node->drive->address);
 }
 
 static bool wants(void *self, const struct db_can_frame *frame)
@@ -340,12 +340,11 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 	uint32_t refusals;
 
 	follow_power(node);
-	if (!sim_vsmd_state(drive).powered || vsmd_can_unpack_id(frame->id, &id) != VSMD_OK ||
-	    !is_for(node, &id))
+	if (!drive->powered || vsmd_can_unpack_id(frame->id, &id) != VSMD_OK || !is_for(node, &id))
 		return;
 	write_log(node->node, frame, now);
 	sim_vsmd_note_request(drive, false, now);
-	refusals = sim_vsmd_state(drive).refusals;
+	refusals = drive->refusals;
 	error = vsmd_can_decode(&node->style, frame, &message);
 	if (error != VSMD_OK)
 		sim_vsmd_refuse(drive, now);
@@ -362,7 +361,7 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 
 		sim_witness_report(&sim->witness, now,
 		                   sim->log[(sim->received - 1) % SIM_LOG_LINES].line,
-		                   sim_vsmd_state(sim->drive).refusals == refusals);
+		                   sim->drive->refusals == refusals);
 	}
 }
 
@@ -370,7 +369,7 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 
 static bool is_reporting(const struct sim_vsmd_can_node *node)
 {
-	return node->report != VSMD_CAN_REPORT_NONE && sim_vsmd_state(node->node->drive).powered;
+	return node->report != VSMD_CAN_REPORT_NONE && node->node->drive->powered;
 }
 
 static db_time next(void *self)
@@ -380,7 +379,7 @@ static db_time next(void *self)
 
 	follow_power(node);
 	due = is_reporting(node) ? node->report_at : DB_TIME_NEVER;
-	if (!sim_vsmd_state(node->node->drive).powered)
+	if (!node->node->drive->powered)
 		node->count = 0;
 	if (node->count > 0 && node->queue[node->first].due < due)
 		due = node->queue[node->first].due;

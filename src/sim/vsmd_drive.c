@@ -552,16 +552,6 @@ void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *st
 	status->status = word;
 }
 
-const struct sim_vsmd_temper *sim_vsmd_temper(const struct sim_vsmd *drive)
-{
-	return &drive->config.temper;
-}
-
-const union db_value *sim_vsmd_params(const struct sim_vsmd *drive)
-{
-	return drive->params;
-}
-
 void sim_vsmd_settle(struct sim_vsmd *drive, bool answered)
 {
 	enum sim_settles settles = drive->config.temper.settles;
@@ -577,27 +567,12 @@ bool sim_vsmd_moving(const struct sim_vsmd *drive)
 	return drive->powered && sim_motion_moving(&drive->motion);
 }
 
-double sim_vsmd_shaft(const struct sim_vsmd *drive)
-{
-	return sim_mechanics_shaft(drive);
-}
-
-uint32_t sim_vsmd_count(const struct sim_vsmd *drive, enum vsmd_verb verb)
-{
-	return drive->counts[verb];
-}
-
 bool sim_vsmd_set_param(struct sim_vsmd *drive, enum vsmd_param param, union db_value value)
 {
 	if (!sim_vsmd_takes(&drive->config, param, value))
 		return false;
 	drive->params[param] = value;
 	return true;
-}
-
-void sim_vsmd_hide_params(struct sim_vsmd *drive, bool hidden)
-{
-	drive->hides_params = hidden;
 }
 
 bool sim_vsmd_hides_params(const struct sim_vsmd *drive)
@@ -619,11 +594,6 @@ void sim_vsmd_set_address(struct sim_vsmd *drive, unsigned address)
 	drive->params[VSMD_CID].u = drive->flash[VSMD_CID].u = address;
 }
 
-void sim_vsmd_fail_flash(struct sim_vsmd *drive, bool fail)
-{
-	drive->flash_fails = fail;
-}
-
 void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now)
 {
 	sim_vsmd_advance(drive, now);
@@ -637,21 +607,4 @@ void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, d
 	sim_vsmd_advance(drive, now);
 	drive->forced[number - 1] = level;
 	sim_mechanics_sense(drive);
-}
-
-void sim_vsmd_force_status(struct sim_vsmd *drive, uint32_t bits)
-{
-	drive->forced_status = bits;
-}
-
-struct sim_vsmd_state sim_vsmd_state(const struct sim_vsmd *drive)
-{
-	return (struct sim_vsmd_state){
-		.identity = drive->identity,
-		.address = drive->address,
-		.baud = drive->baud,
-		.powered = drive->powered,
-		.starts = drive->starts,
-		.refusals = drive->refusals,
-	};
 }

@@ -93,42 +93,20 @@ enum sim_refusal sim_vsmd_refusal(const struct sim_vsmd *drive);
 
 /* The real status. */
 void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *status);
-const struct sim_vsmd_temper *sim_vsmd_temper(const struct sim_vsmd *drive);
-const union db_value *sim_vsmd_params(const struct sim_vsmd *drive);
 
-struct sim_vsmd_state {
-	const char *identity; /* the drive's */
-	/* In effect since the last power-up, without later changes by cfg. */
-	unsigned address;
-	unsigned baud;
-	bool powered;
-	uint32_t starts;   /* number of power-ups; a node drops its state from before */
-	uint32_t refusals; /* number of commands */
-};
-
-struct sim_vsmd_state sim_vsmd_state(const struct sim_vsmd *drive);
 bool sim_vsmd_moving(const struct sim_vsmd *drive);
-double sim_vsmd_shaft(const struct sim_vsmd *drive);
-
-/* How often a verb was carried out. */
-uint32_t sim_vsmd_count(const struct sim_vsmd *drive, enum vsmd_verb verb);
 
 /* Events from outside. */
 void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now);
 /* As by the vendor's own tool: not over the bus. False when it does not accept the value. */
 bool sim_vsmd_set_param(struct sim_vsmd *drive, enum vsmd_param param, union db_value value);
-/* Hides its parameters: refuses the text of them, and answers no register. */
-void sim_vsmd_hide_params(struct sim_vsmd *drive, bool hidden);
+/* True if it refuses the text of its parameters, and answers no register. */
 bool sim_vsmd_hides_params(const struct sim_vsmd *drive);
 /* cut off at the maximum */
 void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity);
 /* As by a switch on the drive, at once. */
 void sim_vsmd_set_address(struct sim_vsmd *drive, unsigned address);
-void sim_vsmd_fail_flash(struct sim_vsmd *drive, bool fail);
 void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now);
 /* number 1..6; level 0 or 1, or -1 to let the sensor work again. */
 void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now);
-/* Shows these status bits in addition to the real ones. */
-void sim_vsmd_force_status(struct sim_vsmd *drive, uint32_t bits);
-
 #endif

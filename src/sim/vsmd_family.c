@@ -4,6 +4,7 @@
 #include "sim/can_line.h"
 #include "sim/serial_bus.h"
 #include "sim/vsmd_can_node.h"
+#include "sim/vsmd_mechanics.h"
 
 #include <inttypes.h>
 #include <stdlib.h>
@@ -107,17 +108,15 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	        " position=%" PRId32 " velocity=%g status=0x%08" PRIx32 " shaft=%.0f power=%d"
 	        " address=%u heard=%" PRIu32 " replies=%" PRIu32 " refused=%" PRIu32,
 	        status.position, (double)status.velocity, status.status,
-	        sim_vsmd_shaft(node->drive), sim_vsmd_state(node->drive).powered,
-	        sim_vsmd_state(node->drive).address, node->received, node->replies,
-	        sim_vsmd_state(node->drive).refusals);
+	        sim_mechanics_shaft(node->drive), node->drive->powered, node->drive->address,
+	        node->received, node->replies, node->drive->refusals);
 	for (int verb = 0; verb < VSMD_VERB_COUNT; verb++)
-		fprintf(out, " %s=%" PRIu32, verb_names[verb],
-		        sim_vsmd_count(node->drive, (enum vsmd_verb)verb));
+		fprintf(out, " %s=%" PRIu32, verb_names[verb], node->drive->counts[verb]);
 }
 
 static unsigned get_address(const struct sim_node *node)
 {
-	return sim_vsmd_state(node->drive).address;
+	return node->drive->address;
 }
 
 /* --- from outside
@@ -140,12 +139,12 @@ static void stall(struct sim_node *node, bool stalled, db_time now)
 
 static void force_status(struct sim_node *node, uint32_t bits)
 {
-	sim_vsmd_force_status(node->drive, bits);
+	node->drive->forced_status = bits;
 }
 
 static void fail_flash(struct sim_node *node, bool fail)
 {
-	sim_vsmd_fail_flash(node->drive, fail);
+	node->drive->flash_fails = fail;
 }
 
 static const char *set_identity(struct sim_node *node, const char *rest, db_time now)
@@ -198,7 +197,7 @@ static const char *show_params(struct sim_node *node, const char *rest, db_time 
 	(void)now;
 	if (strcmp(rest, "hidden") != 0 && strcmp(rest, "shown") != 0)
 		return "params needs \"hidden\" or \"shown\"";
-	sim_vsmd_hide_params(node->drive, rest[0] == 'h');
+	node->drive->hides_params = rest[0] == 'h';
 	return NULL;
 }
 

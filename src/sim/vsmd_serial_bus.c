@@ -3,6 +3,7 @@
 
 #include "codec/vsmd_serial_frames.h"
 #include "sim/vsmd_drive.h"
+#include "sim/vsmd_mechanics.h"
 
 #include <string.h>
 
@@ -20,7 +21,7 @@ static int encode_text(const struct sim_vsmd *drive, enum vsmd_reply_code code, 
                        const char *text, size_t length, uint8_t *frame)
 {
 	char dressed[VSMD_SERIAL_FRAME_MAX];
-	int size = sim_vsmd_dress_text(sim_vsmd_temper(drive), text, length, dressed,
+	int size = sim_vsmd_dress_text(&drive->config.temper, text, length, dressed,
 	                               sizeof(dressed));
 
 	if (size < 0)
@@ -38,10 +39,10 @@ static int encode(struct sim_vsmd *drive, enum vsmd_reply_code code, uint8_t id,
 
 	switch (code) {
 	case VSMD_REPLY_IDENTITY:
-		return encode_text(drive, code, id, sim_vsmd_state(drive).identity,
-		                   strlen(sim_vsmd_state(drive).identity), frame);
+		return encode_text(drive, code, id, drive->identity, strlen(drive->identity),
+		                   frame);
 	case VSMD_REPLY_PARAMS:
-		length = vsmd_serial_format_params(sim_vsmd_params(drive), text, sizeof(text));
+		length = vsmd_serial_format_params(drive->params, text, sizeof(text));
 		if (length < 0)
 			return length;
 		return encode_text(drive, code, id, text, (size_t)length, frame);
@@ -57,17 +58,14 @@ static struct sim_burst *reply(struct sim_serial_bus *bus, struct sim_node *node
                                enum vsmd_reply_code code, db_time now)
 {
 	struct sim_burst *burst = sim_serial_bus_begin(bus, node);
+	unsigned id = bus->config.rs485 ? node->drive->address : bus->config.reply_id;
 	int length;
-	const struct sim_serial_config *config;
-	unsigned id;
 
 	if (!burst)
 		return NULL;
-	config = sim_serial_bus_config(bus);
-	id = config->rs485 ? sim_vsmd_state(node->drive).address : config->reply_id;
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_WRONG_ID))
 		id = id % VSMD_SERIAL_ID_MAX + 1;
-	length = encode(node->drive, code, (uint8_t)id, now, sim_serial_bus_bytes(burst));
+	length = encode(node->drive, code, (uint8_t)id, now, burst->bytes);
 	if (length < 0)
 		return NULL;
 	sim_serial_bus_send(bus, node, burst, (size_t)length, now);
@@ -79,17 +77,16 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
                                      const struct sim_serial_request *request,
                                      const struct vsmd_command *command, enum vsmd_error error)
 {
-	bool broadcast = sim_serial_bus_config(bus)->rs485 && command->id == VSMD_SERIAL_BROADCAST;
+	bool broadcast = bus->config.rs485 && command->id == VSMD_SERIAL_BROADCAST;
 	enum vsmd_reply_code code = VSMD_REPLY_STATUS;
-	uint32_t refusals = sim_vsmd_state(node->drive).refusals;
+	uint32_t refusals = node->drive->refusals;
 	struct sim_burst *burst;
 
 	/* A drive that is not on the bus, or off, or at another speed, receives nothing. */
-	if (!(sim_vsmd_state(node->drive).powered &&
-	      sim_vsmd_state(node->drive).baud == sim_serial_bus_config(bus)->baud &&
+	if (!(node->drive->powered && node->drive->baud == bus->config.baud &&
 	      sim_serial_bus_connects(bus, node)) ||
 	    sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
-		sim_serial_bus_count(bus)->missed++;
+		bus->stats.missed++;
 		return NULL;
 	}
 	sim_serial_bus_log(node, request, (const char *)request->bytes, request->length - 1);
@@ -102,10 +99,10 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 		sim_vsmd_refuse(node->drive, request->end);
 	if (error != VSMD_OK || (command->verb != VSMD_DEV && command->verb != VSMD_STS &&
 	                         command->verb != VSMD_CFG_READ))
-		sim_serial_bus_testify(node, sim_vsmd_state(node->drive).refusals == refusals);
+		sim_serial_bus_testify(node, node->drive->refusals == refusals);
 	sim_vsmd_settle(node->drive, false);
 	burst = broadcast || (error == VSMD_OK && command->verb == VSMD_CFG_READ &&
-	                      sim_vsmd_temper(node->drive)->parameters == SIM_PARAMETERS_SILENT) ?
+	                      node->drive->config.temper.parameters == SIM_PARAMETERS_SILENT) ?
 	                NULL :
 	                reply(bus, node, code, request->end);
 	sim_vsmd_settle(node->drive, true);
@@ -115,8 +112,8 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 static bool is_for(const struct sim_node *node, int id)
 {
 	if (id == VSMD_SERIAL_BROADCAST)
-		return !sim_vsmd_temper(node->drive)->ignores_broadcast;
-	return id == (int)sim_vsmd_state(node->drive).address;
+		return !node->drive->config.temper.ignores_broadcast;
+	return id == (int)node->drive->address;
 }
 
 /* A line as received by a drive. */
@@ -144,15 +141,15 @@ static bool is_for_somebody(const struct vsmd_command *command, bool rs485)
 
 static void process(struct sim_serial_bus *bus, const struct sim_serial_request *request)
 {
-	bool rs485 = sim_serial_bus_config(bus)->rs485;
+	bool rs485 = bus->config.rs485;
 	struct sim_burst *answer = NULL;
 	struct request_line whole;
 	struct request_line rest;
-	struct sim_node *node;
 	bool known = false;
 
 	decode_line(&whole, rs485, *request);
-	for (size_t i = 0; (node = sim_serial_bus_node(bus, i)) != NULL; i++) {
+	for (size_t i = 0; i < bus->node_count; i++) {
+		struct sim_node *node = bus->nodes[i];
 		const struct request_line *received = &whole;
 		size_t missed = sim_serial_bus_missed(bus, node, request);
 
@@ -160,7 +157,7 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 		             (!rs485 || is_for(node, whole.command.id));
 
 		known |= meant;
-		sim_serial_bus_count(bus)->missed += meant && missed > 0;
+		bus->stats.missed += meant && missed > 0;
 		if (missed == request->length)
 			continue;
 		if (missed > 0) {
@@ -177,7 +174,7 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 		                                serve_drive(bus, node, &received->request,
 		                                            &received->command, received->error));
 	}
-	sim_serial_bus_count(bus)->foreign += !known;
+	bus->stats.foreign += !known;
 }
 
 const struct sim_serial_protocol sim_vsmd_serial_protocol = {

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/xyza_axes.h"
 
+#include "sim/xyza_controller.h"
+
 #include <math.h>
 
 #define ACCELERATION_TIME_UNIT 0.1 /* s */

@@ -7,8 +7,10 @@
 #define DRIVEBRIDGE_SIM_XYZA_AXES_H
 
 #include "sim/motion.h"
-#include "sim/xyza_controller.h"
+#include "sim/temper.h"
 #include "sim/xyza_memory.h"
+
+struct sim_xyza_temper;
 
 struct sim_xyza_axes {
 	const struct sim_xyza_memory *memory;

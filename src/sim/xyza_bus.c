@@ -37,13 +37,12 @@ static struct sim_burst *answer(struct sim_serial_bus *bus, struct sim_node *nod
 		return NULL;
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_WRONG_ID))
 		reply->object = (uint8_t)(reply->object % XYZA_OBJECT_MAX + 1);
-	length = xyza_encode_reply(reply, sim_xyza_style(node->xyza), sim_serial_bus_bytes(burst),
-	                           XYZA_FRAME_MAX);
+	length = xyza_encode_reply(reply, &node->xyza->config.style, burst->bytes, XYZA_FRAME_MAX);
 	if (length < 0)
 		return NULL;
-	if (sim_xyza_temper(node->xyza)->answers_as_host) {
-		sim_serial_bus_bytes(burst)[LEVEL_AT]++;
-		sim_serial_bus_bytes(burst)[length - 1]++; /* the checksum */
+	if (node->xyza->config.temper.answers_as_host) {
+		burst->bytes[LEVEL_AT]++;
+		burst->bytes[length - 1]++; /* the checksum */
 	}
 	sim_serial_bus_send(bus, node, burst, (size_t)length, request_end);
 	return burst;
@@ -59,12 +58,12 @@ static struct sim_burst *serve_controller(struct sim_serial_bus *bus, struct sim
 
 	if (!sim_xyza_state(node->xyza).powered || !sim_serial_bus_connects(bus, node) ||
 	    sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
-		sim_serial_bus_count(bus)->missed++;
+		bus->stats.missed++;
 		return NULL;
 	}
 	/* Without its beginning it is no request. */
 	if (sim_serial_bus_missed(bus, node, request) > 0) {
-		sim_serial_bus_count(bus)->missed++;
+		bus->stats.missed++;
 		return NULL;
 	}
 	for (size_t i = 0; i < request->length; i++)
@@ -73,8 +72,9 @@ static struct sim_burst *serve_controller(struct sim_serial_bus *bus, struct sim
 	sim_serial_bus_log(node, request, text, HEX_DIGITS * request->length - 1);
 	if (!sim_xyza_execute(node->xyza, decoded, error, request->end, &reply))
 		return NULL;
-	if (sim_xyza_temper(node->xyza)->settles == SIM_SETTLES_AT_ONCE)
-		reply.object = (uint8_t)sim_xyza_number(node->xyza);
+	if (node->xyza->config.temper.settles == SIM_SETTLES_AT_ONCE)
+		reply.object = (uint8_t)sim_xyza_content(node->xyza, XYZA_ITEM_SLAVE_NUMBER,
+		                                         XYZA_X);
 	if (error != XYZA_OK ||
 	    (decoded->verb > XYZA_READ_ITEM && decoded->verb != XYZA_PROGRAM_STATE))
 		sim_serial_bus_testify(node, reply.kind != XYZA_REPLY_FAILED);
@@ -86,18 +86,20 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 	struct xyza_request decoded;
 	enum xyza_error error = xyza_decode_request(request->bytes, request->length, &decoded);
 	struct sim_burst *burst = NULL;
-	struct sim_node *node;
 	bool known = false;
 
 	/* Another controller's answer is not a request. */
-	for (size_t i = 0; error != XYZA_ERR_SIDE && (node = sim_serial_bus_node(bus, i)); i++) {
-		if (!node->xyza || decoded.object != sim_xyza_number(node->xyza))
+	for (size_t i = 0; error != XYZA_ERR_SIDE && i < bus->node_count; i++) {
+		struct sim_node *node = bus->nodes[i];
+
+		if (!node->xyza ||
+		    decoded.object != sim_xyza_content(node->xyza, XYZA_ITEM_SLAVE_NUMBER, XYZA_X))
 			continue;
 		known = true;
 		burst = sim_serial_bus_overlap(
 			bus, burst, serve_controller(bus, node, request, &decoded, error));
 	}
-	sim_serial_bus_count(bus)->foreign += !known;
+	bus->stats.foreign += !known;
 }
 
 const struct sim_serial_protocol sim_xyza_protocol = {

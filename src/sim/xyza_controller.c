@@ -1,36 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/xyza_controller.h"
 
-#include "sim/xyza_axes.h"
-#include "sim/xyza_memory.h"
-
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-struct sim_xyza {
-	struct sim_xyza_config config;
-	char *flash_path;
-	struct sim_xyza_memory memory;
-	struct sim_xyza_axes axes;
-	db_time now;
-	bool powered;
-	db_time reset_done; /* end of a running factory reset; DB_TIME_NEVER: none */
-
-	uint16_t inputs;
-	uint16_t outputs;
-
-	enum xyza_program_state state;
-	unsigned program;
-	unsigned step;  /* from 1; 0 before the first one */
-	unsigned delay; /* s, before a program's first step */
-	bool single_step;
-	db_time step_end; /* while RUNNING; or when a delayed start begins */
-	bool starting;
-
-	uint32_t counts[XYZA_VERB_COUNT];
-	uint32_t failures;
-};
 
 const char *const sim_xyza_kinds[SIM_XYZA_KIND_COUNT + 1] = {
 	[SIM_XYZA_POSITION] = "position", [SIM_XYZA_SIGN] = "sign", [SIM_XYZA_ITEM] = "item",
@@ -600,11 +573,6 @@ void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level
 		press_key(controller, number);
 }
 
-void sim_xyza_set_number(struct sim_xyza *controller, unsigned number)
-{
-	controller->memory.items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = number;
-}
-
 void sim_xyza_set_item(struct sim_xyza *controller, enum xyza_item item, enum xyza_axis axis,
                        uint32_t content, db_time now)
 {
@@ -621,30 +589,10 @@ void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t po
 
 /* --- its behaviour ---------------------------------------------------------------------------- */
 
-const struct sim_xyza_temper *sim_xyza_temper(const struct sim_xyza *controller)
-{
-	return &controller->config.temper;
-}
-
-unsigned sim_xyza_number(const struct sim_xyza *controller)
-{
-	return sim_xyza_content(controller, XYZA_ITEM_SLAVE_NUMBER, XYZA_X);
-}
-
-const struct xyza_style *sim_xyza_style(const struct sim_xyza *controller)
-{
-	return &controller->config.style;
-}
-
 uint32_t sim_xyza_content(const struct sim_xyza *controller, enum xyza_item item,
                           enum xyza_axis axis)
 {
 	return sim_xyza_memory_get(&controller->memory, item, axis);
-}
-
-uint32_t sim_xyza_count(const struct sim_xyza *controller, enum xyza_verb verb)
-{
-	return controller->counts[verb];
 }
 
 struct sim_xyza_state sim_xyza_state(const struct sim_xyza *controller)

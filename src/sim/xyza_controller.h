@@ -17,6 +17,8 @@
 #include "codec/xyza.h"
 #include "drivebridge/time.h"
 #include "sim/temper.h"
+#include "sim/xyza_axes.h"
+#include "sim/xyza_memory.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -75,7 +77,29 @@ struct sim_xyza_config {
 	uint32_t defaults[XYZA_AXIS_COUNT][XYZA_ITEM_COUNT];
 };
 
-struct sim_xyza;
+struct sim_xyza {
+	struct sim_xyza_config config;
+	char *flash_path;
+	struct sim_xyza_memory memory;
+	struct sim_xyza_axes axes;
+	db_time now;
+	bool powered;
+	db_time reset_done; /* end of a running factory reset; DB_TIME_NEVER: none */
+
+	uint16_t inputs;
+	uint16_t outputs;
+
+	enum xyza_program_state state;
+	unsigned program;
+	unsigned step;  /* from 1; 0 before the first one */
+	unsigned delay; /* s, before a program's first step */
+	bool single_step;
+	db_time step_end; /* while RUNNING; or when a delayed start begins */
+	bool starting;
+
+	uint32_t counts[XYZA_VERB_COUNT]; /* how often each verb was carried out */
+	uint32_t failures;
+};
 
 /* Fills in usual values; the caller then changes what it needs. */
 void sim_xyza_config_init(struct sim_xyza_config *config, unsigned number);
@@ -103,7 +127,6 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now);
 /* number 1..16. The keys for start, stop and pause act when their input becomes 1. */
 void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level, db_time now);
-void sim_xyza_set_number(struct sim_xyza *controller, unsigned number);
 /* Somebody changes an item at the controller's keys, of an axis or a shared one. */
 void sim_xyza_set_item(struct sim_xyza *controller, enum xyza_item item, enum xyza_axis axis,
                        uint32_t content, db_time now);
@@ -112,13 +135,8 @@ void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t po
                     db_time now);
 
 /* State for tests. Call sim_xyza_advance() before. */
-const struct sim_xyza_temper *sim_xyza_temper(const struct sim_xyza *controller);
-unsigned sim_xyza_number(const struct sim_xyza *controller); /* in effect */
-const struct xyza_style *sim_xyza_style(const struct sim_xyza *controller);
 uint32_t sim_xyza_content(const struct sim_xyza *controller, enum xyza_item item,
                           enum xyza_axis axis);
-/* How often a verb was carried out. */
-uint32_t sim_xyza_count(const struct sim_xyza *controller, enum xyza_verb verb);
 
 struct sim_xyza_state {
 	bool powered;

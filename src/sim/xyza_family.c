@@ -103,16 +103,15 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	        (unsigned)sim_xyza_state(node->xyza).outputs,
 	        (int)sim_xyza_state(node->xyza).program_state, sim_xyza_state(node->xyza).program,
 	        sim_xyza_state(node->xyza).step, sim_xyza_state(node->xyza).powered,
-	        sim_xyza_number(node->xyza), node->received, node->replies,
-	        sim_xyza_state(node->xyza).failures);
+	        sim_xyza_content(node->xyza, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), node->received,
+	        node->replies, sim_xyza_state(node->xyza).failures);
 	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
-		fprintf(out, " %s=%" PRIu32, counted[i].name,
-		        sim_xyza_count(node->xyza, counted[i].verb));
+		fprintf(out, " %s=%" PRIu32, counted[i].name, node->xyza->counts[counted[i].verb]);
 }
 
 static unsigned get_address(const struct sim_node *node)
 {
-	return sim_xyza_number(node->xyza);
+	return sim_xyza_content(node->xyza, XYZA_ITEM_SLAVE_NUMBER, XYZA_X);
 }
 
 /* --- from outside
@@ -120,7 +119,7 @@ static unsigned get_address(const struct sim_node *node)
 
 static void set_address(struct sim_node *node, unsigned address)
 {
-	sim_xyza_set_number(node->xyza, address);
+	node->xyza->memory.items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = address;
 }
 
 static void power(struct sim_node *node, bool on, db_time now)

@@ -21,24 +21,13 @@ static bool clears_latch(const struct db_commander *commander, enum db_command c
 	return commander->watchdog.latched && command == DB_CMD_CLEAR_FAULT;
 }
 
-/* True if the drive's parameters may still change by a pending write. */
-static bool settings_are_pending(const struct db_commander *commander)
-{
-	for (const struct db_request *request = commander->pending; request;
-	     request = request->next) {
-		if (request->command == DB_CMD_NONE)
-			return true;
-	}
-	return false;
-}
-
 unsigned db_commander_input_ports(const struct db_commander *commander)
 {
 	const struct db_driver *driver = commander->config.driver;
 	struct db_nameplate_copy copy;
 	const struct db_nameplate *plate = &copy.plate;
 
-	if (!driver->input_ports || settings_are_pending(commander))
+	if (!driver->input_ports || db_flight_has(commander, DB_PENDING_SETTINGS, NULL))
 		return 0;
 	db_axis_read_nameplate(commander->config.axis, &copy);
 	return plate->doubtful ? 0 : driver->input_ports(plate);
@@ -63,23 +52,16 @@ static struct db_limit_facts collect_limit_facts(const struct db_commander *comm
 	if (param < 0 || (size_t)param >= driver->param_count)
 		return facts;
 	facts.has_preset = db_axis_read_param(commander->config.axis, (size_t)param, &preset) &&
-	                   !settings_are_pending(commander);
+	                   !db_flight_has(commander, DB_PENDING_SETTINGS, NULL);
 	facts.preset_velocity = (float)db_value_number(driver->params[param].type, preset);
 	return facts;
 }
 
-void db_commander_position_limits(const struct db_commander *commander, double *min, double *max)
+struct db_allowed db_commander_allowed(const struct db_commander *commander)
 {
 	struct db_limit_facts facts = collect_limit_facts(commander);
 
-	db_limits_position(commander->config.drive_config, &facts, min, max);
-}
-
-double db_commander_max_velocity(const struct db_commander *commander)
-{
-	struct db_limit_facts facts = collect_limit_facts(commander);
-
-	return db_limits_max_velocity(commander->config.drive_config, &facts);
+	return db_limits_allowed(commander->config.drive_config, &facts);
 }
 
 static enum db_result show_limit(struct db_commander *commander, struct db_writer *writer,
@@ -255,7 +237,8 @@ static enum db_result hold_back(const struct db_commander *commander,
 	if (moves && arrived < commander->stopped)
 		return DB_RESULT_CANCELLED;
 	/* Otherwise it would overtake an earlier stop that still has to be repeated. */
-	if (!db_command_is_stop(request->command) && db_flight_has_stop_to_repeat(commander))
+	if (!db_command_is_stop(request->command) &&
+	    db_flight_has(commander, DB_PENDING_STOP_AGAIN, NULL))
 		return DB_RESULT_BUSY;
 	return DB_RESULT_OK;
 }
@@ -278,7 +261,10 @@ static struct db_write_answer submit(struct db_commander *commander, struct db_r
 	if (db_command_is_stop(request->command))
 		db_flight_replace_stop(commander, pending);
 	if (db_command_may_move(request->command)) {
-		db_guard_forget_hold(commander);
+		/* The stop that ended a hold and found no room is no longer sent: this motion was
+		 * admitted after it. */
+		if (commander->reaction_cause == DB_STAND_HOLD)
+			commander->reaction_again_at = DB_TIME_NEVER;
 		pending->held = request->hold_ms != 0 && client;
 		if (pending->held)
 			db_hold_begin(&commander->hold, pending,
@@ -319,7 +305,7 @@ static struct db_write_answer decide(struct db_commander *commander, struct db_r
 
 	/* A stop of the same kind is pending, and serves this request, too. */
 	if (writer)
-		db_writer_ask_motion(writer);
+		db_outcome_ask_motion(&writer->own);
 	db_writer_set_executed(writer, request, DB_RESULT_PENDING, stop->ticket);
 	if (stop->again)
 		db_motion_submitted(commander, writer, request->command, request->submitted);
@@ -354,13 +340,13 @@ static void count_commander(struct db_commander *commander, const struct db_requ
 	if (!client)
 		return;
 	if (repeated || is_baseline)
-		counts = counts && (!db_watchdog_is_commanded(watchdog) ||
+		counts = counts && (!db_watchdog_is_commanded_by(watchdog, NULL) ||
 		                    db_watchdog_is_commanded_by(watchdog, client));
 	/* A client that only clears a fault or reads parameters has started no motion. */
 	if (counts && (db_command_may_move(request->command) || request->command == DB_CMD_ENABLE))
 		db_watchdog_commanded(watchdog, client);
-	if (counts &&
-	    (!db_watchdog_is_commanded(watchdog) || db_watchdog_is_commanded_by(watchdog, client)))
+	if (counts && (!db_watchdog_is_commanded_by(watchdog, NULL) ||
+	               db_watchdog_is_commanded_by(watchdog, client)))
 		db_commander_feed(commander, client, DB_FEED_WRITES, arrived);
 	else if (!answer.later && is_not_now(answer.result))
 		db_commander_feed(commander, client, DB_FEED_REQUESTS, arrived);

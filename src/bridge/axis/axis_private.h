@@ -99,15 +99,9 @@ enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_com
 enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double acceleration,
                                      const struct db_limit_facts *facts);
 
-/* Where min-position and max-position of the configuration let the drive be, in its own units; NAN:
- * there is no such limit, or the scale is not known yet. */
-void db_limits_position(const struct db_drive_config *drive, const struct db_limit_facts *facts,
-                        double *min, double *max);
-
-/* The largest target_velocity that max-velocity of the configuration allows, in either direction;
- * NAN: there is no such limit, or the scale is not known yet. */
-double db_limits_max_velocity(const struct db_drive_config *drive,
-                              const struct db_limit_facts *facts);
+/* What the configuration allows. */
+struct db_allowed db_limits_allowed(const struct db_drive_config *drive,
+                                    const struct db_limit_facts *facts);
 
 /*
  * Watches a motion that has no target (a jog, a velocity, a current), so that it does not pass the
@@ -198,25 +192,28 @@ struct db_follow {
 	db_time sampled; /* time of the last sample */
 };
 
-/* The first: true if a command begins something that has an end of its own. The second: true if it
- * is followed; also a motion that continues until it is ended, because it may end unasked. */
-bool db_follow_has_end(enum db_command command);
-bool db_follow_applies(enum db_command command);
+/* What a command begins; from MOVE on it has an end of its own. An endless motion is followed too,
+ * because it may end unasked. */
+enum db_motion {
+	DB_MOTION_NONE, /* nothing that is followed */
+	DB_MOTION_ENDLESS,
+	DB_MOTION_MOVE,
+	DB_MOTION_HOME,
+	DB_MOTION_SHAKE,
+	DB_MOTION_PROGRAM,
+};
+enum db_motion db_motion_of(enum db_command command);
 
 /* The drive has begun what this request asked for. Not `proven`: it has accepted it, and nothing
  * shows yet that it does; a speed then shows once it differs from the one before. */
 void db_follow_begin(struct db_follow *follow, const struct db_request *request, bool proven,
                      db_time now);
-/* Ends it; nothing corrects its result after that. */
-void db_follow_end(struct db_follow *follow);
 
 /* True once: the effect that was in doubt shows now. */
 bool db_follow_shows(struct db_follow *follow, const struct db_feedback *feedback);
 
 /* True once: a homing that was reported as failed has found its origin all the same. */
 bool db_follow_is_late(struct db_follow *follow, const struct db_feedback *feedback);
-/* It ended as FAILED without having been seen to begin, and might still begin. */
-bool db_follow_never_began(const struct db_follow *follow);
 
 /* PENDING while it continues; else how it ended, and it is no longer followed. */
 enum db_result db_follow_check(struct db_follow *follow, const struct db_follow_config *config,
@@ -266,10 +263,8 @@ bool db_hold_count(struct db_hold *hold, const struct db_client *client, uint16_
 /* This client's connection has ended: its hold is overdue from now on. */
 void db_hold_desert(struct db_hold *hold, const struct db_client *client, db_time now);
 
-/* Ends the hold. */
+/* Ends the hold. `lost` stays: a caller that ends it because its holder is missed sets that. */
 void db_hold_end(struct db_hold *hold);
-/* Ends the hold because its holder was missed. */
-void db_hold_lose(struct db_hold *hold);
 
 /* When the holder is missed; DB_TIME_NEVER while nothing is held. */
 db_time db_hold_deadline(const struct db_hold *hold);
@@ -303,7 +298,7 @@ struct db_watchdog_commander {
 struct db_watchdog {
 	uint32_t timeout_ms; /* 0 = off */
 	enum db_watchdog_feed feed;
-	bool armed;
+	bool armed; /* false: nothing to watch until the next motion command */
 	bool latched;
 	db_time latched_at;
 	bool was_commanded_by_plc; /* since it was armed; also the next field */
@@ -326,11 +321,10 @@ void db_watchdog_arm(struct db_watchdog *watchdog, db_time now);
 
 /* This client has commanded the drive, other than by a stop. May be DB_CLIENT_NOBODY. */
 void db_watchdog_commanded(struct db_watchdog *watchdog, const struct db_client *client);
-/* True if this client has, over this connection or another one of its address. */
+/* True if this client has since it was armed, over this connection or another one of its address;
+ * null: any client. */
 bool db_watchdog_is_commanded_by(const struct db_watchdog *watchdog,
                                  const struct db_client *client);
-/* True if any client has, since it was armed. */
-bool db_watchdog_is_commanded(const struct db_watchdog *watchdog);
 /* The client's connection has ended. */
 void db_watchdog_forget(struct db_watchdog *watchdog, uint32_t client);
 
@@ -349,8 +343,6 @@ bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by,
  * disconnects is lost in any case.
  */
 bool db_watchdog_is_deserted(const struct db_watchdog *watchdog);
-/* Nothing to watch until the next motion command. */
-void db_watchdog_disarm(struct db_watchdog *watchdog);
 
 /* When it will expire; DB_TIME_NEVER while it is off, not armed or latched. */
 db_time db_watchdog_deadline(const struct db_watchdog *watchdog);
@@ -418,11 +410,9 @@ struct db_writers {
 	struct db_writer *each;
 };
 
-/* Zeroed memory means one record for all. 0 or -ENOMEM; does not change what is remembered. */
-int db_writers_reserve(struct db_writers *writers);
-/* Forgets the writers. Memory for records by address must be reserved before. */
+/* Forgets the writers; zeroed memory means one record for all. Memory for records by address must be
+ * there before, and is released when there is one record for all. */
 void db_writers_set(struct db_writers *writers, bool by_address);
-void db_writers_release(struct db_writers *writers);
 
 /* Null when this client has commanded nothing that is remembered. Without by_address there is one
  * record for all, also for no client (null). */
@@ -430,17 +420,9 @@ struct db_writer *db_writers_find(struct db_writers *writers, const struct db_cl
 /* The same, but creates the record; null only for no client. */
 struct db_writer *db_writers_claim(struct db_writers *writers, const struct db_client *client,
                                    db_time now);
-void db_writers_hear(struct db_writers *writers, const struct db_client *client, db_time now);
 
-/* The results shown to this client: of its own latest command if it has one that is remembered,
- * else of the latest command of all. */
-const struct db_command_results *db_writers_results(struct db_writers *writers,
-                                                    const struct db_client *client);
-
-/* A ticket is reused: its former meaning is over. */
-void db_writers_retire(struct db_writers *writers, uint32_t ticket);
 /* Another request took the place of this one: what was remembered for it now refers to that
- * request. */
+ * request. 0: its ticket is reused, and the former meaning is over. */
 void db_writers_retarget(struct db_writers *writers, uint32_t ticket, uint32_t to);
 
 /*
@@ -468,8 +450,8 @@ void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_re
 
 /* Another motion was requested: `done` and `aborted` refer to it from now on. */
 void db_writers_ask_motion(struct db_writers *writers, struct db_writer *writer);
-/* The same by joining a pending stop: only the writer's own result is new. */
-void db_writer_ask_motion(struct db_writer *writer);
+/* The same by joining a pending stop: only the writer's own outcome is new. */
+void db_outcome_ask_motion(struct db_outcome *outcome);
 /* The motion that was requested did not begin; `number`: of its request, or where it was none, the
  * one that the next request will have. */
 void db_writers_refuse_motion(struct db_writers *writers, struct db_writer *writer,
@@ -480,10 +462,10 @@ void db_writers_begin_motion(struct db_writers *writers, struct db_writer *write
 
 /* The current motion is ended by another command; the writer that began it is notified. */
 void db_writers_cancel_motion(struct db_writers *writers);
-/* The current motion has ended by itself; `ticket` is its command's. */
-void db_writers_end_motion(struct db_writers *writers, uint32_t ticket, enum db_result result);
-/* The motion that ended last, with none begun since, has in fact ended otherwise. */
-void db_writers_correct_motion(struct db_writers *writers, uint32_t ticket, enum db_result result);
+/* The current motion has ended by itself; `ticket` is its command's. `corrected`: the motion that
+ * ended last, with none begun since, has in fact ended in this way. */
+void db_writers_end_motion(struct db_writers *writers, uint32_t ticket, enum db_result result,
+                           bool corrected);
 
 /*
  * Parameter writes that a drive has acknowledged and that nothing has proved: they are settled by
@@ -515,7 +497,6 @@ struct db_settle {
 
 /* 0 or -ENOMEM. */
 int db_settle_init(struct db_settle *settle, const struct db_driver *driver);
-void db_settle_release(struct db_settle *settle);
 
 /* A write was submitted. The result of an older write to the same parameters can no longer be
  * determined. */
@@ -559,7 +540,10 @@ struct db_commander {
 	struct db_watchdog watchdog;
 	struct db_client fed_by; /* the client that fed it last; DB_CLIENT_NOBODY: none */
 	struct db_hold hold;
-	enum db_stand_cause reaction_cause; /* of the stop for them */
+	/* The stop for them: the same for every cause, so that none weakens what another has asked
+	 * for. Without on-client-loss there is no watchdog; a held motion is stopped all the same. */
+	enum db_command reaction;
+	enum db_stand_cause reaction_cause; /* of that stop */
 	/* it found no room and is submitted again then; or NEVER */
 	db_time reaction_again_at;
 	/* next look for a drive that moves although no client has commanded it since the start;
@@ -595,6 +579,18 @@ enum db_result db_flight_reach(const struct db_commander *commander, enum db_com
 /* Null if no pending request has this ticket. */
 struct db_request *db_flight_find(const struct db_commander *commander, uint32_t ticket);
 
+/* Kinds of pending requests. */
+enum db_pending {
+	DB_PENDING_SETTINGS,    /* a parameter write: the drive's parameters may still change */
+	DB_PENDING_MOTION,      /* a command that replaces the motion */
+	DB_PENDING_HELD_MOTION, /* a motion that its client holds */
+	DB_PENDING_STOP_AGAIN,  /* a stop that is submitted again when it ends: nothing may be sent
+	                         * before that */
+};
+/* True if such a request is pending, other than `but` (which may be null). */
+bool db_flight_has(const struct db_commander *commander, enum db_pending kind,
+                   const struct db_request *but);
+
 /* Hands the request to the bus and fills in its ticket and drive. Returns the pending one; null
  * when the drive's or the bus's queue is full. */
 struct db_request *db_flight_submit(struct db_commander *commander, struct db_request *request);
@@ -614,9 +610,6 @@ struct db_request *db_flight_join_stop(struct db_commander *commander, enum db_c
 /* When this stop ends, another one is submitted in its place. */
 void db_flight_stop_again(struct db_request *stop, enum db_command command,
                           enum db_stand_cause cause);
-/* True if a stop is to be submitted as soon as an earlier one has ended: nothing may be sent before
- * that. */
-bool db_flight_has_stop_to_repeat(const struct db_commander *commander);
 /* The stop has ended, and is submitted again in its place. */
 void db_flight_repeat_stop(struct db_commander *commander, struct db_request *stop, db_time now);
 
@@ -674,10 +667,6 @@ bool db_guard_run(struct db_commander *commander, db_time now);
 void db_guard_check_hold(struct db_commander *commander, db_time now);
 /* When db_guard_run() is due; DB_TIME_NEVER. */
 db_time db_guard_deadline(const struct db_commander *commander);
-
-/* The stop that ended a hold and found no room is no longer sent: a motion was admitted after
- * it. */
-void db_guard_forget_hold(struct db_commander *commander);
 
 /* Ends the latch. A drive that still moves is watched again. */
 void db_guard_unlatch(struct db_commander *commander, db_time now);

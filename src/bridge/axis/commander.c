@@ -16,13 +16,15 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 	if (!made)
 		return -ENOMEM;
 	if (db_settle_init(&made->settle, config->driver) != 0 ||
-	    (config->ids_by_client && db_writers_reserve(&made->writers) != 0)) {
+	    db_commander_reserve(made, config->ids_by_client) != 0) {
 		db_commander_free(made);
 		return -ENOMEM;
 	}
 	made->config = *config;
 	made->ops = ops;
 	made->context = context;
+	made->reaction = config->on_client_loss == DB_CMD_NONE ? DB_CMD_STOP :
+	                                                         config->on_client_loss;
 	made->reaction_again_at = DB_TIME_NEVER;
 	db_writers_set(&made->writers, config->ids_by_client);
 	made->check_interval = db_motion_check_interval(config->bus_config);
@@ -38,14 +40,18 @@ void db_commander_free(struct db_commander *commander)
 {
 	if (!commander)
 		return;
-	db_settle_release(&commander->settle);
-	db_writers_release(&commander->writers);
+	free(commander->settle.places);
+	free(commander->writers.each);
 	free(commander);
 }
 
 int db_commander_reserve(struct db_commander *commander, bool ids_by_client)
 {
-	return ids_by_client ? db_writers_reserve(&commander->writers) : 0;
+	struct db_writers *writers = &commander->writers;
+
+	if (ids_by_client && !writers->each)
+		writers->each = calloc(DB_WRITERS, sizeof writers->each[0]);
+	return !ids_by_client || writers->each ? 0 : -ENOMEM;
 }
 
 void db_commander_set_writers(struct db_commander *commander, unsigned confirm_ms,
@@ -63,7 +69,10 @@ void db_commander_set_writers(struct db_commander *commander, unsigned confirm_m
 
 void db_commander_hear(struct db_commander *commander, const struct db_client *client, db_time now)
 {
-	db_writers_hear(&commander->writers, client, now);
+	struct db_writer *writer = db_writers_find(&commander->writers, client);
+
+	if (writer)
+		writer->heard = now;
 }
 
 void db_commander_feed(struct db_commander *commander, const struct db_client *client,
@@ -202,7 +211,7 @@ enum db_result db_commander_outcome(const struct db_commander *commander, uint32
 	struct db_history_entry found;
 
 	if (commander->follow.active && commander->follow_noted.entry == entry &&
-	    db_follow_has_end(commander->follow.command))
+	    db_motion_of(commander->follow.command) > DB_MOTION_ENDLESS)
 		return DB_RESULT_PENDING;
 	if (!db_history_get(&commander->history, age, &found) || found.sequence != entry)
 		return DB_RESULT_INDETERMINATE;
@@ -222,11 +231,14 @@ struct db_command_block db_commander_kept(struct db_commander *commander,
 void db_commander_state(struct db_commander *commander, const struct db_client *client,
                         struct db_command_state *state, db_time now)
 {
+	const struct db_writer *writer = db_writers_find(&commander->writers, client);
 	const struct db_watchdog *watchdog = &commander->watchdog;
+	/* A client whose own commands are remembered is shown what became of these. */
+	bool own = commander->writers.by_address && writer && writer->commanded;
 	uint32_t oldest = 0;
 
 	*state = (struct db_command_state){
-		.results = *db_writers_results(&commander->writers, client),
+		.results = own ? writer->own.results : commander->writers.latest.results,
 		.active_command = DB_CMD_NONE,
 		.busy = commander->pending != NULL,
 		.latched = watchdog->latched,

@@ -34,16 +34,12 @@ bool db_control_holds(const struct db_control *control, const struct db_client *
 	return !control->enabled || (holder && holder->id == client->id);
 }
 
-static void give_control(struct db_control *control, const struct db_client *client, db_time now)
-{
-	control->holder = *client;
-	control->heard = now;
-}
-
 bool db_control_take(struct db_control *control, const struct db_client *client, db_time now)
 {
-	if (control->enabled && !db_control_holder(control, now))
-		give_control(control, client, now);
+	if (control->enabled && !db_control_holder(control, now)) {
+		control->holder = *client;
+		control->heard = now;
+	}
 	return db_control_holds(control, client, now);
 }
 
@@ -51,8 +47,10 @@ bool db_control_request(struct db_control *control, const struct db_client *clie
 {
 	const struct db_client *holder = db_control_holder(control, now);
 
-	if (holder && db_client_same(holder->address, client->address))
-		give_control(control, client, now);
+	if (holder && db_client_same(holder->address, client->address)) {
+		control->holder = *client;
+		control->heard = now;
+	}
 	return db_control_take(control, client, now);
 }
 

@@ -27,6 +27,35 @@ struct db_request *db_flight_find(const struct db_commander *commander, uint32_t
 	return NULL;
 }
 
+bool db_flight_has(const struct db_commander *commander, enum db_pending kind,
+                   const struct db_request *but)
+{
+	for (const struct db_request *request = commander->pending; request;
+	     request = request->next) {
+		if (request == but)
+			continue;
+		switch (kind) {
+		case DB_PENDING_SETTINGS:
+			if (request->command == DB_CMD_NONE)
+				return true;
+			break;
+		case DB_PENDING_MOTION:
+			if (db_command_replaces_motion(request->command))
+				return true;
+			break;
+		case DB_PENDING_HELD_MOTION:
+			if (request->held)
+				return true;
+			break;
+		case DB_PENDING_STOP_AGAIN:
+			if (request->again)
+				return true;
+			break;
+		}
+	}
+	return false;
+}
+
 /* --- submitting ------------------------------------------------------------------------------- */
 
 struct db_request *db_flight_submit(struct db_commander *commander, struct db_request *request)
@@ -46,7 +75,7 @@ struct db_request *db_flight_submit(struct db_commander *commander, struct db_re
 		request->ticket = ((uint32_t)commander->config.drive + 1) << 16 |
 		                  (request->number & 0xFFFFu);
 	} while (db_flight_find(commander, request->ticket));
-	db_writers_retire(&commander->writers, request->ticket);
+	db_writers_retarget(&commander->writers, request->ticket, 0);
 	request->drive = commander->config.drive;
 	if (request->command == DB_CMD_MOVE_VELOCITY) {
 		db_axis_read(commander->config.axis, &snapshot);
@@ -133,16 +162,6 @@ struct db_request *db_flight_join_stop(struct db_commander *commander, enum db_c
 	db_flight_stop_again(youngest, command, (enum db_stand_cause)youngest->cause);
 	commander->newest = youngest->ticket;
 	return youngest;
-}
-
-bool db_flight_has_stop_to_repeat(const struct db_commander *commander)
-{
-	for (const struct db_request *request = commander->pending; request;
-	     request = request->next) {
-		if (request->again)
-			return true;
-	}
-	return false;
 }
 
 /* --- waiting ---------------------------------------------------------------------------------- */

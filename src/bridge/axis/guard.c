@@ -4,15 +4,6 @@
 /* Interval at which a drive that was not online yet is looked for. */
 #define FIND_INTERVAL (100 * DB_NS_PER_MS)
 
-/* The same stop for every cause, so that none weakens what another has asked for. Without
- * on-client-loss there is no watchdog; a held motion is stopped all the same. */
-static enum db_command reaction_command(const struct db_commander *commander)
-{
-	enum db_command command = commander->config.on_client_loss;
-
-	return command != DB_CMD_NONE ? command : DB_CMD_STOP;
-}
-
 /* Retried soon if there is no room for a request. */
 void db_commander_stand(struct db_commander *commander, enum db_command command,
                         enum db_stand_cause cause, db_time now)
@@ -85,8 +76,9 @@ void db_guard_check_hold(struct db_commander *commander, db_time now)
 
 	if (now < db_hold_deadline(&commander->hold))
 		return;
-	db_hold_lose(&commander->hold);
-	db_commander_stand(commander, reaction_command(commander), DB_STAND_HOLD, now);
+	db_hold_end(&commander->hold);
+	commander->hold.lost = true;
+	db_commander_stand(commander, commander->reaction, DB_STAND_HOLD, now);
 	if (commander->ops->hold_lost)
 		commander->ops->hold_lost(commander->context, &lost.holder, lost.deserted);
 }
@@ -99,17 +91,16 @@ bool db_guard_run(struct db_commander *commander, db_time now)
 	if (now >= db_watchdog_deadline(&commander->watchdog) &&
 	    db_watchdog_is_deserted(&commander->watchdog) &&
 	    is_at_rest(commander, commander->watchdog.fed))
-		db_watchdog_disarm(&commander->watchdog);
+		commander->watchdog.armed = false;
 	tripped = db_watchdog_trip(&commander->watchdog, now);
 	/* What clears the latch before this one does not clear this one. */
 	for (struct db_request *request = commander->pending; tripped && request;
 	     request = request->next)
 		request->ends_latch = false;
 	if (tripped)
-		db_commander_stand(commander, reaction_command(commander), DB_STAND_WATCHDOG, now);
+		db_commander_stand(commander, commander->reaction, DB_STAND_WATCHDOG, now);
 	else if (commander->reaction_again_at <= now)
-		db_commander_stand(commander, reaction_command(commander),
-		                   commander->reaction_cause, now);
+		db_commander_stand(commander, commander->reaction, commander->reaction_cause, now);
 	find_drive(commander, now);
 	return tripped;
 }
@@ -123,13 +114,6 @@ db_time db_guard_deadline(const struct db_commander *commander)
 	if (commander->reaction_again_at < next)
 		next = commander->reaction_again_at;
 	return commander->find_at < next ? commander->find_at : next;
-}
-
-void db_guard_forget_hold(struct db_commander *commander)
-{
-	if (commander->reaction_cause != DB_STAND_HOLD)
-		return;
-	commander->reaction_again_at = DB_TIME_NEVER;
 }
 
 void db_guard_unlatch(struct db_commander *commander, db_time now)

@@ -63,12 +63,6 @@ void db_hold_end(struct db_hold *hold)
 	};
 }
 
-void db_hold_lose(struct db_hold *hold)
-{
-	db_hold_end(hold);
-	hold->lost = true;
-}
-
 db_time db_hold_deadline(const struct db_hold *hold)
 {
 	return hold->holder.id == DB_CLIENT_NOBODY ? DB_TIME_NEVER : hold->until;

@@ -124,26 +124,19 @@ enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double
 	               DB_LIMIT_NONE;
 }
 
-void db_limits_position(const struct db_drive_config *drive, const struct db_limit_facts *facts,
-                        double *min, double *max)
+struct db_allowed db_limits_allowed(const struct db_drive_config *drive,
+                                    const struct db_limit_facts *facts)
 {
 	double counts = facts->counts > 0.0 ? facts->counts : drive->counts_per_unit;
 
 	if (facts->scale_open)
 		counts = (double)NAN;
-	*min = drive->min_position * counts;
-	*max = drive->max_position * counts;
-}
-
-double db_limits_max_velocity(const struct db_drive_config *drive,
-                              const struct db_limit_facts *facts)
-{
-	double counts = facts->counts > 0.0 ? facts->counts : drive->counts_per_unit;
-
-	if (facts->scale_open)
-		return (double)NAN;
-	return drive->max_velocity * counts /
-	       (facts->velocity_counts > 0.0 ? facts->velocity_counts : 1.0);
+	return (struct db_allowed){
+		.min_position = drive->min_position * counts,
+		.max_position = drive->max_position * counts,
+		.max_velocity = drive->max_velocity * counts /
+		                (facts->velocity_counts > 0.0 ? facts->velocity_counts : 1.0),
+	};
 }
 
 /* A motion that stands for this time is no longer watched. */

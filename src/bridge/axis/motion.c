@@ -5,41 +5,28 @@
 
 #include <math.h>
 
-static bool is_endless(enum db_command command)
+enum db_motion db_motion_of(enum db_command command)
 {
 	switch (command) {
 	case DB_CMD_MOVE_VELOCITY:
 	case DB_CMD_MOVE_PRESET:
 	case DB_CMD_JOG_POSITIVE:
 	case DB_CMD_JOG_NEGATIVE:
-		return true;
-	default: /* a motor with current may stand against an obstacle */
-		return false;
-	}
-}
-
-static bool is_program(enum db_command command)
-{
-	return command == DB_CMD_START_PROGRAM || command == DB_CMD_CONTINUE_PROGRAM;
-}
-
-bool db_follow_has_end(enum db_command command)
-{
-	switch (command) {
+		return DB_MOTION_ENDLESS;
 	case DB_CMD_MOVE_ABSOLUTE:
 	case DB_CMD_MOVE_RELATIVE:
+		return DB_MOTION_MOVE;
 	case DB_CMD_HOME:
+		return DB_MOTION_HOME;
 	case DB_CMD_SHAKE_START:
 	case DB_CMD_SHAKE_START_TIME:
-		return true;
-	default:
-		return is_program(command);
+		return DB_MOTION_SHAKE;
+	case DB_CMD_START_PROGRAM:
+	case DB_CMD_CONTINUE_PROGRAM:
+		return DB_MOTION_PROGRAM;
+	default: /* a motor with current may stand against an obstacle */
+		return DB_MOTION_NONE;
 	}
-}
-
-bool db_follow_applies(enum db_command command)
-{
-	return db_follow_has_end(command) || is_endless(command);
 }
 
 /* A speed counts as reached within a twentieth of it, in this number of samples in a row; and only
@@ -69,11 +56,6 @@ void db_follow_begin(struct db_follow *follow, const struct db_request *request,
 	if (command == DB_CMD_MOVE_VELOCITY && !proven &&
 	    !is_near(request->before, request->args->target_velocity, 2.0f * NEAR_SHARE))
 		follow->speed = request->args->target_velocity;
-}
-
-void db_follow_end(struct db_follow *follow)
-{
-	follow->active = follow->late = false;
 }
 
 bool db_follow_shows(struct db_follow *follow, const struct db_feedback *feedback)
@@ -122,11 +104,6 @@ static enum db_result check_move(struct db_follow *follow, const struct db_follo
 	if (follow->there_since == 0)
 		follow->there_since = now;
 	return now - follow->there_since >= config->settling ? DB_RESULT_OK : DB_RESULT_PENDING;
-}
-
-bool db_follow_never_began(const struct db_follow *follow)
-{
-	return is_endless(follow->command) && follow->unproven && !follow->moved;
 }
 
 /* It is ended only by another command, which is followed instead: a drive that stands by itself was
@@ -188,37 +165,43 @@ static enum db_result check_program(struct db_follow *follow, const struct db_fo
 	}
 }
 
+/* A short shake may be over before it was seen to move, and the first status may still show
+ * standstill. */
+static enum db_result check_shake(struct db_follow *follow, const struct db_follow_config *config,
+                                  const struct db_feedback *feedback, db_time now)
+{
+	if (feedback->status & DB_STATUS_MOVING) {
+		follow->moved = true;
+		return DB_RESULT_PENDING;
+	}
+	return follow->moved || now - follow->since >= config->patience ? DB_RESULT_OK :
+	                                                                  DB_RESULT_PENDING;
+}
+
 static enum db_result check(struct db_follow *follow, const struct db_follow_config *config,
                             const struct db_feedback *feedback, db_time now)
 {
+	enum db_motion motion = db_motion_of(follow->command);
+
 	if (!(feedback->status & DB_STATUS_ONLINE))
-		return is_endless(follow->command) ? DB_RESULT_PENDING : DB_RESULT_INDETERMINATE;
+		return motion == DB_MOTION_ENDLESS ? DB_RESULT_PENDING : DB_RESULT_INDETERMINATE;
 	if (feedback->taken <= follow->since)
 		return DB_RESULT_PENDING;
 	if (feedback->state == DB_AXIS_ERROR_STOP)
 		return DB_RESULT_FAILED;
-	if (is_endless(follow->command))
+	if (motion == DB_MOTION_ENDLESS)
 		return check_endless(follow, config, feedback, now);
-	if (is_program(follow->command))
+	if (motion == DB_MOTION_PROGRAM)
 		return check_program(follow, config, feedback, now);
 	if (feedback->state == DB_AXIS_DISABLED)
 		return DB_RESULT_CANCELLED;
-	if (follow->command == DB_CMD_HOME) {
-		if (feedback->state == DB_AXIS_HOMING || (feedback->status & DB_STATUS_MOVING))
-			return DB_RESULT_PENDING;
-		return feedback->status & DB_STATUS_HOMED ? DB_RESULT_OK : DB_RESULT_FAILED;
-	}
-	if (follow->command == DB_CMD_SHAKE_START || follow->command == DB_CMD_SHAKE_START_TIME) {
-		/* The first status may still show standstill; a short shake may be over before it was
-		 * seen to move. */
-		if (feedback->status & DB_STATUS_MOVING) {
-			follow->moved = true;
-			return DB_RESULT_PENDING;
-		}
-		return follow->moved || now - follow->since >= config->patience ? DB_RESULT_OK :
-		                                                                  DB_RESULT_PENDING;
-	}
-	return check_move(follow, config, feedback, now);
+	if (motion == DB_MOTION_SHAKE)
+		return check_shake(follow, config, feedback, now);
+	if (motion != DB_MOTION_HOME)
+		return check_move(follow, config, feedback, now);
+	if (feedback->state == DB_AXIS_HOMING || (feedback->status & DB_STATUS_MOVING))
+		return DB_RESULT_PENDING;
+	return feedback->status & DB_STATUS_HOMED ? DB_RESULT_OK : DB_RESULT_FAILED;
 }
 
 enum db_result db_follow_check(struct db_follow *follow, const struct db_follow_config *config,
@@ -342,10 +325,11 @@ static void cancel_motion(struct db_commander *commander, db_time now)
 {
 	db_writers_cancel_motion(&commander->writers);
 	/* A motion without an end of its own has done what its command said. */
-	if (commander->follow.active && db_follow_has_end(commander->follow.command))
+	if (commander->follow.active && db_motion_of(commander->follow.command) > DB_MOTION_ENDLESS)
 		db_outcome_end(commander, commander->follow_noted, DB_RESULT_CANCELLED,
 		               now - commander->follow_arrived);
-	db_follow_end(&commander->follow);
+	/* Nothing corrects its result after that. */
+	commander->follow.active = commander->follow.late = false;
 }
 
 void db_motion_submitted(struct db_commander *commander, struct db_writer *writer,
@@ -370,16 +354,17 @@ void db_motion_submitted(struct db_commander *commander, struct db_writer *write
 static void begin_motion(struct db_commander *commander, struct db_writer *writer,
                          const struct db_request *request, bool proven, db_time now)
 {
-	bool ends = db_follow_has_end(request->command);
+	enum db_motion motion = db_motion_of(request->command);
 
 	cancel_motion(commander, now);
 	if (!db_command_is_motion(request->command))
 		return;
 	if (!request->overtaken)
 		db_motion_supervise(commander, request->command, now);
-	db_writers_begin_motion(&commander->writers, writer, request, ends, request->overtaken);
+	db_writers_begin_motion(&commander->writers, writer, request, motion > DB_MOTION_ENDLESS,
+	                        request->overtaken);
 	/* A move at speed 0 ends at standstill. */
-	if (request->overtaken || !db_follow_applies(request->command) ||
+	if (request->overtaken || motion == DB_MOTION_NONE ||
 	    (request->command == DB_CMD_MOVE_VELOCITY &&
 	     fpclassify(request->args->target_velocity) == FP_ZERO))
 		return;
@@ -404,16 +389,6 @@ static bool may_have_begun(enum db_result result)
 	}
 }
 
-static bool is_holding_pending(const struct db_commander *commander, const struct db_request *but)
-{
-	for (const struct db_request *request = commander->pending; request;
-	     request = request->next) {
-		if (request != but && request->held)
-			return true;
-	}
-	return false;
-}
-
 /* A hold ends without a stop when its motion never began, or when the drive has accepted a later
  * motion without a hold. While that is undecided it continues: at worst the holder is then expected
  * to send one beat too many. */
@@ -426,7 +401,8 @@ static void note_hold(struct db_commander *commander, const struct db_request *r
 		return;
 	if (request->held && may_have_begun(result))
 		hold->begun = true;
-	else if (request->held && !hold->begun && !is_holding_pending(commander, request))
+	else if (request->held && !hold->begun &&
+	         !db_flight_has(commander, DB_PENDING_HELD_MOTION, request))
 		db_hold_end(hold);
 	else if (!request->held && db_command_is_motion(request->command) &&
 	         db_result_is_success(result) &&
@@ -467,17 +443,6 @@ void db_motion_ended(struct db_commander *commander, const struct db_request *re
 }
 
 /* --- checking --------------------------------------------------------------------------------- */
-
-/* True if a motion was submitted: whether the one before reaches its end is open. */
-static bool motion_is_pending(const struct db_commander *commander)
-{
-	for (const struct db_request *request = commander->pending; request;
-	     request = request->next) {
-		if (db_command_replaces_motion(request->command))
-			return true;
-	}
-	return false;
-}
 
 static void keep_within_limits(struct db_commander *commander, const struct db_feedback *feedback,
                                db_time now)
@@ -538,15 +503,16 @@ static void follow_to_end(struct db_commander *commander, const struct db_feedba
 	struct db_request *stop = NULL;
 	enum db_result result;
 
-	if (motion_is_pending(commander))
+	/* A motion was submitted: whether this one reaches its end is open. */
+	if (db_flight_has(commander, DB_PENDING_MOTION, NULL))
 		return;
 	/* A homing stood for longer than homing-pause-ms, was reported as failed, and has continued
 	 * since. */
 	if (db_follow_is_late(&commander->follow, feedback)) {
 		db_outcome_end(commander, commander->follow_noted, DB_RESULT_OK,
 		               now - commander->follow_arrived);
-		db_writers_correct_motion(&commander->writers, commander->follow.ticket,
-		                          DB_RESULT_OK);
+		db_writers_end_motion(&commander->writers, commander->follow.ticket, DB_RESULT_OK,
+		                      true);
 	}
 	if (!commander->follow.active)
 		return;
@@ -556,15 +522,17 @@ static void follow_to_end(struct db_commander *commander, const struct db_feedba
 	result = db_follow_check(&commander->follow, &config, feedback, now);
 	if (result == DB_RESULT_PENDING)
 		return;
-	/* A motion reported as failed must not begin later, unexpectedly. */
-	if (result == DB_RESULT_FAILED && db_follow_never_began(&commander->follow)) {
+	/* A motion that is reported as failed because it never began must not begin later,
+	 * unexpectedly. */
+	if (result == DB_RESULT_FAILED && commander->follow.unproven && !commander->follow.moved &&
+	    db_motion_of(commander->follow.command) == DB_MOTION_ENDLESS) {
 		stop = db_motion_submit_stop(commander, DB_CMD_STOP, DB_STAND_MOTION, now);
 		commander->follow.active = stop == NULL;
 		if (!stop)
 			return;
 	}
 	db_outcome_end(commander, commander->follow_noted, result, now - commander->follow_arrived);
-	db_writers_end_motion(&commander->writers, commander->follow.ticket, result);
+	db_writers_end_motion(&commander->writers, commander->follow.ticket, result, false);
 	if (stop)
 		db_motion_record_stop(commander, stop, DB_CMD_STOP, now);
 	if (result == DB_RESULT_FAILED)

@@ -5,37 +5,46 @@
 #include <stdlib.h>
 #include <string.h>
 
-int db_writers_reserve(struct db_writers *writers)
-{
-	if (!writers->each)
-		writers->each = calloc(DB_WRITERS, sizeof writers->each[0]);
-	return writers->each ? 0 : -ENOMEM;
-}
+/* --- writers ---------------------------------------------------------------------------------- */
 
 void db_writers_set(struct db_writers *writers, bool by_address)
 {
 	writers->by_address = by_address;
 	writers->all = (struct db_writer){ .taken = false };
-	if (!by_address)
-		db_writers_release(writers);
+	if (!by_address) {
+		free(writers->each);
+		writers->each = NULL;
+	}
 	for (size_t i = 0; writers->each && i < DB_WRITERS; i++)
 		writers->each[i] = writers->all;
 }
 
-void db_writers_release(struct db_writers *writers)
+/* The places for writers, in turn; null: no more. */
+static struct db_writer *writer_at(struct db_writers *writers, size_t place)
 {
-	free(writers->each);
-	writers->each = NULL;
+	if (!writers->by_address)
+		return place == 0 ? &writers->all : NULL;
+	return place < DB_WRITERS ? &writers->each[place] : NULL;
 }
 
-static struct db_writer *first_of(struct db_writers *writers)
+/* All outcomes, in turn: the latest of all writers, then each writer's own; null: no more. */
+static struct db_outcome *outcome_at(struct db_writers *writers, size_t place)
 {
-	return writers->by_address ? writers->each : &writers->all;
+	struct db_writer *writer = place > 0 ? writer_at(writers, place - 1) : NULL;
+
+	if (place == 0)
+		return &writers->latest;
+	return writer ? &writer->own : NULL;
 }
 
-static size_t count_of(const struct db_writers *writers)
+/* The outcomes that a request of this writer (null: none) changes: the latest of all writers, then
+ * its own. `before` is null, or the one that was returned last; null: no more. */
+static struct db_outcome *next_outcome(struct db_writers *writers, struct db_writer *writer,
+                                       const struct db_outcome *before)
 {
-	return writers->by_address ? DB_WRITERS : 1;
+	if (!before)
+		return &writers->latest;
+	return before == &writers->latest && writer ? &writer->own : NULL;
 }
 
 struct db_writer *db_writers_find(struct db_writers *writers, const struct db_client *client)
@@ -80,23 +89,6 @@ struct db_writer *db_writers_claim(struct db_writers *writers, const struct db_c
 	return writer;
 }
 
-void db_writers_hear(struct db_writers *writers, const struct db_client *client, db_time now)
-{
-	struct db_writer *writer = db_writers_find(writers, client);
-
-	if (writer)
-		writer->heard = now;
-}
-
-const struct db_command_results *db_writers_results(struct db_writers *writers,
-                                                    const struct db_client *client)
-{
-	const struct db_writer *writer = db_writers_find(writers, client);
-
-	return writers->by_address && writer && writer->commanded ? &writer->own.results :
-	                                                            &writers->latest.results;
-}
-
 /* --- tickets ---------------------------------------------------------------------------------- */
 
 static void replace_ticket(uint32_t *kept, uint32_t ticket, uint32_t to)
@@ -107,50 +99,32 @@ static void replace_ticket(uint32_t *kept, uint32_t ticket, uint32_t to)
 
 void db_writers_retarget(struct db_writers *writers, uint32_t ticket, uint32_t to)
 {
-	replace_ticket(&writers->latest.ticket, ticket, to);
-	replace_ticket(&writers->latest.write_ticket, ticket, to);
-	for (size_t i = 0; i < count_of(writers); i++) {
-		struct db_writer *writer = first_of(writers) + i;
+	struct db_outcome *outcome;
+	struct db_writer *writer;
 
+	for (size_t i = 0; (outcome = outcome_at(writers, i)); i++) {
+		replace_ticket(&outcome->ticket, ticket, to);
+		replace_ticket(&outcome->write_ticket, ticket, to);
+	}
+	for (size_t i = 0; (writer = writer_at(writers, i)); i++) {
 		replace_ticket(&writer->last.ticket, ticket, to);
 		replace_ticket(&writer->previous.ticket, ticket, to);
 		replace_ticket(&writer->execution.ticket, ticket, to);
-		replace_ticket(&writer->own.ticket, ticket, to);
-		replace_ticket(&writer->own.write_ticket, ticket, to);
 	}
-}
-
-void db_writers_retire(struct db_writers *writers, uint32_t ticket)
-{
-	db_writers_retarget(writers, ticket, 0);
 }
 
 /* --- commands and writes ---------------------------------------------------------------------- */
 
-static void set_write(struct db_outcome *outcome, enum db_result result, uint16_t refused_register,
-                      uint32_t ticket)
-{
-	outcome->results.write_result = (uint16_t)result;
-	outcome->results.write_register = refused_register;
-	outcome->write_ticket = ticket;
-}
-
 void db_writers_set_write(struct db_writers *writers, struct db_writer *writer,
                           enum db_result result, uint16_t refused_register, uint32_t ticket)
 {
-	set_write(&writers->latest, result, refused_register, ticket);
-	if (writer)
-		set_write(&writer->own, result, refused_register, ticket);
-}
+	struct db_outcome *outcome = NULL;
 
-static void set_command(struct db_outcome *outcome, const struct db_request *request,
-                        enum db_result result, uint32_t ticket)
-{
-	outcome->results.result_id = request->id;
-	outcome->results.result_command = (uint16_t)request->command;
-	outcome->results.result = (uint16_t)result;
-	outcome->ticket = ticket;
-	set_write(outcome, result, 0, ticket);
+	while ((outcome = next_outcome(writers, writer, outcome))) {
+		outcome->results.write_result = (uint16_t)result;
+		outcome->results.write_register = refused_register;
+		outcome->write_ticket = ticket;
+	}
 }
 
 static struct db_used_id used_id(const struct db_request *request, enum db_result result,
@@ -168,10 +142,17 @@ void db_writers_set_command(struct db_writers *writers, struct db_writer *writer
                             const struct db_request *request, enum db_result result,
                             uint32_t ticket)
 {
-	set_command(&writers->latest, request, result, ticket);
+	struct db_outcome *outcome = NULL;
+
+	db_writers_set_write(writers, writer, result, 0, ticket);
+	while ((outcome = next_outcome(writers, writer, outcome))) {
+		outcome->results.result_id = request->id;
+		outcome->results.result_command = (uint16_t)request->command;
+		outcome->results.result = (uint16_t)result;
+		outcome->ticket = ticket;
+	}
 	if (!writer)
 		return;
-	set_command(&writer->own, request, result, ticket);
 	writer->commanded = true;
 	if (request->id == 0 || result == DB_RESULT_BUSY)
 		return;
@@ -183,9 +164,10 @@ void db_writers_set_command(struct db_writers *writers, struct db_writer *writer
 
 void db_writers_set_limit(struct db_writers *writers, struct db_writer *writer, enum db_limit limit)
 {
-	writers->latest.results.result_limit = (uint16_t)limit;
-	if (writer)
-		writer->own.results.result_limit = (uint16_t)limit;
+	struct db_outcome *outcome = NULL;
+
+	while ((outcome = next_outcome(writers, writer, outcome)))
+		outcome->results.result_limit = (uint16_t)limit;
 }
 
 void db_writer_set_executed(struct db_writer *writer, const struct db_request *request,
@@ -200,25 +182,21 @@ void db_writer_set_executed(struct db_writer *writer, const struct db_request *r
 	writer->execution = used_id(request, result, ticket);
 }
 
-static void complete_outcome(struct db_outcome *outcome, uint32_t ticket, enum db_result result,
-                             uint32_t took_us)
-{
-	if (outcome->ticket == ticket) {
-		outcome->results.result = (uint16_t)result;
-		outcome->results.result_time_us = took_us;
-	}
-	if (outcome->write_ticket == ticket)
-		outcome->results.write_result = (uint16_t)result;
-}
-
 void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_result result,
                          uint32_t took_us)
 {
-	complete_outcome(&writers->latest, ticket, result, took_us);
-	for (size_t i = 0; i < count_of(writers); i++) {
-		struct db_writer *writer = first_of(writers) + i;
+	struct db_outcome *outcome;
+	struct db_writer *writer;
 
-		complete_outcome(&writer->own, ticket, result, took_us);
+	for (size_t i = 0; (outcome = outcome_at(writers, i)); i++) {
+		if (outcome->ticket == ticket) {
+			outcome->results.result = (uint16_t)result;
+			outcome->results.result_time_us = took_us;
+		}
+		if (outcome->write_ticket == ticket)
+			outcome->results.write_result = (uint16_t)result;
+	}
+	for (size_t i = 0; (writer = writer_at(writers, i)); i++) {
 		if (writer->previous.ticket == ticket)
 			writer->previous.result = result;
 		if (writer->last.ticket == ticket) {
@@ -238,7 +216,7 @@ void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_re
 
 /* --- motions ---------------------------------------------------------------------------------- */
 
-static void ask_motion(struct db_outcome *outcome)
+void db_outcome_ask_motion(struct db_outcome *outcome)
 {
 	outcome->results.done = outcome->results.aborted = false;
 	outcome->motion_refused = false;
@@ -246,28 +224,21 @@ static void ask_motion(struct db_outcome *outcome)
 
 void db_writers_ask_motion(struct db_writers *writers, struct db_writer *writer)
 {
-	ask_motion(&writers->latest);
-	if (writer)
-		ask_motion(&writer->own);
-}
+	struct db_outcome *outcome = NULL;
 
-void db_writer_ask_motion(struct db_writer *writer)
-{
-	ask_motion(&writer->own);
-}
-
-static void refuse_motion(struct db_outcome *outcome, uint32_t number)
-{
-	ask_motion(outcome);
-	outcome->motion_refused = true;
-	outcome->refused_number = number;
+	while ((outcome = next_outcome(writers, writer, outcome)))
+		db_outcome_ask_motion(outcome);
 }
 
 void db_writers_refuse_motion(struct db_writers *writers, struct db_writer *writer, uint32_t number)
 {
-	refuse_motion(&writers->latest, number);
-	if (writer)
-		refuse_motion(&writer->own, number);
+	struct db_outcome *outcome = NULL;
+
+	while ((outcome = next_outcome(writers, writer, outcome))) {
+		db_outcome_ask_motion(outcome);
+		outcome->motion_refused = true;
+		outcome->refused_number = number;
+	}
 }
 
 static void abort_motion(struct db_outcome *outcome)
@@ -279,76 +250,54 @@ static void abort_motion(struct db_outcome *outcome)
 	outcome->results.aborted_id = outcome->results.motion_id;
 }
 
-static void begin_motion(struct db_outcome *outcome, const struct db_request *request, bool ends,
-                         bool cancelled)
-{
-	outcome->results.motion_id = request->id;
-	outcome->results.motion_result = DB_RESULT_PENDING;
-	outcome->motion_ends = ends;
-	/* One that was requested before it says nothing about it; numbers come round. */
-	if (request->number - outcome->refused_number < UINT32_MAX / 2)
-		outcome->motion_refused = false;
-	if (cancelled)
-		abort_motion(outcome);
-}
-
 void db_writers_begin_motion(struct db_writers *writers, struct db_writer *writer,
                              const struct db_request *request, bool ends, bool cancelled)
 {
-	begin_motion(&writers->latest, request, ends, cancelled);
-	if (writer)
-		begin_motion(&writer->own, request, ends, cancelled);
+	struct db_outcome *outcome = NULL;
+
+	while ((outcome = next_outcome(writers, writer, outcome))) {
+		outcome->results.motion_id = request->id;
+		outcome->results.motion_result = DB_RESULT_PENDING;
+		outcome->motion_ends = ends;
+		/* One that was requested before it says nothing about it; numbers come round. */
+		if (request->number - outcome->refused_number < UINT32_MAX / 2)
+			outcome->motion_refused = false;
+		if (cancelled)
+			abort_motion(outcome);
+	}
 }
 
 void db_writers_cancel_motion(struct db_writers *writers)
 {
-	struct db_outcome *latest = &writers->latest;
+	struct db_outcome *outcome;
 
-	latest->results.done = latest->results.aborted = false;
-	if (latest->results.motion_result == DB_RESULT_PENDING)
-		abort_motion(latest);
-	for (size_t i = 0; i < count_of(writers); i++) {
-		struct db_outcome *own = &first_of(writers)[i].own;
-
-		if (own->results.motion_result == DB_RESULT_PENDING)
-			abort_motion(own);
+	writers->latest.results.done = writers->latest.results.aborted = false;
+	for (size_t i = 0; (outcome = outcome_at(writers, i)); i++) {
+		if (outcome->results.motion_result == DB_RESULT_PENDING)
+			abort_motion(outcome);
 	}
 }
 
-static void set_end(struct db_outcome *outcome, uint32_t ticket, enum db_result result)
+void db_writers_end_motion(struct db_writers *writers, uint32_t ticket, enum db_result result,
+                           bool corrected)
 {
-	outcome->results.motion_result = (uint16_t)result;
-	outcome->results.done = result == DB_RESULT_OK && !outcome->motion_refused;
-	if (outcome->ticket == ticket)
-		outcome->results.result = (uint16_t)result;
+	struct db_outcome *outcome;
+
+	for (size_t i = 0; (outcome = outcome_at(writers, i)); i++) {
+		struct db_command_results *results = &outcome->results;
+
+		if (!corrected)
+			outcome->motion_last = results->motion_result == DB_RESULT_PENDING;
+		if (!outcome->motion_last)
+			continue;
+		results->motion_result = (uint16_t)result;
+		results->done = result == DB_RESULT_OK && !outcome->motion_refused;
+		if (outcome->ticket == ticket)
+			results->result = (uint16_t)result;
+	}
 }
 
-static void end_motion(struct db_outcome *outcome, uint32_t ticket, enum db_result result)
-{
-	outcome->motion_last = outcome->results.motion_result == DB_RESULT_PENDING;
-	if (outcome->motion_last)
-		set_end(outcome, ticket, result);
-}
-
-void db_writers_end_motion(struct db_writers *writers, uint32_t ticket, enum db_result result)
-{
-	end_motion(&writers->latest, ticket, result);
-	for (size_t i = 0; i < count_of(writers); i++)
-		end_motion(&first_of(writers)[i].own, ticket, result);
-}
-
-static void correct_motion(struct db_outcome *outcome, uint32_t ticket, enum db_result result)
-{
-	if (outcome->motion_last)
-		set_end(outcome, ticket, result);
-}
-
-void db_writers_correct_motion(struct db_writers *writers, uint32_t ticket, enum db_result result)
-{
-	correct_motion(&writers->latest, ticket, result);
-	for (size_t i = 0; i < count_of(writers); i++)
-		correct_motion(&first_of(writers)[i].own, ticket, result);
-}
+/* --- history, audit trail and log ------------------------------------------------------------- */
 
 static uint32_t record(const struct db_commander *commander, const struct db_recorded *recorded)
 {
@@ -441,6 +390,8 @@ void db_outcome_log(const struct db_commander *commander, const struct db_client
 	}
 }
 
+/* --- parameter writes without proof ----------------------------------------------------------- */
+
 /* Interval at which the drive's parameters are checked while a write is to be settled. */
 #define LOOK_EVERY (500 * DB_NS_PER_MS)
 
@@ -454,11 +405,6 @@ int db_settle_init(struct db_settle *settle, const struct db_driver *driver)
 		return -ENOMEM;
 	settle->count = DB_SETTLE_MAX;
 	return 0;
-}
-
-void db_settle_release(struct db_settle *settle)
-{
-	free(settle->places);
 }
 
 static void drop(struct db_settle *settle, uint32_t ticket)

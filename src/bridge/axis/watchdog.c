@@ -60,16 +60,7 @@ bool db_watchdog_is_commanded_by(const struct db_watchdog *watchdog, const struc
 	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
 		const struct db_watchdog_commander *known = &watchdog->commanders[i];
 
-		if (known->taken && db_client_same(known->address, client->address))
-			return true;
-	}
-	return false;
-}
-
-bool db_watchdog_is_commanded(const struct db_watchdog *watchdog)
-{
-	for (size_t i = 0; i < DB_WATCHDOG_COMMANDERS; i++) {
-		if (watchdog->commanders[i].taken)
+		if (known->taken && (!client || db_client_same(known->address, client->address)))
 			return true;
 	}
 	return false;
@@ -106,26 +97,18 @@ bool db_watchdog_is_deserted(const struct db_watchdog *watchdog)
 	return watchdog->session_has_left && !watchdog->was_commanded_by_plc;
 }
 
-void db_watchdog_disarm(struct db_watchdog *watchdog)
-{
-	watchdog->armed = false;
-}
-
-/* The value of this feed from this client. */
-static enum db_watchdog_feed weigh(struct db_watchdog *watchdog, enum db_watchdog_feed by,
-                                   const struct db_client *client)
-{
-	if (by == DB_FEED_HEARTBEAT && watchdog->feed == DB_FEED_HEARTBEAT)
-		return by;
-	if (by == DB_FEED_REQUESTS)
-		return find_connection(watchdog, client->id) ? DB_FEED_COMMANDERS : by;
-	return db_watchdog_is_commanded_by(watchdog, client) ? DB_FEED_WRITES : DB_FEED_REQUESTS;
-}
-
 bool db_watchdog_feed(struct db_watchdog *watchdog, enum db_watchdog_feed by,
                       const struct db_client *client, db_time now)
 {
-	if (weigh(watchdog, by, client) < watchdog->feed)
+	enum db_watchdog_feed value = DB_FEED_REQUESTS; /* of this feed from this client */
+
+	if (by == DB_FEED_HEARTBEAT && watchdog->feed == DB_FEED_HEARTBEAT)
+		value = by;
+	else if (by == DB_FEED_REQUESTS)
+		value = find_connection(watchdog, client->id) ? DB_FEED_COMMANDERS : by;
+	else if (db_watchdog_is_commanded_by(watchdog, client))
+		value = DB_FEED_WRITES;
+	if (value < watchdog->feed)
 		return false;
 	note_life(watchdog, now);
 	return true;

@@ -410,17 +410,20 @@ bool db_named_limit(const struct db_registers *registers, uint16_t number,
                     const struct db_entry *entry, double *min, double *max)
 {
 	const struct db_view_drive *drive = find_drive(registers, number);
+	struct db_allowed allowed;
 
 	if (!drive || entry->table != DB_TABLE_HOLDING)
 		return false;
+	allowed = db_commander_allowed(drive->commander);
 	if (strcmp(entry->name, "position") == 0) {
-		db_commander_position_limits(drive->commander, min, max);
+		*min = allowed.min_position;
+		*max = allowed.max_position;
 		return isfinite(*min) && isfinite(*max);
 	}
 	if (!db_named_is_argument(entry, DB_ARG_TARGET_VELOCITY) &&
 	    strcmp(entry->name, "velocity") != 0)
 		return false;
-	*max = db_commander_max_velocity(drive->commander);
+	*max = allowed.max_velocity;
 	*min = -*max;
 	return isfinite(*max);
 }

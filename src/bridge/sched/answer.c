@@ -110,7 +110,10 @@ static bool learn_from_late_answer(struct db_engine *engine, struct node *node, 
 
 	if (latency <= 0)
 		return false;
-	gaps_answered_late(engine, node);
+	/* The losses that were counted were none. */
+	node->gap.lost = 0;
+	if (engine->last_to_answer)
+		engine->last_to_answer->hold.lost = 0;
 	/* Its time of arrival is not known. */
 	if (engine->overslept_at > node->lost_due)
 		return true;
@@ -346,7 +349,12 @@ void answer_receive(struct db_engine *engine, const uint8_t *frame, size_t lengt
 
 	if (form == DB_FRAME_GOOD) {
 		node = sender_of(engine, address);
-		gaps_frame_received(engine, node, address, now);
+		if (node) {
+			node->received_at = now;
+		} else if (address > 0) {
+			engine->foreign_address = (unsigned)address;
+			engine->foreign_received_at = now;
+		}
 	}
 	db_trace_open(engine->trace, now, frame, length);
 	if (scan_receive_frame(engine, form, frame, length, now)) {
@@ -404,11 +412,16 @@ static void command_lost(struct db_engine *engine, struct station *station, db_t
 
 static void probe_lost(struct db_engine *engine, struct node *node, db_time cost, db_time now)
 {
+	bool asks_about_stop = false;
+
 	node->first->lanes[LANE_PROBE].active = false;
 	if (node->online)
 		return;
-	/* A question after a stop uses the share of stops, not that of probes. */
-	if (!node_was_sent_blind_stop(node))
+	/* A question after a stop that was sent out of step uses the share of stops, not that of
+	 * probes. */
+	for (const struct station *s = node->first; s; s = s->next_axis)
+		asks_about_stop |= s->blind_stop_sent;
+	if (!asks_about_stop)
 		engine->probes_from = now + cost * (PROBE_SHARE - 1);
 	node->probe_at = now + node->probe_backoff;
 	node->probe_backoff *= 2;

@@ -498,7 +498,7 @@ int db_bus_scan(struct db_bus *bus, const struct db_scan_plan *plan, uint32_t *n
 	if (plan->first < min || plan->first > plan->last || plan->last > max ||
 	    plan->speed_count > DB_SCAN_SPEEDS_MAX || (plan->aside && plan->speed_count == 0))
 		return -EINVAL;
-	if (bus->scan && !scan_has_ended(bus->scan))
+	if (bus->scan && !atomic_load(&bus->scan->ended))
 		return -EBUSY;
 	scan = scan_new(bus->config, plan, ++bus->scan_number);
 	if (!scan)
@@ -513,27 +513,27 @@ int db_bus_scan(struct db_bus *bus, const struct db_scan_plan *plan, uint32_t *n
 
 bool db_bus_scan_read(const struct db_bus *bus, uint32_t number, struct db_scan_progress *progress)
 {
-	if (!bus->scan || scan_number(bus->scan) != number)
+	if (!bus->scan || bus->scan->number != number)
 		return false;
-	scan_read(bus->scan, progress);
+	db_seqlock_read(&bus->scan->sequence, bus->scan->words, progress, sizeof *progress);
 	return true;
 }
 
 const struct db_scan_find *db_bus_scan_find(const struct db_bus *bus, size_t index)
 {
-	return scan_find(bus->scan, index);
+	return &bus->scan->finds[index];
 }
 
 const struct db_scan_foreign *db_bus_scan_foreign(const struct db_bus *bus, size_t index)
 {
-	return scan_foreign(bus->scan, index);
+	return &bus->scan->foreign[index];
 }
 
 void db_bus_scan_cancel(struct db_bus *bus, uint32_t number)
 {
-	if (!bus->scan || scan_number(bus->scan) != number)
+	if (!bus->scan || bus->scan->number != number)
 		return;
-	scan_cancel(bus->scan);
+	atomic_store(&bus->scan->cancelled, true);
 	wake(bus->wake_fd);
 }
 

@@ -158,7 +158,7 @@ static void open_port(struct bus_line *line, db_time now)
 	line->passes_all = false;
 	line->gathers = 0;
 	if (error == 0) {
-		gather(line, !scan_is_under_way(line->engine));
+		gather(line, line->engine->scan == NULL);
 		return;
 	}
 	line->port = NULL;
@@ -280,12 +280,12 @@ static unsigned speed_of(const struct db_bus_config *config)
 static void follow_scan(struct bus_line *line, db_time now)
 {
 	const struct db_bus_config *aside = scan_port_config(line->engine);
-	bool scans = scan_is_under_way(line->engine);
+	bool scans = line->engine->scan != NULL;
 
 	if (line->port)
 		gather(line, !scans);
 	if (line->use == LINE_IN_SERVICE && aside) {
-		const char *whose = scan_client(line->engine);
+		const char *whose = line->engine->scan->plan.whose;
 
 		db_log(line->log, now, DB_EVENT_BUS_ASIDE, NULL,
 		       "%s is out of service for a scan%s%s: its drives are left as on-exit says, and are "
@@ -329,7 +329,7 @@ db_time bus_line_run(struct bus_line *line, db_time now)
 	/* The kernel's filters pass only frames of the configured drives, so that other traffic
 	 * costs nothing. A scan must see all frames, and so must the search for the reason why a
 	 * drive is not understood. */
-	pass_all = scan_is_under_way(line->engine) || db_engine_wants_all_frames(line->engine, now);
+	pass_all = line->engine->scan || db_engine_wants_all_frames(line->engine, now);
 	if (line->transport->pass && pass_all != line->passes_all) {
 		line->transport->pass(line->port, pass_all);
 		line->passes_all = pass_all;

@@ -90,13 +90,6 @@ struct db_change *change_fetch(struct db_engine *engine)
 	return changed;
 }
 
-db_time change_deadline(const struct db_engine *engine, db_time now)
-{
-	/* After it only the end of the exchange on the wire is awaited. */
-	return engine->change && engine->change->leave_by > now ? engine->change->leave_by :
-	                                                          DB_TIME_NEVER;
-}
-
 /* True if nothing of it is on the wire, and no reading for others goes through it. */
 static bool may_be_removed(const struct db_engine *engine, const struct station *station,
                            db_time now)

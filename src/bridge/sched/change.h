@@ -40,8 +40,6 @@ void change_free(struct db_change *change);
 void change_begin(struct db_engine *engine, struct db_change *change, db_time now);
 /* Removes the drives that can leave now; when none is left to be removed, adds the new ones. */
 void change_carry_out(struct db_engine *engine, db_time now);
-/* When the change has to be checked again at the latest; DB_TIME_NEVER. */
-db_time change_deadline(const struct db_engine *engine, db_time now);
 /* A change that was carried out, or null. */
 struct db_change *change_fetch(struct db_engine *engine);
 

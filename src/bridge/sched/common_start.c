@@ -149,7 +149,7 @@ bool common_start_try(struct db_engine *engine, bool *wait, db_time now)
 		begin_one_by_one(engine, group_of(first));
 	/* No drive acknowledges it: each must be sure to receive. */
 	if (gathering == GATHERING_ALL && gaps_over_at(engine, NULL, now) > now) {
-		exchange_reserve_for_all(engine, gaps_over_at(engine, NULL, now), now);
+		exchange_reserve(engine, NULL, LANE_COMMAND, gaps_over_at(engine, NULL, now), now);
 		return true;
 	}
 	return gathering == GATHERING_ALL && begin_all(engine, group_of(first), now);

@@ -217,7 +217,10 @@ static void take_frames(struct db_engine *engine, db_time silence, db_time now)
 	size_t frame = 0;
 
 	do {
-		const struct db_exchange *question = engine->scan ? scan_question(engine) : NULL;
+		const struct scan *scan = engine->scan;
+		const struct db_exchange *question = scan && scan->question.flying ?
+		                                             &scan->exchange :
+		                                             NULL;
 
 		/* Where exchanges overlap there is no one question, and the node that was asked last
 		 * may have been removed since. */
@@ -399,8 +402,11 @@ static db_time node_run_at(const struct db_engine *engine, const struct node *no
 static db_time next_run(struct db_engine *engine, bool more, db_time now)
 {
 	db_time may_send = exchange_may_begin_at(engine, false, now);
-	db_time wake = db_time_min(engine->cycle_at, change_deadline(engine, now));
+	db_time wake = engine->cycle_at;
 
+	/* After this time only the end of the exchange on the wire is awaited. */
+	if (engine->change && engine->change->leave_by > now)
+		wake = db_time_min(wake, engine->change->leave_by);
 	if (engine->bus->starts_by_broadcast)
 		wake = db_time_min(wake, common_start_run_at(engine, now));
 	if (engine->scan)

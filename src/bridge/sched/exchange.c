@@ -103,8 +103,8 @@ static bool is_reserved_for(const struct reserved *reserved, const struct statio
 	       (kind == LANE_STOP || reserved->station == station);
 }
 
-static void reserve(struct db_engine *engine, struct station *station, enum lane_kind kind,
-                    db_time until, db_time now)
+void exchange_reserve(struct db_engine *engine, struct station *station, enum lane_kind kind,
+                      db_time until, db_time now)
 {
 	struct reserved *reserved = &engine->reserved;
 	bool same = is_reserved_for(reserved, station, kind);
@@ -136,7 +136,7 @@ static bool must_wait(struct db_engine *engine, struct station *station, enum la
 	if (!again || now - reserved->since < RESERVED_MOST)
 		at = db_time_max(at, may_send_at(engine, station, kind, now));
 	if (at > now) {
-		reserve(engine, station, kind, at, now);
+		exchange_reserve(engine, station, kind, at, now);
 		return true;
 	}
 	if (again)
@@ -150,16 +150,6 @@ bool exchange_stop_waits(const struct db_engine *engine, const struct station *s
 
 	return engine->reserved.until > now && engine->reserved.lane == LANE_STOP && lane->active &&
 	       lane->ready;
-}
-
-void exchange_reserve_for_all(struct db_engine *engine, db_time until, db_time now)
-{
-	reserve(engine, NULL, LANE_COMMAND, until, now);
-}
-
-bool exchange_is_reserved(const struct db_engine *engine, const struct station *station)
-{
-	return engine->reserved.until != 0 && engine->reserved.station == station;
 }
 
 /* The drive for which it was reserved may have been removed, and its conversation may be over. */

@@ -1,12 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sched/sched_private.h"
 
-/* True for a line on which a drive that sends cannot receive. */
-static bool is_shared(const struct db_engine *engine)
-{
-	return engine->driver->medium == DB_MEDIUM_SERIAL;
-}
-
 /* --- learning --------------------------------------------------------------------------------- */
 
 /* Pause between two tests of a drive's gap. */
@@ -16,7 +10,7 @@ bool gaps_answered(struct db_engine *engine, struct node *node, db_time now)
 {
 	const struct flight *flight = &node->flight;
 
-	if (!is_shared(engine))
+	if (exchange_overlaps(engine))
 		return false;
 	if (engine->last_to_answer == node)
 		learn_gap_received(&node->gap, flight->pause, now);
@@ -58,7 +52,7 @@ void gaps_lost(struct db_engine *engine, struct node *node, db_time now)
 
 	engine->tests_gap = false;
 	/* A request that was answered otherwise was received. */
-	if (!is_shared(engine) || !replier || flight->got_unusable)
+	if (exchange_overlaps(engine) || !replier || flight->got_unusable)
 		return;
 	if (replier == node || flight->pause > LEARN_GAP_MOST) {
 		report_gap(engine, node, gap, learn_gap_lost(gap, own, now));
@@ -66,23 +60,6 @@ void gaps_lost(struct db_engine *engine, struct node *node, db_time now)
 	           (node->answered_at == 0 || own > LEARN_GAP_MOST)) {
 		report_gap(engine, replier, &replier->hold,
 		           learn_gap_lost(&replier->hold, flight->pause, now));
-	}
-}
-
-void gaps_answered_late(struct db_engine *engine, struct node *node)
-{
-	node->gap.lost = 0;
-	if (engine->last_to_answer)
-		engine->last_to_answer->hold.lost = 0;
-}
-
-void gaps_frame_received(struct db_engine *engine, struct node *node, int address, db_time now)
-{
-	if (node) {
-		node->received_at = now;
-	} else if (address > 0) {
-		engine->foreign_address = (unsigned)address;
-		engine->foreign_received_at = now;
 	}
 }
 
@@ -95,7 +72,7 @@ void gaps_keep_silence(struct db_engine *engine, struct node *node, bool proves,
 	bool alone = engine->node_count == 1 && !engine->scan;
 	db_time pause = alone ? node->hold.least : node->hold.now;
 
-	if (!is_shared(engine))
+	if (exchange_overlaps(engine))
 		return;
 	node->answered_at = now;
 	engine->last_to_answer = node;

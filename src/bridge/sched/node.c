@@ -108,15 +108,6 @@ void node_end_poll(struct node *node, bool answered, db_time now)
 	node->spent = 0;
 }
 
-bool node_was_sent_blind_stop(const struct node *node)
-{
-	for (const struct station *s = node->first; s; s = s->next_axis) {
-		if (s->blind_stop_sent)
-			return true;
-	}
-	return false;
-}
-
 void node_answered(struct node *node, bool in_time, db_time now)
 {
 	const struct flight *flight = &node->flight;

@@ -2,12 +2,8 @@
 #include "sched/scan.h"
 
 #include "codec/can.h"
-#include "drivebridge/seqlock.h"
-#include "sched/sched_private.h"
-#include "sched/visit.h"
 
 #include <errno.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -30,52 +26,6 @@
 /* Without time for a question for this long, the scan ends. */
 #define PATIENCE (3 * DB_NS_PER_S)
 
-/* The question on the wire. */
-struct question {
-	bool flying;
-	struct db_inquiry inquiry;
-	struct visit_outcome outcome;
-	size_t garbage;  /* bytes that were no frame, or a bad one */
-	size_t received; /* bytes of any kind ... */
-	size_t echoed;   /* ... of which this number, from the first on, echo the question */
-	db_time sent;
-	db_time silent_by; /* the question ends then if nothing was received */
-	db_time deadline;
-	db_time received_at;
-};
-
-struct scan {
-	const struct db_bus_config *bus;
-	struct db_scan_plan plan;
-	uint32_t number;
-
-	/* Both threads. */
-	atomic_bool cancelled;
-	atomic_bool ended;
-	atomic_uint sequence;
-	db_seqlock_word words[DB_SEQLOCK_WORDS(struct db_scan_progress)];
-	struct db_scan_find finds
-		[DB_SCAN_FINDS_MAX]; /* owned by the network thread as far as they are published */
-	struct db_scan_foreign
-		foreign[DB_SCAN_FOREIGN_MAX]; /* owned by the network thread after the end */
-
-	/* Bus thread only. */
-	struct db_scan_progress progress;
-	struct db_bus_config port; /* with the current speed, while the bus is out of service */
-	bool port_up;
-	size_t speed; /* index among the plan's speeds */
-	bool visiting;
-	struct visit visit;
-	struct question question;
-	struct db_exchange exchange;
-	uint8_t request[DB_REQUEST_MAX];
-	db_time cycle_used;    /* end of the cycle in which the last question was sent */
-	db_time idle_since;    /* since when nothing was asked */
-	db_time response_time; /* response time of the drive that is visited ... */
-	bool response_known;   /* ... if it has answered yet */
-	db_time not_before;    /* late answers from the address may arrive until then */
-};
-
 /* --- the network's side ----------------------------------------------------------------------- */
 
 struct scan *scan_new(const struct db_bus_config *bus, const struct db_scan_plan *plan,
@@ -89,6 +39,7 @@ struct scan *scan_new(const struct db_bus_config *bus, const struct db_scan_plan
 	scan->plan = *plan;
 	scan->number = number;
 	scan->port = *bus;
+	scan->latency = (db_time)bus->drive_latency_ms * DB_NS_PER_MS;
 	scan->exchange.request = scan->request;
 	scan->exchange.request_size = sizeof scan->request;
 	scan->progress.total = (plan->last - plan->first + 1) *
@@ -103,36 +54,6 @@ void scan_free(struct scan *scan)
 	free(scan);
 }
 
-uint32_t scan_number(const struct scan *scan)
-{
-	return scan->number;
-}
-
-void scan_read(const struct scan *scan, struct db_scan_progress *progress)
-{
-	db_seqlock_read(&scan->sequence, scan->words, progress, sizeof *progress);
-}
-
-bool scan_has_ended(const struct scan *scan)
-{
-	return atomic_load(&scan->ended);
-}
-
-void scan_cancel(struct scan *scan)
-{
-	atomic_store(&scan->cancelled, true);
-}
-
-const struct db_scan_find *scan_find(const struct scan *scan, size_t index)
-{
-	return &scan->finds[index];
-}
-
-const struct db_scan_foreign *scan_foreign(const struct scan *scan, size_t index)
-{
-	return &scan->foreign[index];
-}
-
 /* --- beginning and ending --------------------------------------------------------------------- */
 
 static void publish(struct scan *scan)
@@ -140,17 +61,11 @@ static void publish(struct scan *scan)
 	db_seqlock_write(&scan->sequence, scan->words, &scan->progress, sizeof scan->progress);
 }
 
-/* A serial line carries one exchange at a time, so the scan's counts as one. */
-static bool takes_line(const struct db_engine *engine)
-{
-	return engine->driver->medium == DB_MEDIUM_SERIAL;
-}
-
 static void drop_question(struct db_engine *engine)
 {
 	struct question *question = &engine->scan->question;
 
-	if (question->flying && takes_line(engine) && engine->flights > 0) {
+	if (question->flying && !exchange_overlaps(engine) && engine->flights > 0) {
 		engine->flights--;
 		shares_charge(&engine->shares, DB_SHARE_BACKGROUND, engine->now - question->sent);
 	}
@@ -189,16 +104,6 @@ void scan_begin(struct db_engine *engine, struct scan *scan, db_time now)
 }
 
 /* --- a bus that is out of service ------------------------------------------------------------------ */
-
-bool scan_is_under_way(const struct db_engine *engine)
-{
-	return engine->scan != NULL;
-}
-
-const char *scan_client(const struct db_engine *engine)
-{
-	return engine->scan ? engine->scan->plan.whose : "";
-}
 
 const struct db_bus_config *scan_port_config(const struct db_engine *engine)
 {
@@ -271,18 +176,13 @@ static db_time wire_time(const struct scan *scan, size_t request, size_t answer)
 	                                       answer);
 }
 
-static db_time latency_of(const struct scan *scan)
-{
-	return (db_time)scan->bus->drive_latency_ms * DB_NS_PER_MS;
-}
-
 /* With less time than this nothing is asked. Once a drive has answered, wait at most twice its
  * response time. */
 static db_time shortest_wait(const struct scan *scan)
 {
 	db_time least = scan->response_known ? 2 * scan->response_time + THINK_MARGIN : WAIT_MIN;
 
-	return least < latency_of(scan) ? least : latency_of(scan);
+	return least < scan->latency ? least : scan->latency;
 }
 
 /*
@@ -293,25 +193,24 @@ static db_time choose_wait(struct db_engine *engine, const struct db_inquiry *in
                            db_time now)
 {
 	struct scan *scan = engine->scan;
-	db_time latency = latency_of(scan);
 	db_time room = engine->cycle_at - now - wire - MARGIN - QUIET -
 	               (db_time)scan->bus->turnaround_us * DB_NS_PER_US;
 	uint32_t wait_us;
 
 	/* Cyclic status does not use this line. */
-	if (!takes_line(engine) || scan->plan.aside || engine->stats.online == 0)
-		return latency;
+	if (exchange_overlaps(engine) || scan->plan.aside || engine->stats.online == 0)
+		return scan->latency;
 	/* Setting requests may exceed the cycle, as commands do. */
 	if (inquiry->kind >= DB_INQUIRY_SET_ADDRESS)
-		return latency;
-	if (room < latency && scan->cycle_used == engine->cycle_at)
+		return scan->latency;
+	if (room < scan->latency && scan->cycle_used == engine->cycle_at)
 		return 0;
 	if (room < shortest_wait(scan))
 		return 0;
-	wait_us = db_time_us32(room < latency ? room : latency);
+	wait_us = db_time_us32(db_time_min(room, scan->latency));
 	if (!scan->response_known && wait_us < scan->progress.wait_us)
 		scan->progress.wait_us = wait_us;
-	return room < latency ? room : latency;
+	return db_time_min(room, scan->latency);
 }
 
 /* True if the drive at this address is in a conversation, or its late answers may still arrive. */
@@ -345,7 +244,7 @@ static void send_question(struct db_engine *engine, const struct db_inquiry *inq
 	scan->cycle_used = engine->cycle_at;
 	scan->progress.address = inquiry->address;
 	engine->stats.transactions++;
-	if (takes_line(engine))
+	if (!exchange_overlaps(engine))
 		engine->flights++;
 	else
 		engine->wire_free = (engine->wire_free > now ? engine->wire_free : now) + question +
@@ -413,7 +312,7 @@ static bool must_not_save(struct db_engine *engine, const struct db_inquiry *inq
 	             (inquiry->kind == DB_INQUIRY_SET_SPEED &&
 	              driver->speed_effect == DB_TAKES_EFFECT_POWER_UP);
 
-	if (!takes_line(engine) || !saves)
+	if (exchange_overlaps(engine) || !saves)
 		return false;
 	if (moving) {
 		engine->scan->progress.drive = moving->number;
@@ -438,7 +337,7 @@ bool scan_send_next(struct db_engine *engine, db_time now)
 
 	if (!scan || scan->question.flying || now < engine->quiet_until ||
 	    now < engine->reserved.until || now < scan->not_before ||
-	    engine->port_full_since != 0 || (takes_line(engine) && engine->flights > 0))
+	    engine->port_full_since != 0 || (!exchange_overlaps(engine) && engine->flights > 0))
 		return false;
 	if (!choose_inquiry(engine, &inquiry))
 		return false;
@@ -546,10 +445,10 @@ void scan_check(struct db_engine *engine, db_time now)
 		return;
 	/* Bytes left in the buffer formed no frame; fewer than an answer may be the beginning of a
 	 * late one. */
-	if (takes_line(engine) && engine->received_length >= scan->exchange.answer_length)
+	if (!exchange_overlaps(engine) && engine->received_length >= scan->exchange.answer_length)
 		question->garbage += engine->received_length;
 	if (!question->outcome.answered && (received || scan->response_known))
-		scan->not_before = now + LATE_ANSWER_LATENCIES * latency_of(scan);
+		scan->not_before = now + LATE_ANSWER_LATENCIES * scan->latency;
 	if (question->echoed == scan->exchange.request_length)
 		question->garbage -= question->garbage < question->echoed ? question->garbage :
 		                                                            question->echoed;
@@ -558,7 +457,7 @@ void scan_check(struct db_engine *engine, db_time now)
 		learn_response_time(scan);
 	drop_question(engine);
 	scan->idle_since = now;
-	engine->busy += takes_line(engine) ? now - question->sent : 0;
+	engine->busy += !exchange_overlaps(engine) ? now - question->sent : 0;
 	engine->quiet_until = now + (db_time)scan->bus->turnaround_us * DB_NS_PER_US;
 	node = node_of(engine, question->inquiry.address);
 	/* The drive known at this address did not answer: what it still sends must not be taken for
@@ -586,14 +485,7 @@ void scan_give_way(struct db_engine *engine, const struct node *node, bool comma
 	if (scan_is_asking(engine, node))
 		drop_question(engine);
 	if (scan && commands && !scan->plan.aside && scan->visit.find.address == node->address)
-		visit_ask_standing_again(&scan->visit);
-}
-
-const struct db_exchange *scan_question(const struct db_engine *engine)
-{
-	const struct scan *scan = engine->scan;
-
-	return scan && scan->question.flying ? &scan->exchange : NULL;
+		scan->visit.standings = scan->visit.standing_tries = 0;
 }
 
 void scan_receive(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)
@@ -601,7 +493,7 @@ void scan_receive(struct db_engine *engine, const uint8_t *bytes, size_t length,
 	struct scan *scan = engine->scan;
 	struct question *question;
 
-	if (!scan || !scan->question.flying || !takes_line(engine))
+	if (!scan || !scan->question.flying || exchange_overlaps(engine))
 		return;
 	question = &scan->question;
 	for (size_t i = 0; i < length; i++) {
@@ -616,7 +508,7 @@ void scan_receive(struct db_engine *engine, const uint8_t *bytes, size_t length,
 
 void scan_count_garbage(struct db_engine *engine, size_t length)
 {
-	if (engine->scan && engine->scan->question.flying && takes_line(engine))
+	if (engine->scan && engine->scan->question.flying && !exchange_overlaps(engine))
 		engine->scan->question.garbage += length;
 }
 
@@ -631,7 +523,7 @@ bool scan_receive_frame(struct db_engine *engine, enum db_frame kind, const uint
 		return false;
 	question = &scan->question;
 	outcome = &question->outcome;
-	if (kind == DB_FRAME_BAD && takes_line(engine)) {
+	if (kind == DB_FRAME_BAD && !exchange_overlaps(engine)) {
 		question->garbage += length;
 		return true;
 	}
@@ -652,7 +544,7 @@ bool scan_receive_frame(struct db_engine *engine, enum db_frame kind, const uint
 	default:
 		break;
 	}
-	question->received += takes_line(engine) ? 0 : length;
+	question->received += !exchange_overlaps(engine) ? 0 : length;
 	question->received_at = now;
 	return true;
 }

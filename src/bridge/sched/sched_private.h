@@ -369,10 +369,6 @@ static inline bool node_is_lively(const struct node *node, db_time now)
 /* The current poll has ended, answered or not. */
 void node_end_poll(struct node *node, bool answered, db_time now);
 
-/* True if one of its drives was sent a stop while the node was out of step, and is asked about
- * it. */
-bool node_was_sent_blind_stop(const struct node *node);
-
 /* When it can receive the next request, as far as known. In the past: now. */
 static inline db_time node_may_be_asked_at(const struct node *node)
 {
@@ -567,13 +563,12 @@ static inline db_time exchange_may_begin_at(const struct db_engine *engine, bool
 	               engine->wire_free - EXCHANGE_AHEAD;
 }
 
-/* Reserves the line until then for a frame to all drives. */
-void exchange_reserve_for_all(struct db_engine *engine, db_time until, db_time now);
+/* Reserves the line until then for an exchange, or with LANE_COMMAND and no station (null) for a frame
+ * to all drives. */
+void exchange_reserve(struct db_engine *engine, struct station *station, enum lane_kind kind,
+                      db_time until, db_time now);
 /* Sends the exchange for which the line was reserved. */
 bool exchange_send_reserved(struct db_engine *engine, db_time now);
-/* True if the line is reserved for this station. */
-bool exchange_is_reserved(const struct db_engine *engine, const struct station *station);
-
 /* True if its stop is prepared and no waiting stop can be sent yet. */
 bool exchange_stop_waits(const struct db_engine *engine, const struct station *station,
                          db_time now);
@@ -628,12 +623,6 @@ bool exchange_is_too_long(const struct db_engine *engine, const struct db_exchan
 bool gaps_answered(struct db_engine *engine, struct node *node, db_time now);
 /* The node's exchange was lost; call before the exchange is forgotten. */
 void gaps_lost(struct db_engine *engine, struct node *node, db_time now);
-/* An exchange counted as lost was only answered late. */
-void gaps_answered_late(struct db_engine *engine, struct node *node);
-/* A good frame was received from this address. `node` is null when no drive is configured there;
- * -1: the frame does not contain an address. */
-void gaps_frame_received(struct db_engine *engine, struct node *node, int address, db_time now);
-
 /* The node has answered: no request is sent until the other drives can receive, or, where the node
  * is to prove itself, until this one can. */
 void gaps_keep_silence(struct db_engine *engine, struct node *node, bool proves, db_time now);

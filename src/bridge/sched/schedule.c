@@ -80,7 +80,8 @@ static bool begin_queued(struct db_engine *engine, size_t index, db_time now)
 	    DB_STEP_SEND) {
 		if (!common_start_holds(station) && !refuse_long(engine, station, now))
 			exchange_send_in_step(engine, station, LANE_COMMAND, now);
-		return is_flying(station->node) || exchange_is_reserved(engine, station);
+		return is_flying(station->node) ||
+		       (engine->reserved.until != 0 && engine->reserved.station == station);
 	}
 	station->lanes[LANE_COMMAND].active = true;
 	station_finish_command(station, result, now);
@@ -502,8 +503,7 @@ static void find_work(struct db_engine *engine, struct agenda *agenda, db_time n
 		waiting |= DB_SHARE_BIT(DB_SHARE_PARAMETERS);
 	agenda->lost = all_online ? NULL : find_probe(engine, false, now);
 	/* A scan's question uses all the time that a cycle leaves, if any. */
-	if (agenda->lost ||
-	    (scan_is_under_way(engine) && (engine->round_overran || (waiting & STATUS) == 0)))
+	if (agenda->lost || (engine->scan && (engine->round_overran || (waiting & STATUS) == 0)))
 		waiting |= DB_SHARE_BIT(DB_SHARE_BACKGROUND);
 	agenda->waiting = waiting;
 }

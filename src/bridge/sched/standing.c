@@ -155,12 +155,6 @@ void standing_stop_sent(struct standing *standing, bool trusted, db_time round_t
 		standing->send_at = now + (pace > share ? pace : share);
 }
 
-void standing_interrupt_sent(struct standing *standing)
-{
-	standing->interrupted = true;
-	standing->count++;
-}
-
 void standing_stop_answered(struct standing *standing, enum db_command command, bool taken,
                             bool acknowledged, db_time now)
 {

@@ -114,9 +114,6 @@ enum db_command standing_next(const struct standing *standing);
 /* A stop was sent. `trusted`: its answer will prove something; otherwise it is repeated as soon as
  * an answer would. `round_trip`: duration of the drive's latest exchange. */
 void standing_stop_sent(struct standing *standing, bool trusted, db_time round_trip, db_time now);
-/* A stop was sent while the drive owes an answer to another request. The regular stop is still to
- * be sent. */
-void standing_interrupt_sent(struct standing *standing);
 /* The conversation of the stop has ended; `taken`: the drive accepted it. `acknowledged`: by its
  * own answer. */
 void standing_stop_answered(struct standing *standing, enum db_command command, bool taken,

@@ -99,7 +99,7 @@ static bool try_interrupt(struct db_engine *engine, db_time now)
 		return false;
 	for (size_t i = 0; i < engine->station_count; i++) {
 		struct station *station = engine->stations[i];
-		const struct standing *standing = &station->standing;
+		struct standing *standing = &station->standing;
 		struct db_exchange exchange = { .request = request,
 			                        .request_size = sizeof request };
 
@@ -107,7 +107,9 @@ static bool try_interrupt(struct db_engine *engine, db_time now)
 		    standing->interrupted || !is_flying(station->node) ||
 		    !engine->driver->interrupt(station->device, standing_next(standing), &exchange))
 			continue;
-		standing_interrupt_sent(&station->standing);
+		/* The regular stop is still to be sent. */
+		standing->interrupted = true;
+		standing->count++;
 		exchange_count_unanswered(engine, &exchange, now);
 		(void)engine_send(engine, request, exchange.request_length, DB_TRACE_STOP);
 		sent = true;

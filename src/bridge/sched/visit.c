@@ -152,11 +152,6 @@ void visit_add_outcome(struct visit *visit, const struct db_inquiry *inquiry,
 	}
 }
 
-void visit_ask_standing_again(struct visit *visit)
-{
-	visit->standings = visit->standing_tries = 0;
-}
-
 bool visit_end(struct visit *visit)
 {
 	if (!is_heard(visit))

@@ -19,6 +19,8 @@ struct visit {
 	unsigned unanswered;
 	unsigned unidentified; /* ... and for the identity, before the first answer */
 	bool identified;
+	/* number of axes that stand, and of questions to the next one; both begin again when
+	 * something was sent that may have started a motion */
 	unsigned standings;
 	unsigned standing_tries;
 	bool set_up_sent; /* the setting was sent to the drive */
@@ -44,9 +46,6 @@ bool visit_next(const struct visit *visit, struct db_inquiry *inquiry);
 /* The result, or null if the family has no such question. */
 void visit_add_outcome(struct visit *visit, const struct db_inquiry *inquiry,
                        const struct visit_outcome *outcome);
-
-/* Since it was asked whether it stands, something was sent that may have started a motion. */
-void visit_ask_standing_again(struct visit *visit);
 
 /* True if a drive answered. The find is complete then. */
 bool visit_end(struct visit *visit);

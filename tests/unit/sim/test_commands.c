@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Configuration file, real ptys, and the control commands on top of them. */
 #include "sim/commands.h"
+#include "sim/vsmd_mechanics.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -191,7 +192,7 @@ static void commands_reach_the_drive(void **state)
 	assert_non_null(strstr(ask(b, "get b"), "unheard=1"));
 	assert_string_equal(ask(b, "power d on"), "ok\n");
 	assert_string_equal(ask(b, "identity d VSMD999 new"), "ok\n");
-	assert_string_equal(sim_vsmd_state(b->world.nodes[0].drive).identity, "VSMD999 new");
+	assert_string_equal(b->world.nodes[0].drive->identity, "VSMD999 new");
 	assert_string_equal(ask(b, "address d 5"), "ok\n");
 	host_sends(b, "4 sts\n");
 	assert_non_null(strstr(ask(b, "get d"), "heard=2 replies=2"));
@@ -203,7 +204,7 @@ static void commands_reach_the_drive(void **state)
 	assert_string_equal(ask(b, "fault b none"), "ok\n");
 	assert_string_equal(ask(b, "flash d fail"), "ok\n");
 	host_sends(b, "4 sav\n");
-	assert_int_equal(sim_vsmd_count(b->world.nodes[0].drive, VSMD_SAV), 1);
+	assert_int_equal(b->world.nodes[0].drive->counts[VSMD_SAV], 1);
 	assert_non_null(strstr(ask(b, "get d"), "status=0x000005b3"));
 	assert_non_null(strstr(ask(b, "list"), "drive d 4\nok\n"));
 }

@@ -3,6 +3,7 @@
 
 #include "codec/vsmd_serial_frames.h"
 #include "sim/vsmd_drive.h"
+#include "sim/vsmd_mechanics.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -125,13 +126,13 @@ static void broadcast_and_strangers_get_no_reply(void **state)
 
 	talk(b, "0 ena\n");
 	assert_int_equal(b->length, 0);
-	assert_int_equal(sim_vsmd_count(b->nodes[0].drive, VSMD_ENA), 1);
-	assert_int_equal(sim_vsmd_count(b->nodes[1].drive, VSMD_ENA), 1);
+	assert_int_equal(b->nodes[0].drive->counts[VSMD_ENA], 1);
+	assert_int_equal(b->nodes[1].drive->counts[VSMD_ENA], 1);
 	talk(b, "3 sts\n");
 	talk(b, "sts\n");
 	talk(b, "\n");
 	assert_int_equal(b->length, 0);
-	assert_int_equal(sim_serial_bus_stats(b->bus)->foreign, 3);
+	assert_int_equal(b->bus->stats.foreign, 3);
 }
 
 static void nonsense_is_answered_with_cmd_wrg(void **state)
@@ -189,10 +190,10 @@ static void lost_requests_and_replies(void **state)
 
 	talk(b, "1 ena\n");
 	set_fault(b, "drop 2");
-	before = sim_vsmd_count(b->nodes[0].drive, VSMD_RMV);
+	before = b->nodes[0].drive->counts[VSMD_RMV];
 	talk(b, "1 rmv 10\n");
 	assert_int_equal(b->length, 0);
-	assert_int_equal(sim_vsmd_count(b->nodes[0].drive, VSMD_RMV), before + 1);
+	assert_int_equal(b->nodes[0].drive->counts[VSMD_RMV], before + 1);
 	talk(b, "1 sts\n");
 	assert_int_equal(b->length, 0);
 	talk(b, "1 sts\n");
@@ -200,7 +201,7 @@ static void lost_requests_and_replies(void **state)
 	set_fault(b, "lose-request 1");
 	talk(b, "1 rmv 10\n");
 	assert_int_equal(b->length, 0);
-	assert_int_equal(sim_vsmd_count(b->nodes[0].drive, VSMD_RMV), before + 1);
+	assert_int_equal(b->nodes[0].drive->counts[VSMD_RMV], before + 1);
 	set_fault(b, "silence on");
 	talk(b, "1 sts\n");
 	assert_int_equal(b->length, 0);

@@ -146,7 +146,7 @@ static void broadcasts_are_obeyed_in_silence(void **state)
 	hear(&alone, 0x020, BYTES(0, 10));
 	assert_true(sim_servo_state(alone.drive).enabled);
 	hear(&alone, 0x01F, 0, NULL);
-	assert_int_equal(sim_servo_count(alone.drive, SERVO_CAN_SYNC), 1);
+	assert_int_equal(alone.drive->counts[SERVO_CAN_SYNC], 1);
 	assert_false(sim_servo_node_send(&alone.node, alone.now + LATENCY, &frame));
 	sim_servo_free(alone.drive);
 }

@@ -357,7 +357,8 @@ static void faults_take_the_power(void **state)
 
 	(void)state;
 	sim_servo_set_faults(b.drive, SERVO_CAN_FAULT_OVERCURRENT, b.now);
-	sim_servo_set_health(b.drive, 1, 2);
+	b.drive->voltage = 1;
+	b.drive->temperature = 2;
 	wait(&b, 1000 * MS);
 	assert_false(sim_servo_state(b.drive).enabled);
 	do
@@ -524,8 +525,9 @@ static void reads_tell_inputs(void **state)
 	struct servo_can_message message = { .kind = SERVO_CAN_READ, .node = 1 };
 
 	(void)state;
-	sim_servo_set_inputs(b.drive, 0xA5, 1234);
-	sim_servo_force_status(b.drive, SERVO_CAN_ST_WARNING);
+	b.drive->inputs = 0xA5;
+	b.drive->analogue = 1234;
+	b.drive->forced = SERVO_CAN_ST_WARNING;
 	assert_int_not_equal(bits(&b) & SERVO_CAN_ST_WARNING, 0);
 	assert_int_equal(b.replies[0].u.status.inputs, 0xA5);
 	message.u.selector = 7;
@@ -535,7 +537,7 @@ static void reads_tell_inputs(void **state)
 	message.u.selector = 0;
 	tell(&b, message);
 	assert_int_equal(b.count, 3);
-	assert_int_equal(sim_servo_count(b.drive, SERVO_CAN_READ), 3);
+	assert_int_equal(b.drive->counts[SERVO_CAN_READ], 3);
 	sim_servo_free(b.drive);
 }
 

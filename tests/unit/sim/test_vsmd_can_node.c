@@ -3,6 +3,7 @@
 
 #include "sim/node.h"
 #include "sim/vsmd_drive.h"
+#include "sim/vsmd_mechanics.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -110,12 +111,12 @@ static struct vsmd_status status_of(struct bench *b)
 
 static uint32_t refusals(const struct bench *b)
 {
-	return sim_vsmd_state(b->node.drive).refusals;
+	return b->node.drive->refusals;
 }
 
 static uint32_t count(const struct bench *b, enum vsmd_verb verb)
 {
-	return sim_vsmd_count(b->node.drive, verb);
+	return b->node.drive->counts[verb];
 }
 
 /* --- reading --------------------------------------------------------------------------------------- */
@@ -335,7 +336,7 @@ static void mcs_is_written_and_nothing_switched_off(void **state)
 	struct bench *b = *state;
 
 	hear(b, "00080302#00000004");
-	assert_int_equal(sim_vsmd_params(b->node.drive)[VSMD_MCS].u, 4);
+	assert_int_equal(b->node.drive->params[VSMD_MCS].u, 4);
 	assert_int_equal(count(b, VSMD_OFF), 0);
 	hear(b, "0008039F#0201");
 	assert_string_equal(next(b), "00080282#00000004");
@@ -346,8 +347,8 @@ static void two_registers_in_one_frame(void **state)
 	struct bench *b = *state;
 
 	hear(b, "00080304#4640000046800000");
-	assert_true(sim_vsmd_params(b->node.drive)[VSMD_ACC].f == 12288.0f);
-	assert_true(sim_vsmd_params(b->node.drive)[VSMD_DEC].f == 16384.0f);
+	assert_true(b->node.drive->params[VSMD_ACC].f == 12288.0f);
+	assert_true(b->node.drive->params[VSMD_DEC].f == 16384.0f);
 	hear(b, "0008039F#0402");
 	assert_string_equal(next(b), "00080284#4640000046800000");
 }
@@ -355,7 +356,7 @@ static void two_registers_in_one_frame(void **state)
 static void a_packed_register_holds_them_all(void **state)
 {
 	struct bench *b = *state;
-	const union db_value *params = sim_vsmd_params(b->node.drive);
+	const union db_value *params = b->node.drive->params;
 
 	hear(b, "00080309#03020004");
 	assert_int_equal(params[VSMD_S1F].u, 3);
@@ -457,7 +458,7 @@ static void standard_frames(void **state)
 	hear(b, "0E6#0000012C");
 	assert_int_equal(count(b, VSMD_POS), 1);
 	hear(b, "0C2#00000004");
-	assert_int_equal(sim_vsmd_params(b->node.drive)[VSMD_MCS].u, 4);
+	assert_int_equal(b->node.drive->params[VSMD_MCS].u, 4);
 	hear(b, "0FF#0201");
 	assert_string_equal(next(b), "0A2#00000004");
 	/* To all; to another; of the other kind. */

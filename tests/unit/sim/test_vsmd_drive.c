@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/vsmd_drive.h"
+#include "sim/vsmd_mechanics.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -88,7 +89,7 @@ static void moves_and_counts(void **state)
 	assert_true(send(&b, "rmv -300")); /* relative to where it is now: not added up */
 	wait_seconds(&b, 2);
 	assert_int_equal(status(&b).position, 700);
-	assert_int_equal(sim_vsmd_count(b.drive, VSMD_RMV), 2);
+	assert_int_equal(b.drive->counts[VSMD_RMV], 2);
 	sim_vsmd_free(b.drive);
 }
 
@@ -107,7 +108,7 @@ static void refuses_and_forgives(void **state)
 	assert_false(send(&b, "cfg spd=192001"));
 	assert_false(send(&b, "cfg cra=2.6"));
 	assert_false(send(&b, "cfg acc=1 emod=1")); /* open loop; and then acc stays too */
-	assert_true(sim_vsmd_params(b.drive)[VSMD_ACC].f == 24000.0f);
+	assert_true(b.drive->params[VSMD_ACC].f == 24000.0f);
 	assert_false(send(&b, "s3 on"));    /* an input */
 	assert_false(send(&b, "cfg s1=1")); /* 025T: ports 3 to 6 only */
 	assert_true(send(&b, "cfg s3=1"));
@@ -200,7 +201,7 @@ static void check_homing(uint32_t mode, int32_t rest, uint32_t negative_limit)
 	wait_seconds(&b, 30);
 	assert_true(bit(&b, VSMD_ST_ZERO) && bit(&b, VSMD_ST_STP) && bit(&b, VSMD_ST_ACT));
 	assert_int_equal(status(&b).position, rest);
-	assert_in_range(sim_vsmd_shaft(b.drive) - rest, 998, 1002);
+	assert_in_range(sim_mechanics_shaft(b.drive) - rest, 998, 1002);
 
 	/* Not again before zero stop; afterwards from inside the sensor too. */
 	send(&b, "pos -500");
@@ -211,7 +212,7 @@ static void check_homing(uint32_t mode, int32_t rest, uint32_t negative_limit)
 	assert_true(send(&b, "zero start") && !bit(&b, VSMD_ST_STP));
 	wait_seconds(&b, 30);
 	assert_true(bit(&b, VSMD_ST_ZERO));
-	assert_in_range(sim_vsmd_shaft(b.drive) - rest, 998, 1002);
+	assert_in_range(sim_mechanics_shaft(b.drive) - rest, 998, 1002);
 	sim_vsmd_free(b.drive);
 }
 
@@ -260,13 +261,13 @@ static void homing_by_encoder(void **state)
 	wait_seconds(&b, 10);
 	assert_true(bit(&b, VSMD_ST_ZERO) && !bit(&b, VSMD_ST_ENC_ERR));
 	assert_int_equal(status(&b).position, 0);
-	assert_in_range(-sim_vsmd_shaft(b.drive), 3000, 3000);
+	assert_in_range(-sim_mechanics_shaft(b.drive), 3000, 3000);
 
 	assert_true(send(&b, "cfg zmd=7 zsd=1600") && send(&b, "zero stop") &&
 	            send(&b, "zero start"));
 	wait_seconds(&b, 20);
 	assert_true(bit(&b, VSMD_ST_ZERO));
-	assert_in_range(sim_vsmd_shaft(b.drive) + 1, 1, 1); /* a whole turn: 200 steps of 32 */
+	assert_in_range(sim_mechanics_shaft(b.drive) + 1, 1, 1); /* a whole turn: 200 steps of 32 */
 	sim_vsmd_free(b.drive);
 }
 
@@ -291,7 +292,7 @@ static void sensor_events_act(void **state)
 	wait_seconds(&b, 5);
 	assert_true(bit(&b, VSMD_ST_STP) && bit(&b, VSMD_ST_ORG) && !bit(&b, VSMD_ST_S5));
 	assert_int_equal(status(&b).position, 0);
-	assert_true(sim_vsmd_shaft(b.drive) < 1999.0);
+	assert_true(sim_mechanics_shaft(b.drive) < 1999.0);
 
 	assert_true(send(&b, "cfg s4r=6 s4f=2 s3r=8 s3f=9"));
 	sim_vsmd_force_sensor(b.drive, 4, 1, b.now);
@@ -341,7 +342,7 @@ static void blocked_motor(void **state)
 	send(&open, "pos 500");
 	wait_seconds(&open, 5);
 	assert_int_equal(status(&open).position, 500); /* it does not know */
-	assert_in_range(sim_vsmd_shaft(open.drive) + 1, 1, 1);
+	assert_in_range(sim_mechanics_shaft(open.drive) + 1, 1, 1);
 	sim_vsmd_free(open.drive);
 
 	closed.config.closed_loop = true;
@@ -373,22 +374,22 @@ static void flash_outlives_power(void **state)
 	b.config.flash_path = path;
 	power_on(&b);
 	assert_true(send(&b, "cfg spd=777.5 cid=7 pae=1"));
-	assert_int_equal(sim_vsmd_state(b.drive).address, 1);
+	assert_int_equal(b.drive->address, 1);
 	sim_vsmd_power(b.drive, false, b.now);
 	sim_vsmd_power(b.drive, true, b.now);
-	assert_true(sim_vsmd_params(b.drive)[VSMD_SPD].f == 6400.0f); /* not saved */
+	assert_true(b.drive->params[VSMD_SPD].f == 6400.0f); /* not saved */
 
 	assert_true(send(&b, "cfg spd=777.5 cid=7 pae=1"));
-	sim_vsmd_fail_flash(b.drive, true);
+	b.drive->flash_fails = true;
 	assert_true(send(&b, "sav") && bit(&b, VSMD_ST_FLASH_ERR));
-	sim_vsmd_fail_flash(b.drive, false);
+	b.drive->flash_fails = false;
 	assert_true(send(&b, "sav") && !bit(&b, VSMD_ST_FLASH_ERR));
-	assert_int_equal(sim_vsmd_state(b.drive).address, 1); /* until the next power-up */
+	assert_int_equal(b.drive->address, 1); /* until the next power-up */
 	sim_vsmd_free(b.drive);
 
 	power_on(&b); /* a new process */
-	assert_int_equal(sim_vsmd_state(b.drive).address, 7);
-	assert_true(sim_vsmd_params(b.drive)[VSMD_SPD].f == 777.5f);
+	assert_int_equal(b.drive->address, 7);
+	assert_true(b.drive->params[VSMD_SPD].f == 777.5f);
 	assert_true(bit(&b, VSMD_ST_PWR) && !bit(&b, VSMD_ST_HS));
 	sim_vsmd_free(b.drive);
 	assert_int_equal(unlink(path), 0);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A simulated VSMD drive is what its temperament says, at the times it says. */
 #include "sim/vsmd_drive.h"
+#include "sim/vsmd_mechanics.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -146,15 +147,14 @@ static void values_and_levels(void **state)
 	struct vsmd_setting settings[] = { { VSMD_CRN, { .f = 9.0f } }, { VSMD_EZ, { .u = 7 } } };
 	struct bench b = make(
 		(struct sim_vsmd_temper){ .clamps = true, .rests_off = 1, .hides_outputs = true });
-	uint32_t ez = sim_vsmd_params(b.drive)[VSMD_EZ].u;
+	uint32_t ez = b.drive->params[VSMD_EZ].u;
 
 	(void)state;
 	say(&b, (struct vsmd_command){
 			.verb = VSMD_CFG_WRITE, .settings = settings, .setting_count = 2 });
 	assert_false(shows(&b, VSMD_ST_CMD_WRG));
-	assert_true(sim_vsmd_params(b.drive)[VSMD_CRN].f > 2.4f &&
-	            sim_vsmd_params(b.drive)[VSMD_CRN].f < 2.6f);
-	assert_int_equal(sim_vsmd_params(b.drive)[VSMD_EZ].u, ez);
+	assert_true(b.drive->params[VSMD_CRN].f > 2.4f && b.drive->params[VSMD_CRN].f < 2.6f);
+	assert_int_equal(b.drive->params[VSMD_EZ].u, ez);
 	say(&b, (struct vsmd_command){ .verb = VSMD_ORG, .has_value = true, .position = 10 });
 	assert_int_equal(told(&b).position, 11);
 	say(&b, (struct vsmd_command){ .verb = VSMD_SENSOR_OUT, .port = 5, .value = 1 });

@@ -156,7 +156,7 @@ static void only_the_one_that_is_meant_answers(void **state)
 	assert_int_equal(b->nodes[0].received, 0);
 	ask(b, &nobody);
 	assert_int_equal(b->length, 0);
-	assert_int_equal(sim_serial_bus_stats(b->bus)->foreign, 1);
+	assert_int_equal(b->bus->stats.foreign, 1);
 	assert_string_equal(b->nodes[1].log[0].line, "5A A5 0A AC 01 02 AC AC 07");
 }
 
@@ -205,7 +205,7 @@ static void half_a_request_is_forgotten(void **state)
 	assert_int_equal(b->length, 0);
 	b->now += SECOND;
 	assert_int_equal(reply_to(b, &online).kind, XYZA_REPLY_DONE);
-	assert_int_equal(sim_serial_bus_stats(b->bus)->missed, 1);
+	assert_int_equal(b->bus->stats.missed, 1);
 }
 
 /* --- faults --------------------------------------------------------------------------------------- */
@@ -321,7 +321,7 @@ static void silence_and_no_power_are_silent(void **state)
 	assert_int_equal(b->length, 0);
 	sim_xyza_power(b->nodes[0].xyza, true, b->now);
 	assert_int_equal(reply_to(b, &online).kind, XYZA_REPLY_DONE);
-	assert_int_equal(sim_serial_bus_stats(b->bus)->missed, 2);
+	assert_int_equal(b->bus->stats.missed, 2);
 }
 
 static void two_of_one_number_are_not_understood(void **state)
@@ -467,10 +467,10 @@ static void the_file_says_what_a_controller_is_like(void **state)
 	struct sim_bench *b = *state;
 	const struct sim_xyza *xyza = b->world.nodes[0].xyza;
 
-	assert_int_equal(sim_xyza_number(xyza), 40);
-	assert_true(sim_xyza_style(xyza)->answer_mark_0a);
-	assert_true(sim_xyza_style(xyza)->failure_bb);
-	assert_false(sim_xyza_style(xyza)->echo_a4);
+	assert_int_equal(sim_xyza_content(xyza, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 40);
+	assert_true(xyza->config.style.answer_mark_0a);
+	assert_true(xyza->config.style.failure_bb);
+	assert_false(xyza->config.style.echo_a4);
 	assert_int_equal(sim_xyza_content(xyza, XYZA_ITEM_LEAD, XYZA_X), 5000);
 	assert_int_equal(sim_xyza_content(xyza, XYZA_ITEM_LEAD, XYZA_Y), 2000);
 	assert_int_equal(sim_xyza_content(xyza, XYZA_ITEM_MICROSTEP, XYZA_A), 8);

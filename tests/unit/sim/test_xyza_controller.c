@@ -189,7 +189,7 @@ static void one_axis_moves_at_a_time(void **state)
 	assert_done(b, (struct xyza_request){ .verb = XYZA_MANUAL_STOP });
 	jog(b, XYZA_Y, false);
 	assert_int_equal(sim_xyza_state(b->controller).failures, 1);
-	assert_int_equal(sim_xyza_count(b->controller, XYZA_MANUAL_JOG), 3);
+	assert_int_equal(b->controller->counts[XYZA_MANUAL_JOG], 3);
 }
 
 static void a_new_manual_speed_holds_from_the_next_jog(void **state)
@@ -442,10 +442,10 @@ static void the_slave_number_changes_at_once(void **state)
 
 	write_item(b, XYZA_ITEM_SLAVE_NUMBER, XYZA_X, 6);
 	/* The answer still came from the old one: xyza_fits() has checked that. */
-	assert_int_equal(sim_xyza_number(b->controller), 6);
+	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 6);
 	sim_xyza_power(b->controller, false, b->now);
 	sim_xyza_power(b->controller, true, b->now);
-	assert_int_equal(sim_xyza_number(b->controller), 6);
+	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 6);
 }
 
 static void without_power_positions_go_and_parameters_stay(void **state)
@@ -521,13 +521,13 @@ static void memory_outlives_the_process(void **state)
 	make(b);
 	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_LEAD, XYZA_A), 4294967295u);
 	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_LEAD, XYZA_Z), 5000);
-	assert_int_equal(sim_xyza_number(b->controller), 9);
+	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 9);
 	file = fopen(path, "w"); /* half of it is none either */
 	assert_non_null(file);
 	assert_true(fputs("1 2 3", file) >= 0);
 	assert_int_equal(fclose(file), 0);
 	make(b);
-	assert_int_equal(sim_xyza_number(b->controller), NUMBER);
+	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), NUMBER);
 	(void)unlink(path);
 	b->config.flash_path = "/nowhere/memory"; /* what cannot be kept fails */
 	make(b);

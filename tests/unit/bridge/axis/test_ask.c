@@ -769,19 +769,19 @@ static void the_largest_velocity_is_told(void **state)
 	struct db_commander_config config;
 
 	FAKE(false);
-	assert_true(isnan(db_commander_max_velocity(fake.commander)));
+	assert_true(isnan(db_commander_allowed(fake.commander).max_velocity));
 	fake.drive.max_velocity = 20.0;
-	assert_true(fabs(db_commander_max_velocity(fake.commander) - 200.0) < 1e-9);
+	assert_true(fabs(db_commander_allowed(fake.commander).max_velocity - 200.0) < 1e-9);
 	/* A drive that is yet to report its scale. */
 	telling = driver;
 	telling.scale_unit = "mm";
 	config = config_of(&fake);
 	config.driver = &telling;
 	remake(&fake, &config);
-	assert_true(isnan(db_commander_max_velocity(fake.commander)));
+	assert_true(isnan(db_commander_allowed(fake.commander).max_velocity));
 	snapshot.feedback.counts_per_unit = 640.0f;
 	db_axis_publish(fake.axis, &snapshot);
-	assert_true(fabs(db_commander_max_velocity(fake.commander) - 20.0 * 640.0) < 1e-9);
+	assert_true(fabs(db_commander_allowed(fake.commander).max_velocity - 20.0 * 640.0) < 1e-9);
 	drop(&fake);
 }
 

@@ -39,7 +39,7 @@ static void expect(enum db_command command, db_time delay, bool proven,
 	struct db_follow follow;
 	db_time begun = 1000 * MS;
 
-	assert_true(db_follow_applies(command));
+	assert_int_not_equal(db_motion_of(command), DB_MOTION_NONE);
 	begin(&follow, command, &args, proven, begun);
 	for (size_t i = 0; i < count; i++) {
 		db_time now = begun + samples[i].ms * MS;
@@ -119,7 +119,7 @@ static void what_goes_on_for_ever_and_stands_has_failed(void **state)
 
 	(void)state;
 	for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
-		assert_false(db_follow_has_end(commands[i]));
+		assert_int_equal(db_motion_of(commands[i]), DB_MOTION_ENDLESS);
 		/* A moment between two directions is no end, nor is a drive that is not there. */
 		EXPECT(commands[i], 0, { 10, STANDS, PENDING }, { 20, RUNS, PENDING },
 		       { 30, STANDS, PENDING }, { 130, RUNS, PENDING },
@@ -137,7 +137,7 @@ static void what_goes_on_for_ever_and_stands_has_failed(void **state)
 		       { 20, .state = DB_AXIS_CONTINUOUS_MOTION, PENDING },
 		       { 5000, .state = DB_AXIS_CONTINUOUS_MOTION, PENDING });
 	}
-	assert_false(db_follow_applies(DB_CMD_MOVE_CURRENT));
+	assert_int_equal(db_motion_of(DB_CMD_MOVE_CURRENT), DB_MOTION_NONE);
 }
 
 static void what_was_taken_without_proof_and_never_begins_has_failed(void **state)
@@ -192,7 +192,7 @@ static void homing_may_end_late(void **state)
 	feedback.status = DB_STATUS_ONLINE;
 	begin(&follow, DB_CMD_HOME, NULL, true, MS);
 	assert_int_equal(db_follow_check(&follow, &config, &feedback, 10 * MS), DB_RESULT_FAILED);
-	db_follow_end(&follow);
+	follow.active = follow.late = false;
 	feedback.status |= DB_STATUS_HOMED;
 	assert_false(db_follow_is_late(&follow, &feedback));
 	feedback.state = DB_AXIS_ERROR_STOP;
@@ -204,8 +204,8 @@ static void homing_may_end_late(void **state)
 static void a_program_ends_when_it_is_idle(void **state)
 {
 	(void)state;
-	assert_true(db_follow_has_end(DB_CMD_START_PROGRAM));
-	assert_true(db_follow_has_end(DB_CMD_CONTINUE_PROGRAM));
+	assert_true(db_motion_of(DB_CMD_START_PROGRAM) > DB_MOTION_ENDLESS);
+	assert_true(db_motion_of(DB_CMD_CONTINUE_PROGRAM) > DB_MOTION_ENDLESS);
 	/* It may stand for long, on an axis without power of its own. */
 	EXPECT(DB_CMD_START_PROGRAM, 0, { 10, .program_state = 1, RUNS, PENDING },
 	       { 900, .program_state = 1, .state = DB_AXIS_DISABLED, PENDING },

@@ -42,7 +42,7 @@ static void a_limit_itself_is_permitted(void **state)
 	assert_int_equal(db_limits_acceleration(&DRIVE, 400.5, &UNTOLD), DB_LIMIT_MAX_ACCELERATION);
 	assert_int_equal(db_limits_acceleration(&DRIVE, -400.5, &UNTOLD),
 	                 DB_LIMIT_MAX_ACCELERATION);
-	assert_true(fabs(db_limits_max_velocity(&DRIVE, &UNTOLD) - 200.0) < 1e-9);
+	assert_true(fabs(db_limits_allowed(&DRIVE, &UNTOLD).max_velocity - 200.0) < 1e-9);
 }
 
 static void what_the_drive_tells_counts(void **state)
@@ -57,7 +57,7 @@ static void what_the_drive_tells_counts(void **state)
 	assert_int_equal(db_limits_acceleration(&DRIVE, 25600.0, &facts), DB_LIMIT_NONE);
 	assert_int_equal(db_limits_acceleration(&DRIVE, 25601.0, &facts),
 	                 DB_LIMIT_MAX_ACCELERATION);
-	assert_true(fabs(db_limits_max_velocity(&DRIVE, &facts) - 6400.0) < 1e-9);
+	assert_true(fabs(db_limits_allowed(&DRIVE, &facts).max_velocity - 6400.0) < 1e-9);
 }
 
 /* While its scale is not known, whatever is limited is refused, and nothing else. */
@@ -71,7 +71,7 @@ static void an_unknown_scale_breaks_what_is_limited(void **state)
 	assert_int_equal(db_limits_command(&drive, DB_CMD_MOVE_VELOCITY, &args, &facts),
 	                 DB_LIMIT_MAX_VELOCITY);
 	assert_int_equal(db_limits_acceleration(&drive, 1.0, &facts), DB_LIMIT_MAX_ACCELERATION);
-	assert_true(isnan(db_limits_max_velocity(&drive, &facts)));
+	assert_true(isnan(db_limits_allowed(&drive, &facts).max_velocity));
 	drive.max_velocity = NAN;
 	assert_int_equal(db_limits_command(&drive, DB_CMD_MOVE_VELOCITY, &args, &facts),
 	                 DB_LIMIT_MIN_POSITION);

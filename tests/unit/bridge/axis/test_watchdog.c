@@ -105,7 +105,7 @@ static void only_sessions_may_leave_it(void **state)
 	command(&watchdog, session);
 	db_watchdog_forget(&watchdog, session);
 	assert_true(db_watchdog_is_deserted(&watchdog));
-	db_watchdog_disarm(&watchdog);
+	watchdog.armed = false;
 	assert_false(db_watchdog_trip(&watchdog, 9000 * MS));
 	assert_false(watchdog.latched);
 }
@@ -169,12 +169,12 @@ static void who_commands_is_known_by_its_address_when_it_writes(void **state)
 
 	(void)state;
 	db_watchdog_init(&watchdog, 500, DB_FEED_COMMANDERS);
-	assert_false(db_watchdog_is_commanded(&watchdog));
+	assert_false(db_watchdog_is_commanded_by(&watchdog, NULL));
 	db_watchdog_arm(&watchdog, 0);
 	command(&watchdog, 1);
 	db_watchdog_forget(&watchdog, 1);
 	again.id = 50;
-	assert_true(db_watchdog_is_commanded(&watchdog));
+	assert_true(db_watchdog_is_commanded_by(&watchdog, NULL));
 	assert_true(db_watchdog_is_commanded_by(&watchdog, &again));
 	assert_false(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, &again, 100 * MS));
 	assert_true(db_watchdog_feed(&watchdog, DB_FEED_WRITES, &again, 200 * MS));
@@ -182,9 +182,9 @@ static void who_commands_is_known_by_its_address_when_it_writes(void **state)
 	assert_true(db_watchdog_feed(&watchdog, DB_FEED_REQUESTS, &again, 300 * MS));
 	assert_int_equal(db_watchdog_deadline(&watchdog), 800 * MS);
 	/* Armed anew, nobody does. */
-	db_watchdog_disarm(&watchdog);
+	watchdog.armed = false;
 	db_watchdog_arm(&watchdog, 1000 * MS);
-	assert_false(db_watchdog_is_commanded(&watchdog));
+	assert_false(db_watchdog_is_commanded_by(&watchdog, NULL));
 	assert_false(db_watchdog_feed(&watchdog, DB_FEED_WRITES, &again, 1100 * MS));
 }
 

@@ -98,7 +98,7 @@ static struct db_scan_progress progress_of(const struct world *world)
 {
 	struct db_scan_progress progress;
 
-	scan_read(world->scan, &progress);
+	db_seqlock_read(&world->scan->sequence, world->scan->words, &progress, sizeof(progress));
 	return progress;
 }
 
@@ -113,15 +113,15 @@ static void finds_who_is_there_and_makes_no_cycle_late(void **state)
 	begin(&world, 8);
 	world.bus->dead[6] = true;
 	fake_pass(world.bus, 3000 * MS);
-	assert_true(scan_has_ended(world.scan));
+	assert_true(atomic_load(&world.scan->ended));
 	assert_int_equal(progress_of(&world).end, DB_SCAN_DONE);
 	assert_int_equal(progress_of(&world).asked, 8);
 	/* The made-up wire answers for every address. */
 	assert_int_equal(progress_of(&world).finds, 7);
-	assert_int_equal(scan_find(world.scan, 5)->address, 7);
-	assert_int_equal(scan_find(world.scan, 0)->address, 1);
-	assert_int_equal(scan_find(world.scan, 0)->verdict, DB_SCAN_ONE);
-	assert_int_equal(scan_find(world.scan, 0)->answered, 5);
+	assert_int_equal(world.scan->finds[5].address, 7);
+	assert_int_equal(world.scan->finds[0].address, 1);
+	assert_int_equal(world.scan->finds[0].verdict, DB_SCAN_ONE);
+	assert_int_equal(world.scan->finds[0].answered, 5);
 	assert_int_equal(fake_stats(world.bus).overruns, before.overruns);
 	assert_int_equal(fake_stats(world.bus).jitter_max_us, before.jitter_max_us);
 	close_world(&world);
@@ -213,7 +213,7 @@ static void is_ended_by_its_client_and_with_the_port(void **state)
 	open_world(&world, 20);
 	begin(&world, 12);
 	fake_pass(world.bus, 30 * MS);
-	scan_cancel(world.scan);
+	atomic_store(&world.scan->cancelled, true);
 	fake_pass(world.bus, 30 * MS);
 	assert_int_equal(progress_of(&world).end, DB_SCAN_CANCELLED);
 	scan_free(world.scan);
@@ -284,7 +284,7 @@ static void keeps_a_stop_for_a_drive_that_is_not_there(void **state)
 	fake_pass(world.bus, 100 * MS);
 	assert_true(db_engine_is_cleared(world.bus->engine));
 	db_engine_set_aside(world.bus->engine, world.bus->now);
-	scan_cancel(world.scan);
+	atomic_store(&world.scan->cancelled, true);
 	fake_pass(world.bus, 10 * MS);
 	assert_int_equal(progress_of(&world).end, DB_SCAN_CANCELLED);
 	assert_int_equal(fake_result(world.bus), DB_RESULT_NONE);
@@ -378,7 +378,7 @@ static void saves_nothing_before_it_is_read_that_all_drives_stand(void **state)
 		fake_pass(world.bus, MS / 10);
 	fake_pass(world.bus, 4 * MS);
 	assert_int_equal(count_inquiries(&world, DB_INQUIRY_SAVE), 0);
-	assert_false(scan_has_ended(world.scan));
+	assert_false(atomic_load(&world.scan->ended));
 	/* One that stands there holds nothing up. */
 	world.bus->obey = NULL;
 	fake_post(world.bus, 0, DB_CMD_STOP);
