@@ -81,10 +81,11 @@ struct db_health_query {
 	uint64_t since_us;              /* since 1970-01-01 UTC; 0: everything that is kept */
 	/* 60, 900 or 3600; 0: the finest that goes back as far */
 	uint32_t step_s;
+	bool rows; /* with "": of each drive a row of figures instead */
 };
 
 struct db_health_page {
-	char *values; /* members of a JSON array, to be freed; null: none */
+	char *values; /* members of a JSON array, with `rows` of an object; to be freed; null: none */
 	size_t length;
 	bool known; /* there are values of this drive */
 	uint32_t step_s;

@@ -8,6 +8,7 @@
 
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <time.h>
 
 /* Interval at which changes are checked. */
@@ -157,16 +158,30 @@ static void record(struct db_session *session, const struct db_alarm *alarm)
 				   });
 }
 
+/* A tool whose users have some of the drives says of which one the alarm is to be. */
+static bool is_of_drive(const struct db_health *health, uint64_t id, const char *drive)
+{
+	for (size_t i = 0; i < db_health_alarm_count(health); i++) {
+		const struct db_alarm *alarm = db_health_alarm(health, i);
+
+		if (alarm->id == id)
+			return alarm->kind == DB_ALARM_DRIVE && strcmp(alarm->name, drive) == 0;
+	}
+	return false;
+}
+
 void db_alarms_acknowledge_call(const struct db_call *call)
 {
 	struct db_session *session = call->session;
 	struct timespec now;
-	const struct db_alarm *alarm;
+	const struct db_alarm *alarm = NULL;
 	char by[DB_CLIENT_TEXT_MAX];
+	const char *drive = "";
 	bool fresh = false;
 	int64_t id;
 
-	if (!db_session_require_act(session) || !db_call_number(call, "id", 1, NUMBER_MAX, &id))
+	if (!db_session_require_act(session) || !db_call_number(call, "id", 1, NUMBER_MAX, &id) ||
+	    !db_call_optional_text(call, "drive", &drive))
 		return;
 	if (!health_of(session)) {
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
@@ -174,9 +189,10 @@ void db_alarms_acknowledge_call(const struct db_call *call)
 	}
 	clock_gettime(CLOCK_REALTIME, &now);
 	db_session_text(session, by);
-	alarm = db_health_acknowledge(health_of(session), (uint64_t)id, by,
-	                              (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000,
-	                              &fresh);
+	if (drive[0] == '\0' || is_of_drive(health_of(session), (uint64_t)id, drive))
+		alarm = db_health_acknowledge(
+			health_of(session), (uint64_t)id, by,
+			(uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000, &fresh);
 	if (!alarm) {
 		db_session_fail(session, "io.drivebridge.Control.NoSuchAlarm",
 		                json_pack("{s:I}", "id", (json_int_t)id));

@@ -93,8 +93,9 @@ static const struct method {
 	{ CONTROL ".Metrics", db_metrics_call, " ", false },
 	{ CONTROL ".Audit", db_audit_call, " from since_us drive who refused verify ", false },
 	{ CONTROL ".Health", db_health_call, " drive since_us step_s ", false },
+	{ CONTROL ".HealthRows", db_health_rows_call, " since_us step_s ", false },
 	{ CONTROL ".Alarms", db_alarms_call, " after ", false },
-	{ CONTROL ".AcknowledgeAlarm", db_alarms_acknowledge_call, " id ", false },
+	{ CONTROL ".AcknowledgeAlarm", db_alarms_acknowledge_call, " id drive ", false },
 	{ CONTROL ".Note", db_audit_note, " kind what user from text refused drive ", false },
 };
 

@@ -181,6 +181,8 @@ void db_edit_answered(struct db_session *session, const struct db_edit_answer *a
 /* The call Health: how drives have been in the last week. */
 
 void db_health_call(const struct db_call *call);
+/* The call HealthRows: of all drives, as rows of figures. */
+void db_health_rows_call(const struct db_call *call);
 
 /* Called when it is due (DB_WAITS_FOR_HEALTH). */
 void db_health_look(struct db_session *session, db_time now);

@@ -42,17 +42,17 @@ static bool ask(struct db_session *session, const struct db_health_query *query)
 	                     db_control_now(session->control), wall_us());
 }
 
-void db_health_call(const struct db_call *call)
+static void begin(const struct db_call *call, bool rows)
 {
 	struct db_session *session = call->session;
-	struct db_health_query query = { .since_us = 0 };
+	struct db_health_query query = { .rows = rows };
 	const char *drive = "";
 	struct wait *wait;
 	int64_t since_us = 0;
 	int64_t step_s = 0;
 	bool given;
 
-	if (!db_call_optional_text(call, "drive", &drive) ||
+	if ((!rows && !db_call_optional_text(call, "drive", &drive)) ||
 	    !db_call_optional_number(call, "since_us", 0, TIME_MAX, &since_us, &given) ||
 	    !db_call_optional_number(call, "step_s", 0, STEP_MAX_S, &step_s, &given))
 		return;
@@ -80,10 +80,21 @@ void db_health_call(const struct db_call *call)
 	session->due = db_control_now(session->control) + LOOK_EVERY;
 }
 
+void db_health_call(const struct db_call *call)
+{
+	begin(call, false);
+}
+
+void db_health_rows_call(const struct db_call *call)
+{
+	begin(call, true);
+}
+
 /* The values are text already: there may be more than a thousand of them. */
 static void reply(struct db_session *session, const struct db_health_page *page,
                   const char *running)
 {
+	const struct wait *wait = session->job;
 	struct db_health_state state;
 	char *rest;
 	char *all = NULL;
@@ -92,7 +103,11 @@ static void reply(struct db_session *session, const struct db_health_page *page,
 	db_health_state(health_of(session), &state);
 	rest = db_message_text(json_pack("{s:i, s:b, s:b, s:s}", "step_s", (int)page->step_s, "on",
 	                                 state.on, "kept", state.kept, "trouble", state.trouble));
-	if (rest)
+	if (rest && wait->query.rows)
+		length = asprintf(&all, "{\"parameters\":{%s,%s}",
+		                  page->values ? page->values : "\"times\":[],\"rows\":[]",
+		                  rest + 1);
+	else if (rest)
 		length = asprintf(&all, "{\"parameters\":{\"values\":[%s],\"running\":[%s],%s}",
 		                  page->values ? page->values : "", running, rest + 1);
 	free(rest);

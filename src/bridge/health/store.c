@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
 #include <limits.h>
 #include <stdlib.h>
 #include <string.h>
@@ -617,7 +618,22 @@ struct reading {
 		struct db_health_value value;
 	} * rows;
 	size_t count;
+	/* With query->rows: of each slot, counted by `count`, one of each column. */
+	struct cell {
+		bool known;
+		uint32_t lost_ppm;
+		uint32_t offline_ms;
+	} * cells;
 };
+
+static struct cell cell_of(const struct db_health_value *value)
+{
+	struct cell cell = { .known = value->known, .offline_ms = value->offline_ms };
+
+	if (value->exchanges > 0)
+		cell.lost_ppm = (uint32_t)((uint64_t)value->losses * 1000000 / value->exchanges);
+	return cell;
+}
 
 /* A slot, with values[] of each column. */
 static void take_slot(struct reading *reading, enum db_ring ring, const struct db_ring_slot *slot,
@@ -635,13 +651,19 @@ static void take_slot(struct reading *reading, enum db_ring ring, const struct d
 		/* A column that had another drive before. */
 		if ((uint64_t)(slot->number + 1) * db_ring_widths[ring] <= store->columns[i].since)
 			continue;
-		if (reading->column == SIZE_MAX)
+		if (reading->cells)
+			reading->cells[reading->count * store->shape.columns + i] = cell_of(
+				&values[i]);
+		else if (reading->column == SIZE_MAX)
 			db_health_value_add(&reading->sums[i], &values[i]);
 		else if (reading->column == i && values[i].known)
 			reading->rows[reading->count++] = (struct row){ .end_us = end_us,
 				                                        .span_s = slot->span_s,
 				                                        .value = values[i] };
 	}
+	if (reading->cells)
+		reading->rows[reading->count++] = (struct row){ .end_us = end_us,
+			                                        .span_s = slot->span_s };
 }
 
 static void read_slots(struct reading *reading, enum db_ring ring, struct db_health_value *values)
@@ -689,6 +711,46 @@ static void print_values(const struct reading *reading, FILE *out)
 	}
 }
 
+/* A figure of each slot, oldest first; null where the drive was not known. */
+static void print_figures(const struct reading *reading, size_t column, bool offline, FILE *out)
+{
+	for (size_t i = reading->count; i-- > 0;) {
+		const struct cell *cell =
+			&reading->cells[i * reading->store->shape.columns + column];
+
+		if (cell->known)
+			fprintf(out, "%" PRIu32, offline ? cell->offline_ms : cell->lost_ppm);
+		else
+			fputs("null", out);
+		if (i > 0)
+			fputc(',', out);
+	}
+}
+
+static void print_rows(const struct reading *reading, FILE *out)
+{
+	const struct db_store *store = reading->store;
+	size_t printed = 0;
+
+	fputs("\"times\":[", out);
+	for (size_t i = reading->count; i-- > 0;)
+		fprintf(out, "{\"end_us\":%" PRIu64 ",\"span_s\":%u}%s", reading->rows[i].end_us,
+		        reading->rows[i].span_s, i > 0 ? "," : "");
+	fputs("],\"rows\":[", out);
+	for (size_t column = 0; column < store->shape.columns; column++) {
+		if (store->columns[column].name[0] == '\0' ||
+		    column_named(store, store->columns[column].name) != column)
+			continue;
+		fprintf(out, "%s{\"drive\":\"%s\",\"lost_ppm\":[", printed++ > 0 ? "," : "",
+		        store->columns[column].name);
+		print_figures(reading, column, false, out);
+		fputs("],\"offline_ms\":[", out);
+		print_figures(reading, column, true, out);
+		fputs("]}", out);
+	}
+	fputc(']', out);
+}
+
 void db_store_read(struct db_store *store, const struct db_health_query *query, uint32_t clock_s,
                    uint64_t wall_us, struct db_health_page *page)
 {
@@ -710,13 +772,21 @@ void db_store_read(struct db_store *store, const struct db_health_query *query, 
 	values = calloc(store->shape.columns, sizeof(*values));
 	reading.sums = calloc(store->shape.columns, sizeof(*reading.sums));
 	reading.rows = calloc((size_t)store->shape.slots[ring] + 1, sizeof(*reading.rows));
+	if (query->rows)
+		reading.cells = calloc((size_t)(store->shape.slots[ring] + 1) *
+		                               store->shape.columns,
+		                       sizeof(*reading.cells));
 	out = open_memstream(&page->values, &page->length);
-	if (values && reading.sums && reading.rows && out) {
+	if (values && reading.sums && reading.rows && (reading.cells || !query->rows) && out) {
 		read_slots(&reading, ring, values);
-		print_values(&reading, out);
+		if (query->rows)
+			print_rows(&reading, out);
+		else
+			print_values(&reading, out);
 	}
 	if (out)
 		fclose(out);
+	free(reading.cells);
 	free(reading.rows);
 	free(reading.sums);
 	free(values);

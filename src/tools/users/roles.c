@@ -71,7 +71,7 @@ bool db_grant_has_all(const struct db_grant *grant)
 	return strcmp(grant->drives, "*") == 0;
 }
 
-static bool has_drive(const struct db_grant *grant, const char *drive)
+bool db_grant_has_drive(const struct db_grant *grant, const char *drive)
 {
 	size_t length = strlen(drive);
 
@@ -105,7 +105,7 @@ bool db_grant_has(const struct db_grant *grant, enum db_may may, const char *dri
 	if (may == DB_MAY_MANAGE)
 		return db_grant_has_all(grant);
 	return (may != DB_MAY_MOVE && may != DB_MAY_ENGINEER && may != DB_MAY_AUDIT) || !drive ||
-	       has_drive(grant, drive);
+	       db_grant_has_drive(grant, drive);
 }
 
 void db_grant_explain(const struct db_grant *grant, enum db_may may, const char *drive, char *text,

@@ -59,6 +59,9 @@ bool db_drives_are_good(const char *drives);
 /* True if all drives are meant. */
 bool db_grant_has_all(const struct db_grant *grant);
 
+/* True if this drive is among his. */
+bool db_grant_has_drive(const struct db_grant *grant, const char *drive);
+
 /* `drive`: NULL means any one of his, "" the gateway, which has all drives. */
 bool db_grant_has(const struct db_grant *grant, enum db_may may, const char *drive);
 

@@ -289,6 +289,9 @@ void db_web_admit_content(struct db_web_request *request)
 			refuse_deed(request, DB_MAY_MOVE, drive, NULL);
 		return;
 	}
+	/* Alarms without a drive are of a bus, or of the configuration: of all drives. */
+	if (route->kind == DB_WEB_ACKNOWLEDGE && !drive)
+		drive = "";
 	/* The chain is of all lines. */
 	if (route->kind == DB_WEB_TRAIL_VERIFY)
 		drive = "";

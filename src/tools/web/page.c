@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define FILES_MAX 64
+#define FILES_MAX 96
 #define FILE_MAX ((off_t)1024 * 1024)
 #define PACKED ".gz"
 

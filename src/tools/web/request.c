@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <zlib.h>
 
 #define JSON_TYPE "application/json"
 
@@ -158,6 +159,39 @@ void db_web_request_fail(struct db_web_request *request, const struct db_client_
 	db_web_request_answer(request, status, body);
 }
 
+/* Below that it is not worth it. */
+#define PACK_FROM 2048
+
+/* Packs the text if that is allowed and the browser can unpack it. Without memory it stays as it is.
+ * Returns its size. */
+static size_t pack_text(struct db_web_request *request)
+{
+	const char *accepted = MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND,
+	                                                   MHD_HTTP_HEADER_ACCEPT_ENCODING);
+	size_t size = request->text ? strlen(request->text) : 0;
+	z_stream packer = { .next_in = (Bytef *)request->text, .avail_in = (uInt)size };
+	size_t most = size;
+	char *text;
+
+	if (!request->packable || size < PACK_FROM || !accepted || !strstr(accepted, "gzip") ||
+	    deflateInit2(&packer, Z_DEFAULT_COMPRESSION, Z_DEFLATED, MAX_WBITS + 16,
+	                 MAX_MEM_LEVEL - 1, Z_DEFAULT_STRATEGY) != Z_OK)
+		return size;
+	text = malloc(most);
+	packer.next_out = (Bytef *)text;
+	packer.avail_out = (uInt)most;
+	request->packed = text && deflate(&packer, Z_FINISH) == Z_STREAM_END;
+	if (request->packed) {
+		size = packer.total_out;
+		free(request->text);
+		request->text = text;
+	} else {
+		free(text);
+	}
+	(void)deflateEnd(&packer);
+	return size;
+}
+
 static struct MHD_Response *make_response(struct db_web_request *request)
 {
 	const struct db_web_file *file = request->file;
@@ -174,11 +208,15 @@ static struct MHD_Response *make_response(struct db_web_request *request)
 		return response;
 	}
 	if (!file) {
+		size_t size = pack_text(request);
 		char *text = request->text;
 
 		request->text = NULL;
-		return MHD_create_response_from_buffer(text ? strlen(text) : 0, text,
-		                                       MHD_RESPMEM_MUST_FREE);
+		response = MHD_create_response_from_buffer(size, text, MHD_RESPMEM_MUST_FREE);
+		if (response && request->packed)
+			(void)MHD_add_response_header(response, MHD_HTTP_HEADER_CONTENT_ENCODING,
+			                              "gzip");
+		return response;
 	}
 	if (request->status == MHD_HTTP_NOT_MODIFIED)
 		return MHD_create_response_from_buffer(0, NULL, MHD_RESPMEM_PERSISTENT);

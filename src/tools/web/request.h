@@ -61,6 +61,7 @@ struct db_web_request {
 	const struct db_web_file *file;
 	struct MHD_Response *response; /* of a stream; NULL: it is made of the fields above */
 	bool packed;                   /* by gzip */
+	bool packable;                 /* the text may be packed: it has no secrets in it */
 	void (*end_stream)(struct db_web_stream *stream);
 	struct db_web_stream *stream;
 	/* What works for it, which ends with it; NULL: nothing. */

@@ -6,6 +6,7 @@
 #include "web/call.h"
 #include "web/commission.h"
 #include "web/door.h"
+#include "web/health.h"
 #include "web/login.h"
 #include "web/metrics.h"
 #include "web/overview.h"
@@ -123,7 +124,8 @@ static void tell_moment(struct db_web_request *request)
 /* What a page sends by itself keeps no session. */
 static bool is_of_a_person(enum db_web_kind kind)
 {
-	return kind != DB_WEB_ALIVE && kind != DB_WEB_CLOCK && kind != DB_WEB_COMMISSION_SAY;
+	return kind != DB_WEB_ALIVE && kind != DB_WEB_CLOCK && kind != DB_WEB_COMMISSION_SAY &&
+	       kind != DB_WEB_HEALTH && kind != DB_WEB_ALARMS;
 }
 
 static void begin_overview(struct db_web_request *request)
@@ -162,6 +164,9 @@ static void dispatch(struct db_web_request *request)
 		[DB_WEB_TRAIL_SEARCH] = db_web_trail_search,
 		[DB_WEB_TRAIL_VERIFY] = db_web_trail_verify,
 		[DB_WEB_TRAIL_FILE] = db_web_trail_file,
+		[DB_WEB_HEALTH] = db_web_health,
+		[DB_WEB_ALARMS] = db_web_alarms,
+		[DB_WEB_ACKNOWLEDGE] = db_web_acknowledge,
 	};
 	enum db_web_kind kind = request->route.kind;
 

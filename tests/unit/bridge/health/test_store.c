@@ -209,6 +209,39 @@ static void minutes_become_quarters_and_hours(void **state)
 	db_store_free(store);
 }
 
+static void all_drives_are_read_as_rows(void **state)
+{
+	const struct db_health_query query = { .step_s = 60, .rows = true };
+	struct db_store *store = open_store(folder);
+	struct db_health_page page;
+	json_t *object;
+	char *text;
+	json_t *lost;
+
+	(void)state;
+	/* The second drive comes after two minutes. */
+	for (unsigned i = 0; i < 3; i++)
+		assert_int_equal(
+			add_of(store, two, i < 2 ? 1 : 2, 100 + 60 * i, MORNING + 60 * US * i, 5),
+			0);
+	db_store_read(store, &query, 220, MORNING + 120 * US, &page);
+	assert_int_equal(page.step_s, 60);
+	assert_true(asprintf(&text, "{%s}", page.values) > 0);
+	object = json_loads(text, 0, NULL);
+	free(text);
+	free(page.values);
+	assert_int_equal(json_array_size(json_object_get(object, "times")), 3);
+	assert_int_equal(number_of(json_object_get(object, "times"), 0, "end_us"), MORNING);
+	assert_int_equal(json_array_size(json_object_get(object, "rows")), 2);
+	lost = json_object_get(json_array_get(json_object_get(object, "rows"), 0), "lost_ppm");
+	assert_int_equal(json_integer_value(json_array_get(lost, 0)), 5000);
+	lost = json_object_get(json_array_get(json_object_get(object, "rows"), 1), "lost_ppm");
+	assert_true(json_is_null(json_array_get(lost, 1)));
+	assert_int_equal(json_integer_value(json_array_get(lost, 2)), 6000);
+	json_decref(object);
+	db_store_free(store);
+}
+
 static void a_week_stays_and_no_more(void **state)
 {
 	struct db_store *store = open_store(NULL);
@@ -609,6 +642,7 @@ int main(void)
 		cmocka_unit_test(numbers_keep_three_digits),
 		cmocka_unit_test(every_plant_has_a_week_in_one_mebibyte),
 		IN_FOLDER(minutes_become_quarters_and_hours),
+		IN_FOLDER(all_drives_are_read_as_rows),
 		cmocka_unit_test(a_week_stays_and_no_more),
 		IN_FOLDER(numbers_go_on_after_a_restart),
 		IN_FOLDER(hours_without_the_service_are_not_mixed),

@@ -1,0 +1,210 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "web/health.h"
+#include "web/call.h"
+#include "web/service.h"
+#include "web/tabs.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Connections at once: the service reads for one client after the other. */
+#define LINKS_MAX 3
+/* A disk that fails takes seconds. */
+#define ANSWER_WITHIN (10 * DB_NS_PER_S)
+#define WEEK_S (7 * 24 * 3600)
+#define NUMBER_MAX INT64_C(9007199254740992)
+
+static const char *text_of(const json_t *object, const char *key)
+{
+	const char *text = json_string_value(json_object_get(object, key));
+
+	return text ? text : "";
+}
+
+/* --- values ----------------------------------------------------------------------------------- */
+
+struct reading {
+	struct db_web_request *request;
+	struct db_link *link;
+};
+
+static void end_reading(void *job)
+{
+	struct reading *reading = job;
+
+	if (reading->link)
+		reading->request->server->health_links--;
+	db_link_drop(reading->link);
+	free(reading);
+}
+
+static void lose_link(void *data)
+{
+	/* Its call has been answered with that; the link is closed with the request. */
+	(void)data;
+}
+
+/* Leaves the rows of the user's drives. */
+static void filter_rows(const struct db_grant *grant, const json_t *answer)
+{
+	json_t *rows = json_object_get(answer, "rows");
+
+	for (size_t i = json_array_size(rows); i-- > 0;) {
+		if (!db_grant_has_drive(grant, text_of(json_array_get(rows, i), "drive")))
+			(void)json_array_remove(rows, i);
+	}
+}
+
+static void on_values(void *data, json_t *parameters, const struct db_client_error *error,
+                      bool more)
+{
+	struct reading *reading = data;
+	struct db_web_request *request = reading->request;
+
+	(void)more;
+	if (error) {
+		db_web_request_fail(request, error);
+		return;
+	}
+	filter_rows(&request->grant, parameters);
+	(void)json_object_set_new(parameters, "now_us", json_integer(db_client_wall_us()));
+	request->packable = true;
+	db_web_request_answer(request, MHD_HTTP_OK, json_incref(parameters));
+}
+
+/* The parameters of the service's method; NULL: the request was refused. */
+static json_t *make_query(struct db_web_request *request)
+{
+	const json_t *span = json_object_get(request->parameters, "for_s");
+	json_t *step = json_object_get(request->parameters, "step_s");
+	json_t *drive = json_object_get(request->parameters, "drive");
+	bool of_drive = strcmp(request->route.name, "Health") == 0;
+	json_int_t since_us;
+
+	if (!json_is_integer(span) || json_integer_value(span) < 1 ||
+	    json_integer_value(span) > WEEK_S || !json_is_integer(step) ||
+	    (of_drive &&
+	     (!json_is_string(drive) || text_of(request->parameters, "drive")[0] == '\0'))) {
+		db_web_request_refuse(
+			request, MHD_HTTP_BAD_REQUEST, "BadRequest",
+			"right is {\"for_s\": 1 to %d, \"step_s\": 60, 900 or 3600%s}", WEEK_S,
+			of_drive ? ", \"drive\": a name" : "");
+		return NULL;
+	}
+	if (of_drive && !db_grant_has_drive(&request->grant, json_string_value(drive))) {
+		db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "NotAllowed",
+		                      "%.40s is not among this user's drives: %s",
+		                      json_string_value(drive), request->grant.drives);
+		return NULL;
+	}
+	/* By this machine's clock, which is the service's; a browser's may be wrong. */
+	since_us = db_client_wall_us() - json_integer_value(span) * 1000000;
+	if (since_us < 1)
+		since_us = 1;
+	return of_drive ? json_pack("{s:I, s:O, s:O}", "since_us", since_us, "step_s", step,
+	                            "drive", drive) :
+	                  json_pack("{s:I, s:O}", "since_us", since_us, "step_s", step);
+}
+
+void db_web_health(struct db_web_request *request)
+{
+	struct db_client_error error = { .parameters = NULL };
+	json_t *query = make_query(request);
+	struct reading *reading = query ? calloc(1, sizeof(*reading)) : NULL;
+
+	if (!reading || request->server->health_links >= LINKS_MAX) {
+		request->retry_s = 1;
+		free(reading);
+		json_decref(query);
+		/* One that was refused above stays refused for that reason. */
+		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy",
+		                      "others are reading health values");
+		return;
+	}
+	reading->request = request;
+	reading->link = db_web_service_open(request->server->service, lose_link, reading, &error);
+	request->job = reading;
+	request->end_job = end_reading;
+	request->answer_by = db_client_now() + ANSWER_WITHIN;
+	if (reading->link)
+		request->server->health_links++;
+	if (!reading->link) {
+		db_web_request_fail(request, &error);
+		json_decref(query);
+	} else if (db_link_send(reading->link, request->route.name, query, false, on_values,
+	                        reading) != 0) {
+		db_web_request_refuse(request, MHD_HTTP_BAD_GATEWAY, "ServiceUnreachable",
+		                      "drivebridged cannot be reached");
+	}
+	db_client_error_clear(&error);
+}
+
+/* --- alarms ----------------------------------------------------------------------------------- */
+
+struct ticket {
+	struct db_web_server *server;
+	uint64_t number; /* of the request */
+};
+
+static void on_alarms(void *data, json_t *parameters, const struct db_client_error *error,
+                      bool more)
+{
+	struct ticket *ticket = data;
+	struct db_web_request *request = db_web_request_find(ticket->server, ticket->number);
+	json_t *alarms = json_object_get(parameters, "alarms");
+
+	(void)more;
+	free(ticket);
+	if (!request)
+		return;
+	if (error) {
+		db_web_request_fail(request, error);
+		return;
+	}
+	for (size_t i = json_array_size(alarms); i-- > 0;) {
+		const json_t *alarm = json_array_get(alarms, i);
+
+		if (strcmp(text_of(alarm, "kind"), "drive") == 0 &&
+		    !db_grant_has_drive(&request->grant, text_of(alarm, "name")))
+			(void)json_array_remove(alarms, i);
+	}
+	db_web_request_answer(request, MHD_HTTP_OK, json_incref(parameters));
+}
+
+void db_web_alarms(struct db_web_request *request)
+{
+	json_t *after = json_object_get(request->parameters, "after");
+	struct db_link *link = db_web_service_reader(request->server->service);
+	struct ticket *ticket;
+
+	if (!json_is_integer(after) || json_integer_value(after) < 0 ||
+	    json_integer_value(after) > NUMBER_MAX) {
+		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
+		                      "right is {\"after\": a number}");
+		return;
+	}
+	ticket = link ? calloc(1, sizeof(*ticket)) : NULL;
+	if (ticket) {
+		*ticket = (struct ticket){ .server = request->server, .number = request->number };
+		request->answer_by = db_client_now() + ANSWER_WITHIN;
+	}
+	if (!ticket || db_link_send(link, "Alarms", json_pack("{s:O}", "after", after), false,
+	                            on_alarms, ticket) != 0) {
+		free(ticket);
+		db_web_request_refuse(request, MHD_HTTP_BAD_GATEWAY, "ServiceUnreachable",
+		                      "drivebridged cannot be reached");
+	}
+}
+
+void db_web_acknowledge(struct db_web_request *request)
+{
+	const char *why = NULL;
+	struct db_link *link;
+
+	db_web_log_action(request, request->route.name, request->parameters);
+	/* Its drive is not commanded, so it is not fed either. */
+	if (!db_web_tabs_begin(request, NULL))
+		return;
+	link = db_web_tabs_link(request, NULL, &why);
+	db_web_call(request, link, ANSWER_WITHIN);
+}
