@@ -44,14 +44,26 @@ def test_there_are_old_versions():
     assert len(VERSIONS) > 3 and len(FILES) > 20 and len(TABLES) > 4
 
 
+def certificates(place):
+    """An authority with the gateway's certificate, as the package's tool makes them."""
+    folder = place / "tls"
+    for words in (["authority"], ["server", "gateway.example"]):
+        subprocess.run([find_program("drivebridge-certificate"), *words, "--folder", folder], capture_output=True,
+                       timeout=60, check=True)
+    return folder
+
+
 def with_what_it_needs(path, place):
-    """A tool's file as somebody completes it: mqtt.conf comes without a broker, and the page may not be installed here."""
-    if path.name not in ("mqtt.conf", "web.conf"):
+    """A tool's file as somebody completes it: mqtt.conf comes without a broker, tls.conf without certificates, and the page may
+    not be installed here."""
+    if path.name not in ("mqtt.conf", "web.conf", "tls.conf"):
         return path
     text = path.read_text(encoding="utf-8")
+    if path.name == "tls.conf":
+        text = re.sub(r'^#(\t[a-z-]+-file +=) "/etc/drivebridge/tls/', rf'\1 "{certificates(place)}/', text, flags=re.M)
     if path.name == "mqtt.conf":
         text = re.sub(r"^broker \{", 'broker {\n\thost = "127.0.0.1"', text, count=1, flags=re.M)
-    else:
+    elif path.name == "web.conf":
         text = re.sub(r"^server \{", f'server {{\n\tpage = "{place}"', text, count=1, flags=re.M)
         (place / "index.html").touch()
     copy = place / path.name
@@ -61,7 +73,7 @@ def with_what_it_needs(path, place):
 
 @pytest.mark.parametrize("path", FILES, ids=name_of)
 def test_an_old_file_is_taken(path, tmp_path):
-    program = {"mqtt": "drivebridge-mqtt", "opcua": "drivebridge-opcua", "web": "drivebridge-webd"}.get(
+    program = {"mqtt": "drivebridge-mqtt", "opcua": "drivebridge-opcua", "web": "drivebridge-webd", "tls": "drivebridge-tls"}.get(
         path.stem, "drivebridged")
     done = check(program, with_what_it_needs(path, tmp_path))
     assert done.returncode == 0, done.stderr
@@ -76,7 +88,7 @@ def written(row):
     values = row["default"]
     if row["type"] == "networks":
         return "{" + ", ".join(f'"{value}"' for value in values.split()) + "}"
-    return values if row["type"] in ("integer", "number", "word") else f'"{values}"'
+    return values if row["type"] in ("integer", "number", "word", "drives", "units") else f'"{values}"'
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -85,11 +97,13 @@ def test_an_old_file_with_every_default_is_taken(table, family, tmp_path):
     given = {"bus": {"protocol": family}, "drive": {"bus": "line", "address": 1, "unit": 1}}
     lines = {"bus": [f"\tprotocol = {family}", f"\t{FAMILIES[family]}"],
              "drive": ["\tbus = line", "\taddress = 1", "\tunit = 1"]}
+    if any(row["section"] == "modbus-rtu" for row in rows(table)):
+        lines["modbus-rtu"] = ['\tdevice = "/dev/ttyUSB1"']
     for row in rows(table):
         section = lines.setdefault(row["section"], [])
         if row["default"] and belongs_to(row, family) and row["name"] not in given.get(row["section"], {}):
             section.append(f"\t{row['name']} = {written(row)}")
-    titles = {"bus": "bus line", "drive": "drive feeder"}
+    titles = {"bus": "bus line", "drive": "drive feeder", "role": "role Operator", "modbus-rtu": "modbus-rtu plc"}
     path = tmp_path / "plant.conf"
     path.write_text("".join(f"{titles.get(section, section)} {{\n" + "\n".join(keys) + "\n}\n"
                             for section, keys in lines.items()), encoding="utf-8")
