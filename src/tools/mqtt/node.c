@@ -22,6 +22,9 @@
 /* Births that are asked for come at most once in this time. */
 #define BIRTH_INTERVAL (1 * DB_NS_PER_S)
 
+/* The service is on the same machine. */
+#define PLANT_PATIENCE (1 * DB_NS_PER_S)
+
 /* Historical messages are sent in portions, one in each of these times. */
 #define HISTORY_INTERVAL (200 * DB_NS_PER_MS)
 #define HISTORY_PORTIONS 5 /* a second */
@@ -63,11 +66,13 @@ struct node {
 	struct db_mqtt_store *store;
 	struct db_mqtt_host host;
 	bool connected;
-	bool leaving;         /* this session is to end, with a farewell */
-	unsigned bd_seq;      /* of this session, or of the next one */
-	bool bd_seq_used;     /* there was a session with it */
-	unsigned seq;         /* of the next message */
-	bool unfit;           /* NBIRTH is too long for this broker: nothing is published */
+	bool leaving;     /* this session is to end, with a farewell */
+	unsigned bd_seq;  /* of this session, or of the next one */
+	bool bd_seq_used; /* there was a session with it */
+	unsigned seq;     /* of the next message */
+	bool unfit;       /* NBIRTH is too long for this broker: nothing is published */
+	bool knows_plant; /* the service has said which drives there are */
+	db_time connected_at;
 	bool wants_birth;     /* NBIRTH and all DBIRTHs are to be published */
 	bool born;            /* NBIRTH was published in this session */
 	db_time born_at;      /* when, the last time */
@@ -211,6 +216,7 @@ static void on_found(void *form, const json_t *description, const struct db_plan
 	clear_devices(former, former_count);
 	node->prepared.what = NOTHING;
 	set_own(node, "service", json_string("online"));
+	node->knows_plant = true;
 	/* All that the node may ever publish is in its births. */
 	node->wants_birth = node->connected;
 	node->born_at -= BIRTH_INTERVAL;
@@ -338,6 +344,7 @@ static void on_connected(void *form, struct db_mqtt_broker *broker)
 	struct node *node = form;
 
 	node->connected = true;
+	node->connected_at = db_client_now();
 	node->bd_seq_used = true;
 	node->leaving = false;
 	node->born = false;
@@ -522,6 +529,17 @@ static const struct db_mqtt_stored *find_history(struct node *node, db_time now)
 	return NULL;
 }
 
+/* When births may be published at the earliest. At the start the service is asked first: some hosts
+ * take births of the same session with other metrics for repetitions. */
+static db_time read_birth_time(const struct node *node)
+{
+	db_time earliest = node->born_at + BIRTH_INTERVAL;
+
+	if (!node->knows_plant)
+		earliest = db_time_max(earliest, node->connected_at + PLANT_PATIENCE);
+	return earliest;
+}
+
 /* What comes next, with its metrics: to be freed, NULL without memory or where it has none. The
  * order is that of Sparkplug: births, then data. */
 static uint8_t *choose(struct node *node, db_time now, struct prepared *next, size_t *length)
@@ -534,7 +552,7 @@ static uint8_t *choose(struct node *node, db_time now, struct prepared *next, si
 	if (!db_mqtt_host_allows(&node->host, now) || node->unfit)
 		return NULL;
 	if (node->wants_birth) {
-		if (now - node->born_at < BIRTH_INTERVAL)
+		if (now < read_birth_time(node))
 			return NULL;
 		next->what = NODE_BIRTH;
 		next->topic = topic_of(node, "NBIRTH", "");
@@ -700,7 +718,7 @@ static db_time turn(void *form, struct db_mqtt_broker *broker, db_time now)
 		return now;
 	}
 	if (node->wants_birth && db_mqtt_host_allows(&node->host, now))
-		due = db_time_min(due, db_time_max(now, node->born_at + BIRTH_INTERVAL));
+		due = db_time_min(due, db_time_max(now, read_birth_time(node)));
 	else if (db_mqtt_store_first(node->store, DB_MQTT_SHELF_LATER))
 		due = db_time_min(due, node->history_from + HISTORY_INTERVAL);
 	return due;
