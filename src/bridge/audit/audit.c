@@ -8,7 +8,9 @@
  */
 #include "audit/audit_private.h"
 
+#include "drivebridge/clock.h"
 #include "drivebridge/result.h"
+#include "drivebridge/worker.h"
 
 #include <errno.h>
 #include <pthread.h>
@@ -18,8 +20,6 @@
 #include <string.h>
 #include <time.h>
 
-/* Maximum time at the end for records to be written. */
-#define FLUSH_S 1
 /* A loss of power costs the records of this time at most. */
 #define SYNC_EVERY DB_NS_PER_S
 /* A folder that could not be used at the start is tried again: a disk may be mounted late, or
@@ -85,22 +85,6 @@ struct db_audit {
 	struct db_audit_query query;
 	struct db_audit_page page;
 };
-
-static db_time now_ns(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_MONOTONIC, &now);
-	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
-}
-
-static uint64_t wall_us(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_REALTIME, &now);
-	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
-}
 
 /* --- posting ---------------------------------------------------------------------------------- */
 
@@ -224,11 +208,11 @@ static void note_trouble(struct db_audit *audit, int error)
 		audit->state.bytes = db_trail_bytes(audit->trail);
 	pthread_mutex_unlock(&audit->lock);
 	if (error == 0 && audit->failing)
-		db_log(&audit->log, now_ns(), DB_EVENT_AUDIT_KEPT, NULL,
+		db_log(&audit->log, db_clock_now(), DB_EVENT_AUDIT_KEPT, NULL,
 		       "the audit trail is written again; %llu records are only in the journal",
 		       (unsigned long long)audit->unkept);
 	if (error != 0 && !audit->failing)
-		db_log(&audit->log, now_ns(), DB_EVENT_AUDIT_UNKEPT, NULL,
+		db_log(&audit->log, db_clock_now(), DB_EVENT_AUDIT_UNKEPT, NULL,
 		       "the audit trail cannot be written: %s; commands are carried out, and their "
 		       "records "
 		       "are only in the journal",
@@ -274,7 +258,7 @@ static void keep(struct db_audit *audit, const struct db_audit_entry *entry, con
 		count_unkept(audit);
 	}
 	if (audit->sync_at == DB_TIME_NEVER)
-		audit->sync_at = now_ns() + SYNC_EVERY;
+		audit->sync_at = db_clock_now() + SYNC_EVERY;
 }
 
 static void write_record(struct db_audit *audit, const struct db_audit_entry *entry)
@@ -550,7 +534,7 @@ static void serve_reader(struct db_audit *audit)
 
 static void tell_damage(struct db_audit *audit, const struct db_trail_found *found, db_time now)
 {
-	struct db_audit_entry entry = { .kind = DB_AUDIT_TRAIL, .time_us = wall_us() };
+	struct db_audit_entry entry = { .kind = DB_AUDIT_TRAIL, .time_us = db_clock_wall_us() };
 	char text[96];
 
 	if (found->cut > 0) {
@@ -647,8 +631,8 @@ static bool next_record(struct db_audit *audit, struct db_audit_taken *taken, db
 	pthread_mutex_lock(&audit->lock);
 	any = db_audit_queue_take(&audit->queue, taken);
 	if (!any && audit->state.on &&
-	    db_floods_due(&audit->floods, now_ns(), audit->ending, &repeated)) {
-		repeated.time_us = wall_us();
+	    db_floods_due(&audit->floods, db_clock_now(), audit->ending, &repeated)) {
+		repeated.time_us = db_clock_wall_us();
 		(void)put(audit, &repeated);
 		any = db_audit_queue_take(&audit->queue, taken);
 	}
@@ -682,8 +666,8 @@ static void *run(void *context)
 		else
 			sem_clockwait(&audit->wake, CLOCK_MONOTONIC, &time);
 		change_size(audit);
-		if (now_ns() >= audit->open_at && open_trail(audit, &found, now_ns()))
-			tell_damage(audit, &found, now_ns());
+		if (db_clock_now() >= audit->open_at && open_trail(audit, &found, db_clock_now()))
+			tell_damage(audit, &found, db_clock_now());
 		/* A reader waits for some records at most. */
 		for (unsigned i = 0; i < WRITTEN_AT_ONCE; i++) {
 			if (!next_record(audit, &taken, &next, &ending))
@@ -693,7 +677,7 @@ static void *run(void *context)
 			ending = false;
 		}
 		serve_reader(audit);
-		if (audit->trail && (now_ns() >= audit->sync_at || ending)) {
+		if (audit->trail && (db_clock_now() >= audit->sync_at || ending)) {
 			int error = db_trail_sync(audit->trail);
 
 			if (error != 0 || audit->unsynced)
@@ -722,20 +706,6 @@ static void pass_on(void *context, const struct db_lines *lines, json_t *object,
 		setup->past(setup->context, &entry);
 }
 
-static int init_lock(pthread_mutex_t *lock)
-{
-	pthread_mutexattr_t attributes;
-	int error = pthread_mutexattr_init(&attributes);
-
-	if (error != 0)
-		return -error;
-	error = pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
-	if (error == 0)
-		error = pthread_mutex_init(lock, &attributes);
-	pthread_mutexattr_destroy(&attributes);
-	return -error;
-}
-
 static void release(struct db_audit *audit)
 {
 	db_trail_free(audit->trail);
@@ -753,7 +723,7 @@ int db_audit_new(const struct db_audit_setup *setup, db_time now, struct db_audi
 
 	if (!made)
 		return -ENOMEM;
-	error = init_lock(&made->lock);
+	error = db_worker_init_lock(&made->lock);
 	if (error != 0) {
 		free(made);
 		return error;
@@ -788,23 +758,14 @@ int db_audit_new(const struct db_audit_setup *setup, db_time now, struct db_audi
 
 bool db_audit_free(struct db_audit *audit)
 {
-	struct timespec end;
-
 	if (!audit)
 		return true;
 	pthread_mutex_lock(&audit->lock);
 	audit->ending = true;
 	pthread_mutex_unlock(&audit->lock);
 	sem_post(&audit->wake);
-	/* By the wall clock: thread sanitizer does not know the function for CLOCK_MONOTONIC. */
-	clock_gettime(CLOCK_REALTIME, &end);
-	end.tv_sec += FLUSH_S;
-	if (pthread_timedjoin_np(audit->thread, NULL, &end) != 0) {
-		/* The disk does not take them. The blocked call cannot be ended, so the thread
-		 * keeps its resources until the process ends. */
-		pthread_detach(audit->thread);
+	if (!db_worker_join(audit->thread))
 		return false;
-	}
 	if (audit->reading == READING_DONE)
 		free(audit->page.records);
 	release(audit);

@@ -3,6 +3,7 @@
 
 #include "control/call.h"
 #include "control/values.h"
+#include "drivebridge/clock.h"
 #include "drivebridge/health.h"
 #include "drivebridge/trouble.h"
 
@@ -173,7 +174,6 @@ static bool is_of_drive(const struct db_health *health, uint64_t id, const char 
 void db_alarms_acknowledge_call(const struct db_call *call)
 {
 	struct db_session *session = call->session;
-	struct timespec now;
 	const struct db_alarm *alarm = NULL;
 	char by[DB_CLIENT_TEXT_MAX];
 	const char *drive = "";
@@ -187,12 +187,10 @@ void db_alarms_acknowledge_call(const struct db_call *call)
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
 	}
-	clock_gettime(CLOCK_REALTIME, &now);
 	db_session_text(session, by);
 	if (drive[0] == '\0' || is_of_drive(health_of(session), (uint64_t)id, drive))
-		alarm = db_health_acknowledge(
-			health_of(session), (uint64_t)id, by,
-			(uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000, &fresh);
+		alarm = db_health_acknowledge(health_of(session), (uint64_t)id, by,
+		                              db_clock_wall_us(), &fresh);
 	if (!alarm) {
 		db_session_fail(session, "io.drivebridge.Control.NoSuchAlarm",
 		                json_pack("{s:I}", "id", (json_int_t)id));

@@ -10,6 +10,7 @@
 #include "control/call.h"
 #include "control/ids.h"
 #include "control/session.h"
+#include "drivebridge/clock.h"
 #include "drivebridge/control_socket.h"
 #include "drivebridge/edit.h"
 #include "drivebridge/scan.h"
@@ -66,10 +67,7 @@ struct db_control_socket {
  * delayed. */
 static inline db_time db_control_clock(void)
 {
-	struct timespec now;
-
-	clock_gettime(CLOCK_BOOTTIME, &now);
-	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
+	return db_clock_read(CLOCK_BOOTTIME);
 }
 
 /* The loop's time: when this turn of it began. */

@@ -2,6 +2,7 @@
 #include "control/control_private.h"
 
 #include "control/call.h"
+#include "drivebridge/clock.h"
 #include "drivebridge/health.h"
 
 #include <stdio.h>
@@ -28,18 +29,10 @@ static struct db_health *health_of(const struct db_session *session)
 	return setup->ops->health(setup->context);
 }
 
-static uint64_t wall_us(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_REALTIME, &now);
-	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
-}
-
 static bool ask(struct db_session *session, const struct db_health_query *query)
 {
 	return db_health_ask(health_of(session), session->client.id, query,
-	                     db_control_now(session->control), wall_us());
+	                     db_control_now(session->control), db_clock_wall_us());
 }
 
 static void begin(const struct db_call *call, bool rows)
@@ -136,7 +129,7 @@ void db_health_look(struct db_session *session, db_time now)
 	if (!db_health_take(health_of(session), session->client.id, &page))
 		return;
 	strcpy(name, wait->query.drive);
-	running = db_health_running(health_of(session), name, now, wall_us());
+	running = db_health_running(health_of(session), name, now, db_clock_wall_us());
 	/* A drive that is not configured any more may have values. */
 	if (!page.known && name[0] != '\0' &&
 	    !db_named_drive_find(session->control->setup.registers, name, &drive))

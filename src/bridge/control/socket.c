@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include "drivebridge/clock.h"
 #include "drivebridge/control_socket.h"
 
 #include "control/act.h"
@@ -466,14 +467,6 @@ void db_control_socket_catch_up(struct db_control_socket *control)
 		settle(control);
 }
 
-static db_time read_clock(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_MONOTONIC, &now);
-	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
-}
-
 /* True if it was one that keeps its place without using it. */
 static bool drop_idler(struct db_control_socket *control, size_t place, db_time now)
 {
@@ -532,7 +525,7 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 	}
 	/* One per turn of the loop: then Modbus has its turn. */
 	if (stream) {
-		db_time begun = read_clock();
+		db_time begun = db_clock_now();
 
 		if (stream->wait == DB_WAITS_FOR_REGISTERS)
 			db_look_describe_more(stream, now);
@@ -544,7 +537,7 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 			db_alarms_look(stream, now);
 		else
 			db_streams_look(stream, now);
-		control->rest_until = now + (1 + STREAMS_REST) * (read_clock() - begun);
+		control->rest_until = now + (1 + STREAMS_REST) * (db_clock_now() - begun);
 	}
 	settle(control);
 	return 0;
@@ -674,7 +667,6 @@ int db_control_socket_new(const struct db_control_socket_setup *setup,
 {
 	struct db_control_socket *made = calloc(1, sizeof(*made));
 	struct epoll_event turn = { .events = EPOLLIN };
-	struct timespec wall;
 	int error;
 
 	if (!made)
@@ -691,8 +683,7 @@ int db_control_socket_new(const struct db_control_socket_setup *setup,
 		free(made);
 		return error;
 	}
-	clock_gettime(CLOCK_REALTIME, &wall);
-	made->started_us = (uint64_t)wall.tv_sec * 1000000 + (uint64_t)wall.tv_nsec / 1000;
+	made->started_us = db_clock_wall_us();
 	made->epoll = epoll_create1(EPOLL_CLOEXEC);
 	made->turn_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
 	turn.data.ptr = &made->turn_fd;

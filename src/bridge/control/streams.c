@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "control/control_private.h"
 
+#include "drivebridge/clock.h"
+
 #include "control/message.h"
 #include "control/values.h"
 
@@ -12,14 +14,6 @@
 #define EVENTS_INTERVAL (100 * DB_NS_PER_MS)
 #define INTERVAL_MAX_MS 3600000
 #define SHORTEST DB_NS_PER_MS
-
-static uint64_t wall_us(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_REALTIME, &now);
-	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
-}
 
 /* --- Subscribe -------------------------------------------------------------------------------- */
 
@@ -302,9 +296,10 @@ static void send_samples(struct db_session *session, db_time now)
 		return;
 	}
 	db_session_reply(session,
-	                 json_pack("{s:I, s:o, s:I, s:o}", "time_us", (json_int_t)wall_us(),
-	                           "samples", samples, "skipped", (json_int_t)stream->skipped,
-	                           "token", db_held_token(session->control)),
+	                 json_pack("{s:I, s:o, s:I, s:o}", "time_us",
+	                           (json_int_t)db_clock_wall_us(), "samples", samples, "skipped",
+	                           (json_int_t)stream->skipped, "token",
+	                           db_held_token(session->control)),
 	                 true);
 	stream->skipped = 0;
 }

@@ -4,6 +4,7 @@
 #include "codec/can.h"
 #include "codec/description.h"
 #include "control/values.h"
+#include "drivebridge/clock.h"
 #include "drivebridge/trace_keeper.h"
 
 #include <stdlib.h>
@@ -28,12 +29,7 @@ struct tracing {
 /* The offset from CLOCK_MONOTONIC to wall time now, ns. */
 static int64_t wall_offset(void)
 {
-	struct timespec wall;
-	struct timespec monotonic;
-
-	clock_gettime(CLOCK_REALTIME, &wall);
-	clock_gettime(CLOCK_MONOTONIC, &monotonic);
-	return (wall.tv_sec - monotonic.tv_sec) * DB_NS_PER_S + wall.tv_nsec - monotonic.tv_nsec;
+	return db_clock_read(CLOCK_REALTIME) - db_clock_now();
 }
 
 static json_int_t wall_us(db_time time, int64_t offset)

@@ -3,6 +3,7 @@
 
 #include "control/message.h"
 #include "control/values.h"
+#include "drivebridge/clock.h"
 #include "drivebridge/trouble.h"
 
 #include <stdio.h>
@@ -77,12 +78,9 @@ static const uint64_t events_about[DB_TROUBLE_COUNT] = {
 
 static uint64_t wall_us_of(const struct db_control_socket *control, db_time moment)
 {
-	struct timespec now;
 	db_time age = db_control_now(control) - moment;
 
-	clock_gettime(CLOCK_REALTIME, &now);
-	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000 -
-	       (uint64_t)(age > 0 ? age / DB_NS_PER_US : 0);
+	return db_clock_wall_us() - (uint64_t)(age > 0 ? age / DB_NS_PER_US : 0);
 }
 
 static void fill_bus(const struct db_control_socket *control, size_t place, struct record *record)

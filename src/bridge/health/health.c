@@ -6,6 +6,9 @@
  */
 #include "health/health_private.h"
 
+#include "drivebridge/clock.h"
+#include "drivebridge/worker.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -22,8 +25,6 @@
 #define ALARMS_EVERY (10 * DB_NS_PER_S)
 /* More than the file of the most alarms. */
 #define ALARMS_BYTES_MAX (256 * 1024)
-/* Maximum time at the end for what is to be written. */
-#define FLUSH_S 1
 /* An interval that is shorter than that says nothing. */
 #define SHORTEST DB_NS_PER_S
 
@@ -76,14 +77,6 @@ struct db_health {
 
 /* --- the thread ------------------------------------------------------------------------------- */
 
-static db_time now_ns(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_MONOTONIC, &now);
-	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
-}
-
 /* The first of the two that there is. */
 static int error_of(const struct db_health *health)
 {
@@ -100,10 +93,10 @@ static void note_trouble(struct db_health *health, int before)
 	         error == 0 ? "" : strerror(-error));
 	pthread_mutex_unlock(&health->lock);
 	if (error == 0 && before != 0)
-		db_log(&health->log, now_ns(), DB_EVENT_HEALTH_KEPT, NULL,
+		db_log(&health->log, db_clock_now(), DB_EVENT_HEALTH_KEPT, NULL,
 		       "health values and alarms are written again");
 	if (error != 0 && before == 0)
-		db_log(&health->log, now_ns(), DB_EVENT_HEALTH_UNKEPT, NULL,
+		db_log(&health->log, db_clock_now(), DB_EVENT_HEALTH_UNKEPT, NULL,
 		       "health values or alarms cannot be written into %s: %s; they are kept in "
 		       "memory",
 		       health->folder ? health->folder : "memory", strerror(-error));
@@ -115,7 +108,7 @@ static void open_store(struct db_health *health)
 
 	health->values_error = db_store_open(health->folder, &health->store, &damaged);
 	if (health->values_error == 0 && damaged)
-		db_log(&health->log, now_ns(), DB_EVENT_HEALTH_UNKEPT, NULL,
+		db_log(&health->log, db_clock_now(), DB_EVENT_HEALTH_UNKEPT, NULL,
 		       "the file of health values in %s is not understood: it is kept as "
 		       "values" DB_HEALTH_DAMAGED ", and another one begins",
 		       health->folder);
@@ -481,20 +474,6 @@ static void load_alarms(struct db_health *health, db_time now)
 
 /* --- beginning and end ------------------------------------------------------------------------ */
 
-static int init_lock(pthread_mutex_t *lock)
-{
-	pthread_mutexattr_t attributes;
-	int error = pthread_mutexattr_init(&attributes);
-
-	if (error != 0)
-		return -error;
-	error = pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
-	if (error == 0)
-		error = pthread_mutex_init(lock, &attributes);
-	pthread_mutexattr_destroy(&attributes);
-	return -error;
-}
-
 static void release(struct db_health *health)
 {
 	if (health->exchange.reading == READING_DONE)
@@ -511,7 +490,7 @@ static void release(struct db_health *health)
 int db_health_new(const struct db_health_setup *setup, db_time now, struct db_health **health)
 {
 	struct db_health *made = calloc(1, sizeof(*made));
-	int error = made ? init_lock(&made->lock) : -ENOMEM;
+	int error = made ? db_worker_init_lock(&made->lock) : -ENOMEM;
 
 	if (error != 0) {
 		free(made);
@@ -540,8 +519,6 @@ int db_health_new(const struct db_health_setup *setup, db_time now, struct db_he
 
 bool db_health_free(struct db_health *health, db_time now, uint64_t wall_us)
 {
-	struct timespec end;
-
 	if (!health)
 		return true;
 	if (health->on && now - health->began >= SHORTEST)
@@ -552,15 +529,8 @@ bool db_health_free(struct db_health *health, db_time now, uint64_t wall_us)
 	health->exchange.ending = true;
 	pthread_mutex_unlock(&health->lock);
 	sem_post(&health->wake);
-	/* By the wall clock: thread sanitizer does not know the function for CLOCK_MONOTONIC. */
-	clock_gettime(CLOCK_REALTIME, &end);
-	end.tv_sec += FLUSH_S;
-	if (pthread_timedjoin_np(health->thread, NULL, &end) != 0) {
-		/* The disk does not take it. The blocked call cannot be ended, so the thread keeps
-		 * its resources until the process ends. */
-		pthread_detach(health->thread);
+	if (!db_worker_join(health->thread))
 		return false;
-	}
 	release(health);
 	return true;
 }

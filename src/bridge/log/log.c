@@ -9,6 +9,9 @@
  */
 #include "log/log_private.h"
 
+#include "drivebridge/clock.h"
+#include "drivebridge/worker.h"
+
 #include "log/event.h"
 #include "log/repeat.h"
 
@@ -19,9 +22,6 @@
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
-
-/* Maximum time at the end for lines to be written. */
-#define FLUSH_S 1
 
 struct db_log {
 	db_log_write_fn *write;
@@ -39,22 +39,6 @@ struct db_log {
 	uint32_t lost;
 	bool ending;
 };
-
-static db_time now_ns(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_MONOTONIC, &now);
-	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
-}
-
-static uint64_t wall_us(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_REALTIME, &now);
-	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
-}
 
 /* --- the thread that writes ------------------------------------------------------------------- */
 
@@ -91,7 +75,7 @@ static bool next_record(struct db_log *log, db_time now, struct db_log_record *r
 	if (!db_repeats_due(&log->repeats, now, log->ending, record, &unkept))
 		return false;
 	if (unkept > 0)
-		db_recent_add(&log->recent, record, wall_us());
+		db_recent_add(&log->recent, record, db_clock_wall_us());
 	return true;
 }
 
@@ -101,7 +85,7 @@ static bool take_record(struct db_log *log, struct db_log_record *record, db_tim
 	bool any;
 
 	pthread_mutex_lock(&log->lock);
-	any = next_record(log, now_ns(), record);
+	any = next_record(log, db_clock_now(), record);
 	*next = db_repeats_next(&log->repeats);
 	*ending = log->ending;
 	pthread_mutex_unlock(&log->lock);
@@ -131,20 +115,6 @@ static void *write_records(void *context)
 
 /* --- making ----------------------------------------------------------------------------------- */
 
-static int init_lock(pthread_mutex_t *lock)
-{
-	pthread_mutexattr_t attributes;
-	int error = pthread_mutexattr_init(&attributes);
-
-	if (error != 0)
-		return -error;
-	error = pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
-	if (error == 0)
-		error = pthread_mutex_init(lock, &attributes);
-	pthread_mutexattr_destroy(&attributes);
-	return -error;
-}
-
 int db_log_new_to(db_log_write_fn *write, void *context, struct db_log **log)
 {
 	struct db_log *made = calloc(1, sizeof(*made));
@@ -155,7 +125,7 @@ int db_log_new_to(db_log_write_fn *write, void *context, struct db_log **log)
 	made->write = write;
 	made->fd = STDERR_FILENO;
 	made->context = context ? context : &made->fd;
-	error = init_lock(&made->lock);
+	error = db_worker_init_lock(&made->lock);
 	if (error != 0) {
 		free(made);
 		return error;
@@ -183,22 +153,11 @@ int db_log_new(struct db_log **log)
 /* False: the thread still uses the log. */
 static bool end_thread(struct db_log *log)
 {
-	struct timespec end;
-
 	pthread_mutex_lock(&log->lock);
 	log->ending = true;
 	pthread_mutex_unlock(&log->lock);
 	sem_post(&log->wake);
-	/* By the wall clock: thread sanitizer does not know the function for CLOCK_MONOTONIC. */
-	clock_gettime(CLOCK_REALTIME, &end);
-	end.tv_sec += FLUSH_S;
-	if (pthread_timedjoin_np(log->thread, NULL, &end) != 0) {
-		/* The lines are not being read. The blocked call cannot be ended, so the thread
-		 * keeps its resources until the process ends. */
-		pthread_detach(log->thread);
-		return false;
-	}
-	return true;
+	return db_worker_join(log->thread);
 }
 
 void db_log_free(struct db_log *log)
@@ -225,7 +184,7 @@ static void post_record(struct db_log *log, const struct db_log_record *record, 
 	pthread_mutex_lock(&log->lock);
 	verdict = db_repeats_pass(&log->repeats, record, now);
 	if (verdict != DB_REPEAT_COUNTED)
-		db_recent_add(&log->recent, record, wall_us());
+		db_recent_add(&log->recent, record, db_clock_wall_us());
 	if (verdict == DB_REPEAT_LOGGED) {
 		news = log->count < DB_LOG_QUEUE;
 		if (news)

@@ -5,6 +5,7 @@
  */
 #include "drivebridge/bus.h"
 
+#include "drivebridge/clock.h"
 #include "drivebridge/seqlock.h"
 #include "sched/bus_line.h"
 #include "sched/bus_log.h"
@@ -67,14 +68,6 @@ struct db_bus {
 	db_seqlock_word stats_words[DB_SEQLOCK_WORDS(struct db_bus_stats)];
 };
 
-static db_time clock_ns(clockid_t clock)
-{
-	struct timespec now;
-
-	clock_gettime(clock, &now);
-	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
-}
-
 /* --- engine's callbacks ----------------------------------------------------------------------- */
 
 static db_time send_bytes(void *context, const uint8_t *bytes, size_t length)
@@ -87,9 +80,9 @@ static void log_event(void *context, const struct db_drive_config *drive, enum d
 {
 	struct db_bus *bus = context;
 
-	bus_line_trace(&bus->line, event, drive, bus_line_now());
+	bus_line_trace(&bus->line, event, drive, db_clock_now());
 	bus_log_event(&bus->log, bus->config->driver, drive, event, feedback, outage,
-	              bus_line_now());
+	              db_clock_now());
 }
 
 static void log_missing_params(void *context, const struct db_drive_config *drive,
@@ -97,7 +90,7 @@ static void log_missing_params(void *context, const struct db_drive_config *driv
 {
 	const struct db_bus *bus = context;
 
-	bus_log_missing_params(&bus->log, drive, bus->config->driver, params, bus_line_now());
+	bus_log_missing_params(&bus->log, drive, bus->config->driver, params, db_clock_now());
 }
 
 static void log_unusable(void *context, const struct db_drive_config *drive,
@@ -105,8 +98,8 @@ static void log_unusable(void *context, const struct db_drive_config *drive,
 {
 	struct db_bus *bus = context;
 
-	bus_line_trace(&bus->line, DB_EVENT_DRIVE_HEARD, drive, bus_line_now());
-	bus_log_unusable(&bus->log, drive, bus->config->driver->medium, unusable, bus_line_now());
+	bus_line_trace(&bus->line, DB_EVENT_DRIVE_HEARD, drive, db_clock_now());
+	bus_log_unusable(&bus->log, drive, bus->config->driver->medium, unusable, db_clock_now());
 }
 
 static void log_timing(void *context, const struct db_drive_config *drive, enum db_event event,
@@ -114,8 +107,8 @@ static void log_timing(void *context, const struct db_drive_config *drive, enum 
 {
 	struct db_bus *bus = context;
 
-	bus_line_trace(&bus->line, event, drive, bus_line_now());
-	bus_log_timing(&bus->log, bus->config, drive, event, time, learnt, bus_line_now());
+	bus_line_trace(&bus->line, event, drive, db_clock_now());
+	bus_log_timing(&bus->log, bus->config, drive, event, time, learnt, db_clock_now());
 }
 
 static void log_raw_frame(void *context, const struct db_drive_config *drive, bool sent,
@@ -124,7 +117,7 @@ static void log_raw_frame(void *context, const struct db_drive_config *drive, bo
 	const struct db_bus *bus = context;
 
 	bus_log_raw_frame(&bus->log, drive, bus->config->driver->medium, sent, bytes, length,
-	                  bus_line_now());
+	                  db_clock_now());
 }
 
 static const struct db_engine_ops engine_ops = {
@@ -190,7 +183,7 @@ static void wait_for_work(struct db_bus *bus, db_time until)
 {
 	struct pollfd fds[2] = { { .fd = bus->wake_fd, .events = POLLIN } };
 	db_time look_at = bus_line_poll(&bus->line, &fds[1]);
-	db_time now = bus_line_now();
+	db_time now = db_clock_now();
 	struct timespec timeout;
 	db_time wait;
 	int ready;
@@ -215,7 +208,7 @@ static void wait_for_work(struct db_bus *bus, db_time until)
 /* One turn. Returns when the next one is due at the latest. */
 static db_time run_turn(struct db_bus *bus)
 {
-	db_time now = bus_line_now();
+	db_time now = db_clock_now();
 	db_time line_next;
 	db_time next;
 
@@ -223,8 +216,9 @@ static db_time run_turn(struct db_bus *bus)
 	 * again. */
 	if (now >= bus->wall_at) {
 		bus->wall_at = now + BEAT_TIME;
-		db_engine_set_wall_offset(bus->engine, (clock_ns(CLOCK_REALTIME) - bus_line_now()) /
-		                                               DB_NS_PER_US);
+		db_engine_set_wall_offset(bus->engine,
+		                          (db_clock_read(CLOCK_REALTIME) - db_clock_now()) /
+		                                  DB_NS_PER_US);
 	}
 	line_next = bus_line_run(&bus->line, now);
 	next = db_engine_run(bus->engine, now);
@@ -258,11 +252,11 @@ static bool hand_over_results(struct db_bus *bus)
 static void set_priority(struct db_bus *bus)
 {
 	unsigned wanted = bus->config->priority;
-	int error = priority_begin(&bus->priority, wanted, bus_line_now(),
-	                           clock_ns(CLOCK_THREAD_CPUTIME_ID));
+	int error = priority_begin(&bus->priority, wanted, db_clock_now(),
+	                           db_clock_read(CLOCK_THREAD_CPUTIME_ID));
 
 	if (error != 0)
-		db_log(&bus->log, bus_line_now(), DB_EVENT_PRIORITY_REFUSED, NULL,
+		db_log(&bus->log, db_clock_now(), DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "cannot run at real-time priority %u: %s; the bus runs without it, and its "
 		       "cycles may be late when the computer is busy; allow it with LimitRTPRIO of the "
 		       "service, or set priority = 0",
@@ -271,12 +265,12 @@ static void set_priority(struct db_bus *bus)
 
 static void judge_priority(struct db_bus *bus)
 {
-	db_time now = bus_line_now();
+	db_time now = db_clock_now();
 	enum priority_change change;
 
 	if (!priority_is_due(&bus->priority, now))
 		return;
-	change = priority_judge(&bus->priority, now, clock_ns(CLOCK_THREAD_CPUTIME_ID));
+	change = priority_judge(&bus->priority, now, db_clock_read(CLOCK_THREAD_CPUTIME_ID));
 	if (change == PRIORITY_GIVEN_UP)
 		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "reading what %s receives keeps a processor busy; the bus runs without its "
@@ -301,7 +295,7 @@ static void set_cpus(const struct db_bus *bus)
 	}
 	error = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
 	if (error != 0)
-		db_log(&bus->log, bus_line_now(), DB_EVENT_CPUS_REFUSED, NULL,
+		db_log(&bus->log, db_clock_now(), DB_EVENT_CPUS_REFUSED, NULL,
 		       "cannot run on the processors of cpus: %s; check cpus, and CPUAffinity and "
 		       "AllowedCPUs of the service",
 		       strerror(error));
@@ -313,7 +307,7 @@ static void begin_scan(struct db_bus *bus, bool ending)
 	struct scan *scan = atomic_exchange(&bus->scan_asked, NULL);
 
 	if (scan) {
-		db_time now = bus_line_now();
+		db_time now = db_clock_now();
 
 		bus_line_begin_scan(&bus->line, now);
 		scan_begin(bus->engine, scan, now);
@@ -336,13 +330,13 @@ static void *run_thread(void *context)
 	set_priority(bus);
 	/* The default slack of 50 us is a good part of an exchange at high baud rates. */
 	prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
-	while (exit_by == DB_TIME_NEVER || bus_line_now() < exit_by) {
+	while (exit_by == DB_TIME_NEVER || db_clock_now() < exit_by) {
 		struct db_change *change = atomic_exchange(&bus->change, NULL);
 		db_time next;
 
 		/* Every request posted before this change is visible by now. */
 		if (change)
-			change_begin(bus->engine, change, bus_line_now());
+			change_begin(bus->engine, change, db_clock_now());
 		begin_scan(bus, exit_by != DB_TIME_NEVER);
 		next = run_turn(bus);
 		atomic_fetch_add_explicit(&bus->beats, 1, memory_order_relaxed);
@@ -350,11 +344,11 @@ static void *run_thread(void *context)
 		if (hand_over_results(bus))
 			wake(bus->completion_fd);
 		if (exit_by == DB_TIME_NEVER && atomic_load(&bus->ending)) {
-			exit_by = bus_line_now() + DB_EXIT_TIME;
+			exit_by = db_clock_now() + DB_EXIT_TIME;
 			/* A line that is being cleared or was taken out of service has its drives released
 			 * already. */
 			if (bus->line.use == LINE_IN_SERVICE)
-				db_engine_shut_down(bus->engine, bus_line_now());
+				db_engine_shut_down(bus->engine, db_clock_now());
 			continue;
 		}
 		if (exit_by != DB_TIME_NEVER && db_engine_is_quiet(bus->engine))

@@ -3,6 +3,7 @@
 
 #include "codec/can.h"
 #include "drivebridge/bus.h"
+#include "drivebridge/clock.h"
 #include "drivebridge/trace.h"
 #include "drivebridge/trouble.h"
 #include "sched/bus_log.h"
@@ -26,14 +27,6 @@
 /* A port that takes nothing for this time counts as lost. */
 #define STUCK_TIME (1 * DB_NS_PER_S)
 
-db_time bus_line_now(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_MONOTONIC, &now);
-	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
-}
-
 /* The first error counts; the port is closed at the end of the turn. */
 static void fail_port(struct bus_line *line, int error)
 {
@@ -43,7 +36,7 @@ static void fail_port(struct bus_line *line, int error)
 
 db_time bus_line_send(struct bus_line *line, const uint8_t *bytes, size_t length)
 {
-	db_time now = bus_line_now();
+	db_time now = db_clock_now();
 	ssize_t sent = 0;
 
 	if (line->unsent_length + length > sizeof line->unsent) {
@@ -228,10 +221,10 @@ static bool read_port(struct bus_line *line)
 	ssize_t count = 0;
 
 	for (unsigned reads = 0; reads < READS_AT_ONCE; reads++) {
-		line->last_io = bus_line_now();
+		line->last_io = db_clock_now();
 		count = line->transport->read(line->port, bytes, sizeof bytes, line->last_io);
 		if (count > 0)
-			db_engine_receive(line->engine, bytes, (size_t)count, bus_line_now());
+			db_engine_receive(line->engine, bytes, (size_t)count, db_clock_now());
 		if (count < 0)
 			fail_port(line, (int)-count);
 		if (count < (ssize_t)sizeof bytes)
@@ -384,7 +377,7 @@ void bus_line_polled(struct bus_line *line, short revents, bool late)
 	size_t come;
 
 	if (revents & POLLOUT)
-		write_rest(line, bus_line_now());
+		write_rest(line, db_clock_now());
 	/* A hung-up port without more data would wake us for ever. (A socket with a pending error
 	 * reports it by read(), and is fine afterwards.) */
 	if ((revents & (POLLIN | POLLHUP | POLLERR | POLLNVAL)) && !read_port(line) &&

@@ -51,9 +51,6 @@ struct bus_line {
 	db_time unsent_since; /* when the port last took something */
 };
 
-/* The clock of the bus. */
-db_time bus_line_now(void);
-
 /* The name of its port for messages. */
 const char *bus_line_place(const struct bus_line *line);
 /* Reports "up" when the port tells nothing, or is not open. */

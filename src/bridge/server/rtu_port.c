@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "server/rtu_port.h"
 
+#include "drivebridge/clock.h"
+
 #include "transport/serial.h"
 
 #include <errno.h>
@@ -55,14 +57,6 @@ struct db_rtu_port {
 	uint32_t awaited; /* number of the request whose answer the PLC waits for; 0 */
 	db_time awaited_at;
 };
-
-static db_time read_clock(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_MONOTONIC, &now);
-	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
-}
 
 static void signal_fd(int fd)
 {
@@ -182,7 +176,7 @@ static bool receive_bytes(struct db_rtu_port *port, bool hung_up, int *error)
 {
 	uint8_t bytes[READ_SIZE];
 	ssize_t got = db_serial_read(port->serial, bytes, sizeof(bytes));
-	db_time now = read_clock();
+	db_time now = db_clock_now();
 
 	if (got < 0) {
 		*error = (int)-got;
@@ -203,14 +197,14 @@ static bool receive_bytes(struct db_rtu_port *port, bool hung_up, int *error)
 
 static bool write_all(struct db_rtu_port *port, const uint8_t *bytes, size_t length, int *error)
 {
-	db_time until = read_clock() + WRITE_TIME;
+	db_time until = db_clock_now() + WRITE_TIME;
 	size_t sent = 0;
 
 	while (sent < length) {
 		struct pollfd poll_fd = { .fd = db_serial_fd(port->serial), .events = POLLOUT };
 		ssize_t count = db_serial_write(port->serial, bytes + sent, length - sent);
 
-		if (count < 0 || (count == 0 && read_clock() >= until)) {
+		if (count < 0 || (count == 0 && db_clock_now() >= until)) {
 			*error = count < 0 ? (int)-count : ETIMEDOUT;
 			return false;
 		}
@@ -241,7 +235,7 @@ static bool send_answer(struct db_rtu_port *port, int *error)
 	/* What has arrived meanwhile is the next request, or another device's answer. */
 	if (!receive_bytes(port, false, error))
 		return false;
-	now = read_clock();
+	now = db_clock_now();
 	waits = number == port->awaited &&
 	        now - port->awaited_at < (db_time)port->config.answer_timeout_ms * DB_NS_PER_MS;
 	if (number == port->awaited)
@@ -320,7 +314,7 @@ static void wait_until(struct db_rtu_port *port, db_time deadline, bool *readabl
 		{ .fd = port->wake_fd, .events = POLLIN },
 		{ .fd = port->serial ? db_serial_fd(port->serial) : -1, .events = POLLIN },
 	};
-	db_time left = deadline == DB_TIME_NEVER ? 0 : deadline - read_clock();
+	db_time left = deadline == DB_TIME_NEVER ? 0 : deadline - db_clock_now();
 	struct timespec time = { 0 };
 
 	if (left > 0)
@@ -354,7 +348,7 @@ static void *run_thread(void *context)
 		if (!port->serial && atomic_load(&port->begun))
 			open_port(port);
 		wait_until(port,
-		           atomic_load(&port->begun) ? find_deadline(port, read_clock()) :
+		           atomic_load(&port->begun) ? find_deadline(port, db_clock_now()) :
 		                                       DB_TIME_NEVER,
 		           &readable, &lost);
 		if (!port->serial)
@@ -364,7 +358,7 @@ static void *run_thread(void *context)
 			close_port(port, error);
 			continue;
 		}
-		now = read_clock();
+		now = db_clock_now();
 		if (port->burst.used > 0 && !readable && now - port->burst.last >= port->silence)
 			end_burst(port, now - port->burst.last < PATIENCE, true);
 	}

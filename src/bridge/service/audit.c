@@ -3,6 +3,7 @@
 #include "service/service_private.h"
 
 #include "drivebridge/audit.h"
+#include "drivebridge/clock.h"
 #include "drivebridge/command_table.h"
 #include "drivebridge/version.h"
 
@@ -14,14 +15,6 @@
 
 #define FOLDER_NAME "audit"
 
-static uint64_t wall_us(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_REALTIME, &now);
-	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
-}
-
 /* --- records ---------------------------------------------------------------------------------- */
 
 uint32_t audit_post(struct service *service, const struct db_client *client,
@@ -32,7 +25,7 @@ uint32_t audit_post(struct service *service, const struct db_client *client,
 	const char *certificate;
 	const char *role;
 
-	complete.time_us = wall_us();
+	complete.time_us = db_clock_wall_us();
 	if (client) {
 		memcpy(complete.address, client->address, sizeof(complete.address));
 		complete.port = client->port;
@@ -52,7 +45,7 @@ uint32_t audit_post(struct service *service, const struct db_client *client,
 void audit_post_end(struct service *service, uint32_t record, const char *drive,
                     enum db_result result, db_time took)
 {
-	db_audit_end(service->audit, record, drive, result, db_time_us32(took), wall_us());
+	db_audit_end(service->audit, record, drive, result, db_time_us32(took), db_clock_wall_us());
 }
 
 void audit_post_reload(struct service *service, const char *errors)

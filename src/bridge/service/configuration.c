@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/configuration.h"
 
+#include "drivebridge/clock.h"
 #include "drivebridge/config.h"
 #include "service/disk.h"
 #include "service/service_private.h"
@@ -24,14 +25,6 @@ struct configuration {
 	bool keeps;         /* there is a place for copies */
 	bool keeping_fails; /* writing failed, which was logged */
 };
-
-static uint64_t wall_us(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_REALTIME, &now);
-	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
-}
 
 /* --- the start -------------------------------------------------------------------------------- */
 
@@ -110,7 +103,7 @@ static bool set_state(struct configuration *known, enum db_configuration_state s
 	free(known->messages);
 	known->messages = length > 0 ? strndup(messages, length) : NULL;
 	known->state = state;
-	known->since_us = wall_us();
+	known->since_us = db_clock_wall_us();
 	return true;
 }
 
@@ -283,7 +276,7 @@ int configuration_begin(struct service *service, struct configuration_start *sta
 	service->configuration = known;
 	error = known ? disk_new(service->path, path, start->signature, &known->disk) : -ENOMEM;
 	if (error == 0) {
-		known->since_us = wall_us();
+		known->since_us = db_clock_wall_us();
 		known->keeps = path != NULL;
 		error = sd_event_add_io(service->loop, &known->news, disk_fd(known->disk), EPOLLIN,
 		                        on_news, service);

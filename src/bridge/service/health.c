@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/service_private.h"
 
+#include "drivebridge/clock.h"
 #include "drivebridge/health.h"
 #include "drivebridge/trouble.h"
 #include "regmap/named.h"
@@ -15,14 +16,6 @@
 #define LOOK_EVERY_US 250000
 /* After a start drives are asked for the first time, one after the other. */
 #define STARTING (5 * DB_NS_PER_S)
-
-static uint64_t wall_us(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_REALTIME, &now);
-	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
-}
 
 /* --- values ----------------------------------------------------------------------------------- */
 
@@ -150,7 +143,7 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 {
 	struct service *service = context;
 	db_time now = service_now(service);
-	uint64_t wall = wall_us();
+	uint64_t wall = db_clock_wall_us();
 
 	(void)us;
 	sample_drives(service, now);
@@ -197,7 +190,8 @@ void health_end(struct service *service)
 {
 	sd_event_source_disable_unref(service->health_timer);
 	service->health_timer = NULL;
-	if (service->health && !db_health_free(service->health, service_now(service), wall_us()))
+	if (service->health &&
+	    !db_health_free(service->health, service_now(service), db_clock_wall_us()))
 		service->log_in_use = true;
 	service->health = NULL;
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/service_private.h"
 
+#include "drivebridge/clock.h"
 #include "drivebridge/command_table.h"
 #include "service/configuration.h"
 
@@ -15,11 +16,8 @@ static db_time read_now(void *context)
 
 static uint64_t read_wall_us(void *context)
 {
-	struct timespec now;
-
 	(void)context;
-	clock_gettime(CLOCK_REALTIME, &now);
-	return (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
+	return db_clock_wall_us();
 }
 
 static struct db_request *submit_request(void *context, struct db_bus *bus,

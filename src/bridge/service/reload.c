@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/service_private.h"
 
+#include "drivebridge/clock.h"
 #include "drivebridge/log.h"
 #include "service/configuration.h"
 
@@ -406,15 +407,13 @@ static bool read_files(struct service *service, struct reading *reading)
 void reload_ask(struct service *service)
 {
 	struct reading reading = { 0 };
-	struct timespec now;
 
 	if (service->reload) {
 		service->reload_again = true;
 		return;
 	}
-	clock_gettime(CLOCK_MONOTONIC, &now);
 	sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%" PRIu64,
-	           (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000);
+	           (uint64_t)(db_clock_now() / DB_NS_PER_US));
 	if (!read_files(service, &reading)) {
 		log_error(service, DB_EVENT_CONFIG_WRONG,
 		          "reload: %s has an error and is not loaded, drivebridged --config %s "

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/service.h"
 
+#include "drivebridge/clock.h"
 #include "drivebridge/log.h"
 #include "service/configuration.h"
 #include "service/edit.h"
@@ -265,15 +266,6 @@ static void tear_down(struct service *service)
 
 /* --- what it needs of the machine ------------------------------------------------------------- */
 
-/* Used where there is no loop yet, or no longer. */
-static db_time monotonic_now(void)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_MONOTONIC, &now);
-	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
-}
-
 /* Locks the configuration: another process that runs it would be a second master on each of its
  * buses. */
 static int take_configuration(struct service *service)
@@ -289,7 +281,7 @@ static int take_configuration(struct service *service)
 		if (service->lock != -EBUSY)
 			return 0;
 		if (!logged)
-			db_log(&service->log, monotonic_now(), DB_EVENT_FAILED, NULL,
+			db_log(&service->log, db_clock_now(), DB_EVENT_FAILED, NULL,
 			       "%s is in use by another process (%d): two masters on one bus would "
 			       "disturb each other; systemctl stop drivebridge ends the "
 			       "service, systemctl reload drivebridge has it read a changed file",
@@ -316,11 +308,11 @@ static int run_service(struct service *service, struct configuration_start *star
 	/* Locks memory: a page that has to be read from a disk first makes a cycle late. */
 	if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0 && errno != EPERM &&
 	    errno != ENOMEM)
-		db_log(&service->log, monotonic_now(), DB_EVENT_MEMORY_UNLOCKED, NULL,
+		db_log(&service->log, db_clock_now(), DB_EVENT_MEMORY_UNLOCKED, NULL,
 		       "cannot lock memory: %s; a cycle may be late when memory is short",
 		       strerror(errno));
 	if (start->config->drive_count == 0)
-		db_log(&service->log, monotonic_now(), DB_EVENT_NO_DRIVES, NULL,
+		db_log(&service->log, db_clock_now(), DB_EVENT_NO_DRIVES, NULL,
 		       "no drive is configured yet: describe the buses and drives in %s, see "
 		       "drivebridge.conf(5), check it with drivebridged --config %s --check and "
 		       "reload",
@@ -334,7 +326,7 @@ static int run_service(struct service *service, struct configuration_start *star
 	if (error == -ECANCELED)
 		error = 0;
 	if (error < 0)
-		db_log(&service->log, monotonic_now(), DB_EVENT_FAILED, NULL, "cannot go on: %s",
+		db_log(&service->log, db_clock_now(), DB_EVENT_FAILED, NULL, "cannot go on: %s",
 		       strerror(-error));
 	tear_down(service);
 	return error < 0 ? EXIT_FAILURE : EXIT_SUCCESS;

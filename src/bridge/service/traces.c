@@ -1,21 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/service_private.h"
 
+#include "drivebridge/clock.h"
+
 #include <errno.h>
 #include <stdio.h>
 #include <time.h>
 
-static db_time clock_ns(clockid_t clock)
-{
-	struct timespec now;
-
-	clock_gettime(clock, &now);
-	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
-}
-
 static int64_t wall_offset(void)
 {
-	return clock_ns(CLOCK_REALTIME) - clock_ns(CLOCK_MONOTONIC);
+	return db_clock_read(CLOCK_REALTIME) - db_clock_now();
 }
 
 static void arm(struct service *service)
@@ -36,7 +30,7 @@ static int on_due(sd_event_source *source, uint64_t us, void *context)
 
 	(void)source;
 	(void)us;
-	db_trace_keeper_run(service->traces, clock_ns(CLOCK_MONOTONIC), wall_offset());
+	db_trace_keeper_run(service->traces, db_clock_now(), wall_offset());
 	arm(service);
 	return 0;
 }
@@ -66,14 +60,14 @@ void traces_look(struct plant_bus *bus)
 	struct service *service = bus->service;
 
 	db_trace_keeper_look(service->traces, bus->config->name, db_bus_trace(bus->bus),
-	                     clock_ns(CLOCK_MONOTONIC));
+	                     db_clock_now());
 	arm(service);
 }
 
 void traces_note_tripped(struct service *service, const struct db_bus_config *bus_config,
                          const struct db_drive_config *drive)
 {
-	db_time now = clock_ns(CLOCK_MONOTONIC);
+	db_time now = db_clock_now();
 	struct db_trace_cause cause = { .event = DB_EVENT_WATCHDOG_TRIPPED, .time = now };
 
 	snprintf(cause.drive, sizeof(cause.drive), "%s", drive->name);

@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The clocks, for who owns a loop or tells people the time; everything else gets `now` passed in
+ * (time.h). Any thread.
+ */
+#ifndef DRIVEBRIDGE_CLOCK_H
+#define DRIVEBRIDGE_CLOCK_H
+
+#include "drivebridge/time.h"
+
+#include <time.h>
+
+/* CLOCK_MONOTONIC, CLOCK_BOOTTIME or CLOCK_REALTIME, nanoseconds. */
+static inline db_time db_clock_read(clockid_t clock)
+{
+	struct timespec now;
+
+	clock_gettime(clock, &now);
+	return (db_time)now.tv_sec * DB_NS_PER_S + now.tv_nsec;
+}
+
+/* What db_time counts. */
+static inline db_time db_clock_now(void)
+{
+	return db_clock_read(CLOCK_MONOTONIC);
+}
+
+/* Microseconds since 1970-01-01 UTC. */
+static inline uint64_t db_clock_wall_us(void)
+{
+	return (uint64_t)(db_clock_read(CLOCK_REALTIME) / DB_NS_PER_US);
+}
+
+#endif
