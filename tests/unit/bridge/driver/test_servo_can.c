@@ -1177,6 +1177,31 @@ static void the_target_must_exist(void **unused)
 	drop(f);
 }
 
+/* The last places that a counter has are places like others. */
+static void a_target_may_be_at_the_end_of_the_counter(void **unused)
+{
+	static const struct {
+		int32_t from;
+		int32_t way;
+		const char *said;
+	} cases[] = {
+		{ INT32_MAX - 5, 5, "085#7FFFFFFA" },
+		{ INT32_MAX - 5, 6, "=out_of_range" },
+		{ INT32_MIN + 5, -5, "085#80000005" },
+		{ INT32_MIN + 5, -6, "=out_of_range" },
+	};
+
+	(void)unused;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture *f = make_positioner();
+
+		poll(f, cases[i].from, 0, ON | STILL | THERE);
+		assert_string_equal(command(f, DB_CMD_MOVE_RELATIVE, to(cases[i].way)), "145#00");
+		assert_string_equal(tell(f, cases[i].from, 0, ON | STILL | THERE), cases[i].said);
+		drop(f);
+	}
+}
+
 static void a_target_that_is_refused_moves_nothing(void **unused)
 {
 	struct fixture *f = make_positioner();
@@ -2568,6 +2593,7 @@ int main(void)
 		cmocka_unit_test(a_move_on_top_of_a_move_is_busy),
 		cmocka_unit_test(moves_need_power),
 		cmocka_unit_test(the_target_must_exist),
+		cmocka_unit_test(a_target_may_be_at_the_end_of_the_counter),
 		cmocka_unit_test(a_target_that_is_refused_moves_nothing),
 		cmocka_unit_test(only_power_stops_a_move),
 		cmocka_unit_test(other_places_for_the_words),
