@@ -425,6 +425,39 @@ static void how_a_motor_may_move_when_it_gets_power(void **unused)
 	drop(f);
 }
 
+/* Compared with the reading before, as exact as a speed is. */
+static void a_motor_that_runs_out_gets_no_faster(void **unused)
+{
+	static const struct {
+		int16_t speeds[3];
+		unsigned good; /* of them */
+	} cases[] = {
+		{ { 510, 520, 530 }, 3 }, { { 511 }, 0 },       { { -510, 400, -410 }, 3 },
+		{ { 400, 411 }, 1 },      { { 400, -411 }, 1 },
+	};
+
+	(void)unused;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture *f = make();
+
+		option(f, "standstill-speed", 10);
+		switch_on(f);
+		poll(f, 0, 500, 0);
+		assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+		assert_string_equal(tell(f, 0, 500, 0), "065#010000");
+		assert_string_equal(answer(f, "006#040000"), "065#020000");
+		assert_string_equal(answer(f, "006#050000"), "085#00000000");
+		assert_string_equal(answer(f, "006#06"), "025#000A");
+		assert_string_equal(answer(f, "006#01"), "145#00");
+		for (unsigned j = 0; j < cases[i].good; j++)
+			assert_string_equal(tell(f, 0, cases[i].speeds[j], ON), "145#00");
+		if (cases[i].good < 3)
+			assert_string_equal(tell(f, 0, cases[i].speeds[cases[i].good], ON),
+			                    "025#0001");
+		drop(f);
+	}
+}
+
 /* Power that goes by itself again, or comes although there is a fault, is none. */
 static void power_that_does_not_stay_is_a_failure(void **unused)
 {
@@ -2558,6 +2591,7 @@ int main(void)
 		cmocka_unit_test(a_lost_enable_is_looked_up),
 		cmocka_unit_test(a_motor_that_jumps_when_it_gets_power_loses_it),
 		cmocka_unit_test(how_a_motor_may_move_when_it_gets_power),
+		cmocka_unit_test(a_motor_that_runs_out_gets_no_faster),
 		cmocka_unit_test(power_that_does_not_stay_is_a_failure),
 		cmocka_unit_test(a_late_move_may_be_followed),
 		cmocka_unit_test(a_move_that_cannot_be_ended_is_indeterminate),
