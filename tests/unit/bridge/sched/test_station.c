@@ -187,6 +187,50 @@ static void a_drive_that_returns_is_asked_at_once(void **state)
 	close_world(world);
 }
 
+/* What it does not answer is left out, and the rest asked for. */
+static enum db_step leave_out(struct db_conversation *talk)
+{
+	if (fake_frame_at(talk->exchange->request, talk->exchange->request_length).kind ==
+	    FAKE_IDENTIFY)
+		return fake_say(talk, FAKE_LOOK);
+	return fake_family.lost(talk);
+}
+
+static enum db_step answer_rest(struct db_conversation *talk, const uint8_t *bytes, size_t length)
+{
+	if (fake_frame_at(bytes, length).kind != FAKE_LOOK)
+		return fake_family.answer(talk, bytes, length);
+	talk->device->identified = true;
+	talk->result = DB_RESULT_OK;
+	return DB_STEP_DONE;
+}
+
+static void parameters_that_are_not_answered_are_left_out(void **state)
+{
+	struct world *world = open_world(false);
+
+	(void)state;
+	fake_bus_free(world->bus);
+	world->driver.begin = fake_family.begin;
+	world->driver.answer = answer_rest;
+	world->driver.lost = leave_out;
+	world->lose[FAKE_IDENTIFY] = 1000;
+	world->bus = fake_bus_new(&world->driver, 1);
+	world->bus->context = world;
+	world->bus->obey = obey;
+	fake_bus_open(world->bus, 1, NULL);
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 400 * MS);
+	/* Then the drive is known, and is not asked again. */
+	assert_int_equal(fake_count(world->bus, 1, FAKE_IDENTIFY), 1);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_LOOK), 1);
+	assert_true(fake_feedback(world->bus, 0).status & DB_STATUS_PARAMS_VALID);
+	fake_pass(world->bus, 5000 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_IDENTIFY), 1);
+	assert_true(fake_is_online(world->bus, 0));
+	close_world(world);
+}
+
 /* --- figures ---------------------------------------------------------------------------------- */
 
 static void round_trips_are_measured(void **state)
@@ -216,6 +260,7 @@ int main(void)
 		cmocka_unit_test(
 			a_drive_that_does_not_report_its_parameters_is_asked_ever_less_often),
 		cmocka_unit_test(a_drive_that_returns_is_asked_at_once),
+		cmocka_unit_test(parameters_that_are_not_answered_are_left_out),
 		cmocka_unit_test(round_trips_are_measured),
 	};
 
