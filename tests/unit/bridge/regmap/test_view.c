@@ -821,6 +821,7 @@ static void who_has_no_control_changes_nothing(void **state)
 	assert_int_equal(intruder_sees(&fake, 67), 0);
 	assert_int_equal(fake_get2(&fake, 1, 46), 900);
 	assert_int_equal(intrude(&fake, 66, 1, 1), BUSY);
+	assert_int_equal(intruder_sees(&fake, 67), 0);
 	assert_int_equal(fake.submitted, 0);
 	fake_registers_close(&fake);
 }
