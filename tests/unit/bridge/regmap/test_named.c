@@ -650,6 +650,31 @@ static void registers_that_command_are_known(void **state)
 	fake_registers_close(&fake);
 }
 
+static void add_up(void *context, const char *name, const struct db_entry *entry,
+                   const struct db_named_value *value)
+{
+	(void)name;
+	(void)entry;
+	*(int64_t *)context += value->whole;
+}
+
+/* Of the gateway in one read, whichever bus they are of. */
+static void figures_of_several_buses_are_read_at_once(void **state)
+{
+	const struct db_entry *entries[2];
+	int64_t sum = 0;
+
+	FAKE();
+	fake.bus_stats[0].cycles = 70000;
+	fake.bus_stats[1].cycles = 5;
+	entries[0] = entry_of(&fake, DB_NAMED_GATEWAY, "bus1_cycles");
+	entries[1] = entry_of(&fake, DB_NAMED_GATEWAY, "bus2_cycles");
+	assert_true(db_named_read(fake.registers, &session, DB_NAMED_GATEWAY, entries, 2, NULL,
+	                          add_up, &sum));
+	assert_int_equal(sum, 70005);
+	fake_registers_close(&fake);
+}
+
 /* --- commands ---------------------------------------------------------------------------------------- */
 
 static struct db_write_answer run(struct fake_registers *fake, const struct db_client *client,
@@ -839,6 +864,7 @@ int main(void)
 		cmocka_unit_test(everybody_may_stop),
 		cmocka_unit_test(beats_keep_a_held_motion_going),
 		cmocka_unit_test(who_sends_nothing_any_more_holds_nothing),
+		cmocka_unit_test(figures_of_several_buses_are_read_at_once),
 		cmocka_unit_test(the_end_of_the_service_ends_every_hold),
 		cmocka_unit_test(who_waits_for_its_motion_is_alive),
 	};

@@ -1158,10 +1158,6 @@ static void gateway(void **state)
 	assert_int_equal(fake_get1(&fake, 0, 100), 1);
 	assert_int_equal(fake_get2(&fake, 0, 102), 20000);
 	assert_int_equal(fake_get2(&fake, 0, 140 + 14), 70001);
-	/* Both buses in one read. */
-	assert_int_equal(fake_get(&fake, 0, DB_TABLE_HOLDING, 100, 56, values), 0);
-	assert_int_equal((unsigned)values[14] << 16 | values[15], 70000);
-	assert_int_equal((unsigned)values[54] << 16 | values[55], 70001);
 	assert_int_equal(fake_get1(&fake, 0, 1000), 1);
 	/* Seven seconds old: as good as none. */
 	assert_int_equal(fake_get1(&fake, 0, 1001), 0);
