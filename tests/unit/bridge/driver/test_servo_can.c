@@ -2301,6 +2301,21 @@ static bool interrupt(struct fixture *f, enum db_command code)
 	return driver->interrupt(f->device, code, &f->exchange);
 }
 
+/* Half a frame stops nothing, and must not count as sent. */
+static void an_interrupt_needs_room_for_a_whole_frame(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL | THERE);
+
+	(void)unused;
+	f->exchange.request_size = sizeof(struct db_can_frame) - 1;
+	assert_false(interrupt(f, DB_CMD_DISABLE));
+	f->exchange.request_size++;
+	assert_true(interrupt(f, DB_CMD_DISABLE));
+	assert_int_equal(f->exchange.request_length, sizeof(struct db_can_frame));
+	assert_int_equal(f->exchange.answer_length, 0);
+	drop(f);
+}
+
 static void a_stop_while_an_answer_is_outstanding(void **unused)
 {
 	struct fixture *f = make_on(ON | STILL);
@@ -2658,6 +2673,7 @@ int main(void)
 		cmocka_unit_test(frames_tell_their_node),
 		cmocka_unit_test(filters_pass_what_drives_send),
 		cmocka_unit_test(padded_frames),
+		cmocka_unit_test(an_interrupt_needs_room_for_a_whole_frame),
 		cmocka_unit_test(enable_and_disable_for_all),
 		cmocka_unit_test(a_stop_while_an_answer_is_outstanding),
 		cmocka_unit_test(answers_have_their_length),
