@@ -102,6 +102,11 @@ static size_t tell_clients(void *context, struct db_server_client *clients, size
 	return FAKE_CLIENTS;
 }
 
+static struct db_configuration_report tell_configuration(void *context)
+{
+	return ((struct fake_registers *)context)->configuration;
+}
+
 static void count_refusal(void *context, const struct db_client *client, enum db_refusal kind)
 {
 	struct fake_registers *fake = context;
@@ -179,6 +184,7 @@ static const struct db_registers_ops ops = {
 	.bus_stats = tell_bus_stats,
 	.server_stats = tell_server_stats,
 	.server_clients = tell_clients,
+	.configuration = tell_configuration,
 	.refused = count_refusal,
 	.client = count_client,
 	.tripped = count_trip,
@@ -195,6 +201,7 @@ void fake_registers_init(struct fake_registers *fake, size_t buses, size_t drive
 	must(buses <= FAKE_PLANT_BUSES && drives <= FAKE_PLANT_DRIVES);
 	memset(fake, 0, sizeof *fake);
 	fake->now = 5 * DB_NS_PER_S;
+	fake->configuration = (struct db_configuration_report){ .messages = "", .replaced = "" };
 	for (size_t i = 0; i < buses; i++) {
 		fake->buses[i] = (struct db_bus_config){
 			.driver = db_driver_find("vsmd-serial"),

@@ -54,6 +54,7 @@ struct fake_registers {
 	struct db_bus_stats bus_stats[FAKE_PLANT_BUSES];
 	struct db_server_stats server_stats;
 	struct db_server_client clients[FAKE_CLIENTS];
+	struct db_configuration_report configuration;
 
 	/* What they sent out; a test may reset it to 0. */
 	struct db_request requests[FAKE_REQUESTS]; /* number i at i % FAKE_REQUESTS */

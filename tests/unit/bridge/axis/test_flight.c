@@ -370,6 +370,25 @@ static void a_stop_said_again_is_not_lost(void **state)
 	drop(&fake);
 }
 
+/* The write of the third one ends as that one does, not as the one before it. */
+static void a_write_ends_as_the_stop_said_again(void **state)
+{
+	FAKE(false);
+	for (unsigned i = 0; i < 2; i++) {
+		assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+		assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), DB_WRITE_LATER);
+	}
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	finish(&fake, 0, DB_RESULT_OK);
+	finish(&fake, 2, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_PENDING);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_PENDING);
+	finish(&fake, fake.submitted - 1, DB_RESULT_INDETERMINATE);
+	assert_int_equal(look(&fake).results.result, DB_RESULT_INDETERMINATE);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_INDETERMINATE);
+	drop(&fake);
+}
+
 /* The bus keeps what the drive must stand for, and goes on with it. */
 static void a_refused_reaction_is_handed_over_once(void **state)
 {
@@ -410,6 +429,7 @@ int main(void)
 		cmocka_unit_test(a_younger_stop_takes_the_place_of_the_older_one),
 		cmocka_unit_test(a_stop_without_a_place_is_said_again),
 		cmocka_unit_test(a_stop_said_again_is_not_lost),
+		cmocka_unit_test(a_write_ends_as_the_stop_said_again),
 		cmocka_unit_test(a_refused_reaction_is_handed_over_once),
 	};
 

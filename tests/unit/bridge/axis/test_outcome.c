@@ -45,6 +45,24 @@ static void old_completions_do_not_overwrite_newer_results(void **state)
 	drop(&fake);
 }
 
+/* The bridge's own stop took its place: what that one ends with is the result of the write. */
+static void a_write_ends_as_the_stop_that_took_its_place(void **state)
+{
+	FAKE(false);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_true(execute(fake.commander, NULL, DB_CMD_HOME, &(struct db_args){ 0 },
+	                    (struct db_write_token){ 1, ++fake.next_token }, fake.now)
+	                    .later);
+	assert_true(execute(fake.commander, NULL, DB_CMD_STOP, &(struct db_args){ 0 },
+	                    (struct db_write_token){ 1, ++fake.next_token }, fake.now)
+	                    .later);
+	finish(&fake, 0, DB_RESULT_CANCELLED);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_PENDING);
+	finish(&fake, 2, DB_RESULT_OK);
+	assert_int_equal(look(&fake).results.write_result, DB_RESULT_OK);
+	drop(&fake);
+}
+
 /* --- a memory for each client ----------------------------------------------------------------- */
 
 static void each_client_numbers_its_own_commands(void **state)
@@ -610,6 +628,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(unproven_is_a_success),
 		cmocka_unit_test(old_completions_do_not_overwrite_newer_results),
+		cmocka_unit_test(a_write_ends_as_the_stop_that_took_its_place),
 		cmocka_unit_test(each_client_numbers_its_own_commands),
 		cmocka_unit_test(each_client_sees_its_own_result),
 		cmocka_unit_test(a_motion_aborted_by_another_client_is_told_to_its_own),

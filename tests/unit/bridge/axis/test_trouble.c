@@ -127,6 +127,10 @@ static void advice_names_what_it_is_about(void **state)
 	db_trouble_advice(DB_TROUBLE_PORT, &about, text);
 	assert_string_equal(
 		text, "the port of bus press is not open; may this user open it (group dialout)?");
+	db_trouble_port_advice(true, EACCES, "/dev/ttyS1", "", port);
+	db_trouble_advice(DB_TROUBLE_PORT, &about, text);
+	assert_string_equal(
+		text, "the port of bus press is not open; may this user open it (group dialout)?");
 	db_trouble_port_advice(true, EBUSY, "/dev/ttyS1", "minicom (process 7)", port);
 	db_trouble_advice(DB_TROUBLE_PORT, &about, text);
 	assert_string_equal(

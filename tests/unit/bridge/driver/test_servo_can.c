@@ -425,6 +425,39 @@ static void how_a_motor_may_move_when_it_gets_power(void **unused)
 	drop(f);
 }
 
+/* Compared with the reading before, as exact as a speed is. */
+static void a_motor_that_runs_out_gets_no_faster(void **unused)
+{
+	static const struct {
+		int16_t speeds[3];
+		unsigned good; /* of them */
+	} cases[] = {
+		{ { 510, 520, 530 }, 3 }, { { 511 }, 0 },       { { -510, 400, -410 }, 3 },
+		{ { 400, 411 }, 1 },      { { 400, -411 }, 1 },
+	};
+
+	(void)unused;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture *f = make();
+
+		option(f, "standstill-speed", 10);
+		switch_on(f);
+		poll(f, 0, 500, 0);
+		assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+		assert_string_equal(tell(f, 0, 500, 0), "065#010000");
+		assert_string_equal(answer(f, "006#040000"), "065#020000");
+		assert_string_equal(answer(f, "006#050000"), "085#00000000");
+		assert_string_equal(answer(f, "006#06"), "025#000A");
+		assert_string_equal(answer(f, "006#01"), "145#00");
+		for (unsigned j = 0; j < cases[i].good; j++)
+			assert_string_equal(tell(f, 0, cases[i].speeds[j], ON), "145#00");
+		if (cases[i].good < 3)
+			assert_string_equal(tell(f, 0, cases[i].speeds[cases[i].good], ON),
+			                    "025#0001");
+		drop(f);
+	}
+}
+
 /* Power that goes by itself again, or comes although there is a fault, is none. */
 static void power_that_does_not_stay_is_a_failure(void **unused)
 {
@@ -1175,6 +1208,31 @@ static void the_target_must_exist(void **unused)
 	assert_string_equal(command(f, DB_CMD_MOVE_RELATIVE, to(INT32_MAX)), "145#00");
 	assert_string_equal(tell(f, 1, 0, ON | STILL), "=out_of_range");
 	drop(f);
+}
+
+/* The last places that a counter has are places like others. */
+static void a_target_may_be_at_the_end_of_the_counter(void **unused)
+{
+	static const struct {
+		int32_t from;
+		int32_t way;
+		const char *said;
+	} cases[] = {
+		{ INT32_MAX - 5, 5, "085#7FFFFFFA" },
+		{ INT32_MAX - 5, 6, "=out_of_range" },
+		{ INT32_MIN + 5, -5, "085#80000005" },
+		{ INT32_MIN + 5, -6, "=out_of_range" },
+	};
+
+	(void)unused;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture *f = make_positioner();
+
+		poll(f, cases[i].from, 0, ON | STILL | THERE);
+		assert_string_equal(command(f, DB_CMD_MOVE_RELATIVE, to(cases[i].way)), "145#00");
+		assert_string_equal(tell(f, cases[i].from, 0, ON | STILL | THERE), cases[i].said);
+		drop(f);
+	}
 }
 
 static void a_target_that_is_refused_moves_nothing(void **unused)
@@ -2243,6 +2301,21 @@ static bool interrupt(struct fixture *f, enum db_command code)
 	return driver->interrupt(f->device, code, &f->exchange);
 }
 
+/* Half a frame stops nothing, and must not count as sent. */
+static void an_interrupt_needs_room_for_a_whole_frame(void **unused)
+{
+	struct fixture *f = make_on(ON | STILL | THERE);
+
+	(void)unused;
+	f->exchange.request_size = sizeof(struct db_can_frame) - 1;
+	assert_false(interrupt(f, DB_CMD_DISABLE));
+	f->exchange.request_size++;
+	assert_true(interrupt(f, DB_CMD_DISABLE));
+	assert_int_equal(f->exchange.request_length, sizeof(struct db_can_frame));
+	assert_int_equal(f->exchange.answer_length, 0);
+	drop(f);
+}
+
 static void a_stop_while_an_answer_is_outstanding(void **unused)
 {
 	struct fixture *f = make_on(ON | STILL);
@@ -2533,6 +2606,7 @@ int main(void)
 		cmocka_unit_test(a_lost_enable_is_looked_up),
 		cmocka_unit_test(a_motor_that_jumps_when_it_gets_power_loses_it),
 		cmocka_unit_test(how_a_motor_may_move_when_it_gets_power),
+		cmocka_unit_test(a_motor_that_runs_out_gets_no_faster),
 		cmocka_unit_test(power_that_does_not_stay_is_a_failure),
 		cmocka_unit_test(a_late_move_may_be_followed),
 		cmocka_unit_test(a_move_that_cannot_be_ended_is_indeterminate),
@@ -2568,6 +2642,7 @@ int main(void)
 		cmocka_unit_test(a_move_on_top_of_a_move_is_busy),
 		cmocka_unit_test(moves_need_power),
 		cmocka_unit_test(the_target_must_exist),
+		cmocka_unit_test(a_target_may_be_at_the_end_of_the_counter),
 		cmocka_unit_test(a_target_that_is_refused_moves_nothing),
 		cmocka_unit_test(only_power_stops_a_move),
 		cmocka_unit_test(other_places_for_the_words),
@@ -2598,6 +2673,7 @@ int main(void)
 		cmocka_unit_test(frames_tell_their_node),
 		cmocka_unit_test(filters_pass_what_drives_send),
 		cmocka_unit_test(padded_frames),
+		cmocka_unit_test(an_interrupt_needs_room_for_a_whole_frame),
 		cmocka_unit_test(enable_and_disable_for_all),
 		cmocka_unit_test(a_stop_while_an_answer_is_outstanding),
 		cmocka_unit_test(answers_have_their_length),

@@ -321,6 +321,100 @@ static void probe_and_identity(void **state)
 	drop(f);
 }
 
+/* --- parameters in turn ----------------------------------------------------------------------- */
+
+/* Of every register 0. */
+static void identify(struct fixture *f)
+{
+	unsigned first;
+	unsigned count;
+
+	(void)begin(f, DB_JOB_IDENTIFY);
+	for (unsigned reg = 0; reg < 6; reg += 2)
+		answer(f, frame_of(0x0008020A + reg, 0x56534D44, 0x20202020, 8));
+	answer(f, frame_of(0x00080210, 0x20202020, 0, 4));
+	while (sscanf(f->said, "0008039F#%2x%2x", &first, &count) == 2) {
+		for (unsigned reg = first; reg < first + count; reg += 2)
+			answer(f,
+			       frame_of(0x00080280 + reg, 0, 0, first + count - reg > 1 ? 8 : 4));
+		guard(f);
+	}
+	assert_string_equal(f->said, "=ok");
+}
+
+/* The register that is read now. */
+static unsigned refresh(struct fixture *f)
+{
+	unsigned reg;
+	unsigned count;
+
+	assert_int_equal(sscanf(begin(f, DB_JOB_REFRESH), "0008039F#%2x%2x", &reg, &count), 2);
+	assert_int_equal(count, 1);
+	return reg;
+}
+
+/* Each that has parameters, from the first to the last and again. */
+static void registers_are_read_again_in_turn(void **state)
+{
+	struct fixture *f = make(0, 0);
+	const struct db_nameplate *plate = db_driver_vsmd_can.nameplate(f->device);
+	uint64_t seen = 0;
+	unsigned count = 0;
+	unsigned reg;
+
+	(void)state;
+	identify(f);
+	for (reg = refresh(f); !(seen >> reg & 1); reg = refresh(f)) {
+		uint32_t generation = plate->generation;
+
+		seen |= UINT64_C(1) << reg;
+		count++;
+		assert_string_equal(data(f, reg, 0), "=ok");
+		/* Nothing has changed. */
+		assert_int_equal(plate->generation, generation);
+	}
+	assert_int_equal(count, 42);
+	assert_true(seen >> 0x2B & 1);
+	assert_true(seen & 1);
+	drop(f);
+}
+
+static void a_value_that_was_changed_at_the_drive_is_taken(void **state)
+{
+	struct fixture *f = make(0, 0);
+	const struct db_nameplate *plate = db_driver_vsmd_can.nameplate(f->device);
+	uint32_t generation;
+	unsigned reg;
+
+	(void)state;
+	identify(f);
+	while ((reg = refresh(f)) != 0x02) /* mcs */
+		assert_string_equal(data(f, reg, 0), "=ok");
+	generation = plate->generation;
+	f->now += 7000 * MS;
+	assert_string_equal(data(f, 0x02, 5), "=ok");
+	assert_int_equal(plate->values[VSMD_MCS].u, 5);
+	assert_int_not_equal(plate->generation, generation);
+	assert_true(plate->told[VSMD_MCS] == db_told_at(f->now - MS / 2));
+	drop(f);
+}
+
+/* The guard came, the register did not: nothing is known anew. */
+static void a_register_that_is_not_answered_stays_as_it_is(void **state)
+{
+	struct fixture *f = make(0, 0);
+	const struct db_nameplate *plate = db_driver_vsmd_can.nameplate(f->device);
+	uint32_t generation;
+
+	(void)state;
+	identify(f);
+	generation = plate->generation;
+	(void)refresh(f);
+	assert_string_equal(guard(f), "=unsupported");
+	assert_int_equal(plate->generation, generation);
+	drop(f);
+}
+
 /* --- commands ---------------------------------------------------------------------------------------- */
 
 static void every_command_in_bytes(void **state)
@@ -1603,6 +1697,9 @@ int main(void)
 		cmocka_unit_test(a_half_answer_is_not_completed_by_the_next_one),
 		cmocka_unit_test(a_confirmation_is_nothing_else),
 		cmocka_unit_test(probe_and_identity),
+		cmocka_unit_test(registers_are_read_again_in_turn),
+		cmocka_unit_test(a_value_that_was_changed_at_the_drive_is_taken),
+		cmocka_unit_test(a_register_that_is_not_answered_stays_as_it_is),
 		cmocka_unit_test(every_command_in_bytes),
 		cmocka_unit_test(standard_frames),
 		cmocka_unit_test(what_the_drive_refuses),

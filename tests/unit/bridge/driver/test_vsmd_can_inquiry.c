@@ -136,6 +136,27 @@ static void whether_it_stands_and_what_it_is_told_may_be_padded(void **state)
 	assert_string_equal(ask(DB_INQUIRY_SET_ADDRESS, 5), "00080300#00000005 0008039F#0001");
 }
 
+/* Its status says whether the flash took it. */
+static void saving_is_refused_in_the_status(void **state)
+{
+	static const struct {
+		uint32_t status;
+		bool refused;
+	} cases[] = { { VSMD_ST_STP | VSMD_ST_PWR, false },
+		      { VSMD_ST_STP | VSMD_ST_CMD_WRG, true },
+		      { VSMD_ST_STP | VSMD_ST_FLASH_ERR, true } };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct talk talk = begin(DB_INQUIRY_SAVE, 0);
+
+		assert_int_equal(take(&talk, 0, 0x02, cases[i].status, 0, 4), DB_RECOGNISED_ANSWER);
+		assert_int_equal(talk.said.refused, cases[i].refused);
+		/* Nothing is told of a motion. */
+		assert_false(talk.said.tells_standing);
+	}
+}
+
 static bool can_ask(bool extended, enum db_inquiry_kind kind, unsigned address, unsigned value)
 {
 	const struct vsmd_can_style form = { .extended = extended, .host = 1, .output_base = 1 };
@@ -165,6 +186,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_drive_is_asked_for_its_identity_or_its_data),
 		cmocka_unit_test(an_identity_comes_in_any_form),
+		cmocka_unit_test(saving_is_refused_in_the_status),
 		cmocka_unit_test(no_drive_is_asked_for_another),
 		cmocka_unit_test(whether_it_stands_and_what_it_is_told_may_be_padded),
 	};

@@ -318,6 +318,32 @@ static void a_handshake_lapses_without_a_restart(void **state)
 	assert_int_equal(seen(&late).restarts, 0);
 }
 
+/* Where it lapses, it counts only after it has stayed for a minute. */
+static void a_handshake_that_stayed_for_long_counts(void **state)
+{
+	struct fixture f;
+
+	(void)state;
+	make(&f, 0, STANDS | HS);
+	status(&f, 0, STANDS);
+	status(&f, 0, STANDS | HS);
+	read_params(&f, 6400.0f, 1); /* where power says nothing */
+	for (unsigned i = 0; i < 59; i++) {
+		f.now += 980 * MS;
+		status(&f, 0, STANDS | HS);
+	}
+	status(&f, 0, STANDS);
+	assert_int_equal(seen(&f).doubts, 0);
+	status(&f, 0, STANDS | HS);
+	for (unsigned i = 0; i < 61; i++) {
+		f.now += 980 * MS;
+		status(&f, 0, STANDS | HS);
+	}
+	status(&f, 0, STANDS);
+	assert_int_equal(seen(&f).doubts, 1);
+	assert_int_equal(seen(&f).restarts, 0);
+}
+
 /* What is written and not saved is lost with the power. */
 static void settings_are_unsaved_until_they_are_saved(void **state)
 {
@@ -352,6 +378,7 @@ int main(void)
 		cmocka_unit_test(settings_are_unsaved_until_they_are_saved),
 		cmocka_unit_test(homing_by_itself_is_none),
 		cmocka_unit_test(a_handshake_lapses_without_a_restart),
+		cmocka_unit_test(a_handshake_that_stayed_for_long_counts),
 	};
 
 	return cmocka_run_group_tests_name("driver/vsmd_restart", tests, NULL, NULL);

@@ -344,6 +344,66 @@ static void a_lost_proof_leaves_what_was_acknowledged_unproven(void **state)
 	drop(f);
 }
 
+/* --- frames --------------------------------------------------------------------------------------- */
+
+/* Only a status is process data, which two drives at one address would both send. */
+static void frames_tell_their_sender_and_their_part(void **state)
+{
+	const struct vsmd_status status = { .status = STANDS };
+	struct fixture *f = make();
+	uint8_t frame[64];
+	int address = 0;
+	size_t length = (size_t)vsmd_serial_encode_status(7, &status, frame, sizeof(frame));
+
+	(void)state;
+	assert_int_equal(db_driver_vsmd_serial.accept(&f->bus, frame, length, &address),
+	                 DB_FRAME_GOOD);
+	assert_int_equal(address, 7);
+	assert_int_not_equal(db_driver_vsmd_serial.part(&f->bus, frame, length), 0);
+	/* On RS232 there is one drive, whatever it calls itself. */
+	f->bus.line = DB_LINE_RS232;
+	assert_int_equal(db_driver_vsmd_serial.accept(&f->bus, frame, length, &address),
+	                 DB_FRAME_GOOD);
+	assert_int_equal(address, -1);
+	frame[5] ^= 1;
+	assert_int_equal(db_driver_vsmd_serial.accept(&f->bus, frame, length, &address),
+	                 DB_FRAME_BAD);
+	length = (size_t)vsmd_serial_encode_text(7, VSMD_REPLY_IDENTITY, "VSMD", 4, frame,
+	                                         sizeof(frame));
+	assert_int_equal(db_driver_vsmd_serial.part(&f->bus, frame, length), 0);
+	length = (size_t)vsmd_serial_encode_text(7, VSMD_REPLY_PARAMS, "mcs=4", 5, frame,
+	                                         sizeof(frame));
+	assert_int_equal(db_driver_vsmd_serial.part(&f->bus, frame, length), 0);
+	drop(f);
+}
+
+/* --- identity ----------------------------------------------------------------------------------- */
+
+/* The same parameters may be another drive's: what it is called is published again. */
+static void another_drive_has_another_generation(void **state)
+{
+	static const char *const names[] = { "VSMD-1", "VSMD-2", "\"VSMD-3\"" };
+	const struct db_nameplate *plate;
+	struct fixture *f = make();
+	uint32_t seen[3];
+
+	(void)state;
+	plate = db_driver_vsmd_serial.nameplate(f->device);
+	poll(f, STANDS);
+	for (unsigned i = 0; i < 3; i++) {
+		assert_string_equal(begin(f, DB_JOB_IDENTIFY), "1 dev");
+		assert_string_equal(say(f, VSMD_REPLY_IDENTITY, names[i]), "1 cfg");
+		assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=4"), "=ok");
+		assert_int_equal(plate->identity[5], '1' + i);
+		seen[i] = plate->generation;
+		for (unsigned j = 0; j < i; j++)
+			assert_int_not_equal(seen[i], seen[j]);
+	}
+	/* Without the quotation marks. */
+	assert_int_equal(plate->identity[0], 'V');
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -357,6 +417,8 @@ int main(void)
 		cmocka_unit_test(a_moving_drive_is_not_asked_what_it_holds),
 		cmocka_unit_test(what_a_drive_holds_decides_after_a_refusal),
 		cmocka_unit_test(a_lost_proof_leaves_what_was_acknowledged_unproven),
+		cmocka_unit_test(frames_tell_their_sender_and_their_part),
+		cmocka_unit_test(another_drive_has_another_generation),
 	};
 
 	return cmocka_run_group_tests_name("vsmd_serial", tests, NULL, NULL);

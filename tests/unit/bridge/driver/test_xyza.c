@@ -304,6 +304,36 @@ static void one_cycle_asks_once_for_all_axes(void **state)
 	drop(f);
 }
 
+/* A counter at 0 all of a sudden may be a restart, unless a command of this axis, or a program, may
+ * have brought it there. */
+static void a_jump_to_0_is_doubted_where_nothing_was_commanded(void **state)
+{
+	static const struct {
+		unsigned axis;
+		enum db_command command;
+		unsigned doubts;
+	} cases[] = {
+		{ 0, DB_CMD_NONE, 1 },          { 0, DB_CMD_MOVE_ABSOLUTE, 0 },
+		{ 0, DB_CMD_SET_POSITION, 0 },  { 0, DB_CMD_SET_OUTPUT, 1 },
+		{ 1, DB_CMD_MOVE_ABSOLUTE, 1 }, { 1, DB_CMD_START_PROGRAM, 0 },
+		{ 0, DB_CMD_START_PROGRAM, 0 }, { 1, DB_CMD_CONTINUE_PROGRAM, 0 },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture *f = make(0x3);
+
+		poll_all(f, true, 5000, XYZA_PROGRAM_IDLE);
+		if (cases[i].command != DB_CMD_NONE)
+			(void)command(f, cases[i].axis, cases[i].command,
+			              (struct db_args){ .output_number = 1, .program_number = 1 });
+		poll_all(f, true, 0, XYZA_PROGRAM_IDLE);
+		assert_int_equal(feedback(f, 0).doubts, cases[i].doubts);
+		assert_int_equal(feedback(f, 1).doubts, 0);
+		drop(f);
+	}
+}
+
 /* Of an axis that stands still only its position is news, and of the controller what has changed. */
 static void what_changes_nothing_is_said_to(void **state)
 {
@@ -2295,6 +2325,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(one_cycle_asks_once_for_all_axes),
+		cmocka_unit_test(a_jump_to_0_is_doubted_where_nothing_was_commanded),
 		cmocka_unit_test(what_changes_nothing_is_said_to),
 		cmocka_unit_test(an_axis_that_leaves_is_not_asked_for),
 		cmocka_unit_test(what_stands_where_it_stood_needs_no_second_look),

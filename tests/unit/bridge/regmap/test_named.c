@@ -650,6 +650,31 @@ static void registers_that_command_are_known(void **state)
 	fake_registers_close(&fake);
 }
 
+static void add_up(void *context, const char *name, const struct db_entry *entry,
+                   const struct db_named_value *value)
+{
+	(void)name;
+	(void)entry;
+	*(int64_t *)context += value->whole;
+}
+
+/* Of the gateway in one read, whichever bus they are of. */
+static void figures_of_several_buses_are_read_at_once(void **state)
+{
+	const struct db_entry *entries[2];
+	int64_t sum = 0;
+
+	FAKE();
+	fake.bus_stats[0].cycles = 70000;
+	fake.bus_stats[1].cycles = 5;
+	entries[0] = entry_of(&fake, DB_NAMED_GATEWAY, "bus1_cycles");
+	entries[1] = entry_of(&fake, DB_NAMED_GATEWAY, "bus2_cycles");
+	assert_true(db_named_read(fake.registers, &session, DB_NAMED_GATEWAY, entries, 2, NULL,
+	                          add_up, &sum));
+	assert_int_equal(sum, 70005);
+	fake_registers_close(&fake);
+}
+
 /* --- commands ---------------------------------------------------------------------------------------- */
 
 static struct db_write_answer run(struct fake_registers *fake, const struct db_client *client,
@@ -766,6 +791,33 @@ static void who_sends_nothing_any_more_holds_nothing(void **state)
 	fake_registers_close(&fake);
 }
 
+static void the_end_of_the_service_ends_every_hold(void **state)
+{
+	const struct db_args args = { .target_velocity = 100.0f };
+	struct db_snapshot snapshot;
+	unsigned stopped = 0;
+	uint32_t entry;
+
+	FAKE();
+	snapshot = usual(&fake);
+	db_axis_publish(fake.axes[1], &snapshot);
+	db_axis_publish(fake.axes[2], &snapshot);
+	for (uint16_t drive = 0; drive < 3; drive++) {
+		assert_true(db_named_run(fake.registers, &session, drive, DB_CMD_MOVE_VELOCITY,
+		                         &args, 300, FAKE_TOKEN, &entry)
+		                    .later);
+		fake_complete(&fake, drive, DB_RESULT_OK);
+	}
+	db_registers_end_holds(fake.registers, fake.now);
+	assert_int_equal(fake.submitted, 6);
+	for (unsigned i = 3; i < 6; i++) {
+		assert_int_equal(fake.requests[i].command, DB_CMD_STOP);
+		stopped |= 1u << fake.requests[i].drive;
+	}
+	assert_int_equal(stopped, 7);
+	fake_registers_close(&fake);
+}
+
 static void who_waits_for_its_motion_is_alive(void **state)
 {
 	const struct db_entry *position;
@@ -812,6 +864,8 @@ int main(void)
 		cmocka_unit_test(everybody_may_stop),
 		cmocka_unit_test(beats_keep_a_held_motion_going),
 		cmocka_unit_test(who_sends_nothing_any_more_holds_nothing),
+		cmocka_unit_test(figures_of_several_buses_are_read_at_once),
+		cmocka_unit_test(the_end_of_the_service_ends_every_hold),
 		cmocka_unit_test(who_waits_for_its_motion_is_alive),
 	};
 

@@ -191,6 +191,32 @@ static void command_block_fits_a_scanner(void **state)
 	db_index_release(&index);
 }
 
+/* Cells are found where every address of the range has one, and nowhere else. */
+static void ranges_with_a_gap_have_no_cells(void **state)
+{
+	struct db_index index;
+
+	(void)state;
+	assert_int_equal(db_index_init(&index, &scopes[0], DB_TABLE_HOLDING), 0);
+	for (unsigned address = 0; address <= index.limit; address++) {
+		bool whole = true;
+
+		for (uint16_t count = 1; count <= 4; count++) {
+			unsigned last = address + count - 1u;
+			uint16_t cells = 0;
+			uint16_t first = db_index_find(&index, (uint16_t)address, count, &cells);
+
+			whole = whole && last < index.limit && index.lookup[last] < DB_GAP_CELL;
+			assert_int_equal(first != DB_NO_CELL, whole);
+			if (!whole)
+				continue;
+			assert_int_equal(first, index.lookup[address]);
+			assert_int_equal(first + cells - 1, index.lookup[last]);
+		}
+	}
+	db_index_release(&index);
+}
+
 /* Every block can be read in one piece: the first 36 registers, and the parameters. */
 static void blocks_have_no_holes(void **state)
 {
@@ -448,6 +474,7 @@ int main(void)
 		cmocka_unit_test(names_are_unique),
 		cmocka_unit_test(rows_are_in_order_and_described),
 		cmocka_unit_test(command_block_fits_a_scanner),
+		cmocka_unit_test(ranges_with_a_gap_have_no_cells),
 		cmocka_unit_test(blocks_have_no_holes),
 		cmocka_unit_test(parameters_stand_in_order_with_gaps),
 		cmocka_unit_test(finding_stops_at_holes_and_ends),

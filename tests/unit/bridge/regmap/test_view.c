@@ -5,6 +5,7 @@
 #include "fakes/nameplate.h"
 #include "fakes/registers.h"
 #include "regmap/image.h"
+#include "regmap/named.h"
 #include "regmap/table.h"
 
 #include <errno.h>
@@ -545,6 +546,25 @@ static void arguments_are_kept_for_a_single_register(void **state)
 	fake_registers_close(&fake);
 }
 
+/* The id that is kept was another command's: this one has none. */
+static void a_command_alone_has_no_used_id(void **state)
+{
+	FAKE();
+	assert_int_equal(fake_put(&fake, 1, 100, 2, 7, DB_CMD_HOME), 0x04);
+	assert_int_equal(fake_put(&fake, 1, 100, 2, 8, DB_CMD_HOME), DB_WRITE_LATER);
+	complete_last(&fake, DB_RESULT_OK);
+	assert_int_equal(fake_get1(&fake, 1, 22), 8);
+	/* The same block again is not executed again, the command alone is. */
+	assert_int_equal(fake_put(&fake, 1, 100, 2, 8, DB_CMD_HOME), 0);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(fake_put(&fake, 1, 101, 1, DB_CMD_ENABLE), DB_WRITE_LATER);
+	assert_int_equal(fake_last_request(&fake)->command, DB_CMD_ENABLE);
+	complete_last(&fake, DB_RESULT_OK);
+	assert_int_equal(fake_get1(&fake, 1, 22), 0);
+	assert_int_equal(fake.submitted, 2);
+	fake_registers_close(&fake);
+}
+
 static void writes_that_are_refused(void **state)
 {
 	FAKE();
@@ -782,6 +802,27 @@ static void control_is_asked_for_and_let_go(void **state)
 	assert_int_equal(fake_get1(&fake, 1, 56), 1);
 	/* `client` has no IPv4 address. */
 	assert_int_equal(fake_get2(&fake, 1, 58), UINT32_MAX);
+	fake_registers_close(&fake);
+}
+
+/* Neither arguments nor settings of who has no control are kept, and no register is to blame. */
+static void who_has_no_control_changes_nothing(void **state)
+{
+	CONTROL_FAKE();
+	assert_int_equal(fake_put(&fake, 1, 56, 1, 1), 0);
+	assert_int_equal(fake_put(&fake, 1, 102, 2, 0, 5), 0);
+	assert_int_equal(fake_put(&fake, 1, 46, 2, 0, 900), 0);
+	assert_int_equal(intrude(&fake, 102, 2, 0, 6), BUSY);
+	assert_int_equal(intruder_sees(&fake, 24), DB_RESULT_NOT_IN_CONTROL);
+	assert_int_equal(intruder_sees(&fake, 67), 0);
+	assert_int_equal(fake_get2(&fake, 1, 102), 5);
+	assert_int_equal(intrude(&fake, 46, 2, 0, 100), BUSY);
+	assert_int_equal(intruder_sees(&fake, 24), DB_RESULT_NOT_IN_CONTROL);
+	assert_int_equal(intruder_sees(&fake, 67), 0);
+	assert_int_equal(fake_get2(&fake, 1, 46), 900);
+	assert_int_equal(intrude(&fake, 66, 1, 1), BUSY);
+	assert_int_equal(intruder_sees(&fake, 67), 0);
+	assert_int_equal(fake.submitted, 0);
 	fake_registers_close(&fake);
 }
 
@@ -1134,6 +1175,39 @@ static void gateway(void **state)
 	fake_registers_close(&fake);
 }
 
+/* The first message only, and as much of it as there is room for. */
+static void the_gateway_tells_of_a_refused_configuration(void **state)
+{
+	char text[1024];
+	uint16_t values[80];
+	unsigned length = 0;
+
+	FAKE();
+	assert_int_equal(fake_get1(&fake, 0, 36), DB_CONFIGURATION_IN_FORCE);
+	assert_int_equal(fake_get1(&fake, 0, 600), 0);
+	fake.configuration = (struct db_configuration_report){
+		.state = DB_CONFIGURATION_REFUSED,
+		.since_us = 0x0001000200030004,
+		.messages = "a.conf:7: no\nb.conf:9: nor this",
+		.replaced = "",
+	};
+	assert_int_equal(fake_get1(&fake, 0, 36), DB_CONFIGURATION_REFUSED);
+	assert_int_equal(fake_get(&fake, 0, DB_TABLE_HOLDING, 40, 4, values), 0);
+	for (unsigned i = 0; i < 4; i++)
+		assert_int_equal(values[i], i + 1);
+	assert_int_equal(fake_get(&fake, 0, DB_TABLE_HOLDING, 600, 80, values), 0);
+	assert_int_equal(values[5], ('n' << 8) | 'o');
+	assert_int_equal(values[6], 0);
+	memset(text, 'x', sizeof(text));
+	text[sizeof(text) - 1] = '\0';
+	fake.configuration.messages = text;
+	assert_int_equal(fake_get(&fake, 0, DB_TABLE_HOLDING, 600, 80, values), 0);
+	while (length < 80 && values[length] == (('x' << 8) | 'x'))
+		length++;
+	assert_int_equal(length, 80);
+	fake_registers_close(&fake);
+}
+
 static void identification(void **state)
 {
 	char text[100];
@@ -1254,6 +1328,29 @@ static void drives_that_stay_keep_everything(void **state)
 	assert_int_equal(fake_get1(&fake, 100, 1000), 3);
 	assert_int_equal(fake_get1(&fake, 100, 2048), 1);
 	assert_int_equal(unit_of(&fake, 200), NO_PATH);
+	fake_registers_close(&fake);
+}
+
+/* Lists of names that somebody keeps are read anew when drives leave, and when they came. */
+static void names_have_another_generation_after_each_change(void **state)
+{
+	struct db_registers_change *change;
+	struct fake_sheet sheet;
+	uint32_t first;
+	uint32_t second;
+
+	FAKE();
+	fake_write_sheet(&fake, &sheet);
+	strike_out(&sheet, 0);
+	first = db_named_generation(fake.registers);
+	change = prepare(&fake, &sheet);
+	assert_int_equal(db_named_generation(fake.registers), first);
+	db_registers_retire(fake.registers, change);
+	second = db_named_generation(fake.registers);
+	assert_int_not_equal(second, first);
+	db_registers_apply(fake.registers, change);
+	assert_int_not_equal(db_named_generation(fake.registers), second);
+	assert_int_not_equal(db_named_generation(fake.registers), first);
 	fake_registers_close(&fake);
 }
 
@@ -1757,6 +1854,7 @@ int main(void)
 		cmocka_unit_test(bits_of_the_drives_own_status),
 		cmocka_unit_test(a_block_is_one_command),
 		cmocka_unit_test(arguments_are_kept_for_a_single_register),
+		cmocka_unit_test(a_command_alone_has_no_used_id),
 		cmocka_unit_test(writes_that_are_refused),
 		cmocka_unit_test(a_stop_is_a_stop_whatever_is_written_with_it),
 		cmocka_unit_test(parameter_writes),
@@ -1766,6 +1864,7 @@ int main(void)
 		cmocka_unit_test(coils_with_an_input_among_them),
 		cmocka_unit_test(without_control),
 		cmocka_unit_test(control_is_asked_for_and_let_go),
+		cmocka_unit_test(who_has_no_control_changes_nothing),
 		cmocka_unit_test(the_first_write_takes_control),
 		cmocka_unit_test(everybody_may_stop),
 		cmocka_unit_test(a_stop_takes_no_control),
@@ -1781,8 +1880,10 @@ int main(void)
 		cmocka_unit_test(foreign_tickets_are_ignored),
 		cmocka_unit_test(flat_window),
 		cmocka_unit_test(gateway),
+		cmocka_unit_test(the_gateway_tells_of_a_refused_configuration),
 		cmocka_unit_test(identification),
 		cmocka_unit_test(drives_that_stay_keep_everything),
+		cmocka_unit_test(names_have_another_generation_after_each_change),
 		cmocka_unit_test(a_drive_that_leaves_is_gone_at_once_and_still_answered),
 		cmocka_unit_test(who_still_waits_is_told_that_it_was_cancelled),
 		cmocka_unit_test(the_stops_of_a_group_reach_a_bus_at_once),

@@ -32,6 +32,20 @@ static int close_node(void **state)
 	return 0;
 }
 
+/* One question is free, the next ones come ever later, and it counts as one that stands. */
+static void a_new_node_begins_as_one_that_may_be_gone(void **state)
+{
+	const struct node *node = *state;
+
+	assert_int_equal(node->address, 7);
+	assert_false(node->online);
+	assert_int_equal(node->free_probes, 1);
+	assert_int_equal(node->probe_backoff, PROBE_BACKOFF_MIN);
+	assert_int_equal(node->share, DB_SHARE_STANDING);
+	assert_int_equal(node->late_answer_time, LATE);
+	assert_int_equal(node->patience.now, LATENCY_MS * MS);
+}
+
 static void the_answer_to_a_probe_counts_when_nothing_else_was_lost(void **state)
 {
 	struct node *node = *state;
@@ -181,6 +195,7 @@ int main(void)
 {
 #define TEST_OF_NODE(name) cmocka_unit_test_setup_teardown(name, open_node, close_node)
 	const struct CMUnitTest tests[] = {
+		TEST_OF_NODE(a_new_node_begins_as_one_that_may_be_gone),
 		TEST_OF_NODE(the_answer_to_a_probe_counts_when_nothing_else_was_lost),
 		TEST_OF_NODE(after_a_lost_probe_its_own_answer_must_be_over_before_the_next_one),
 		TEST_OF_NODE(each_lost_probe_is_answered_late_once),

@@ -187,6 +187,106 @@ static void a_drive_that_returns_is_asked_at_once(void **state)
 	close_world(world);
 }
 
+/* What it does not answer is left out, and the rest asked for. */
+static enum db_step leave_out(struct db_conversation *talk)
+{
+	if (fake_frame_at(talk->exchange->request, talk->exchange->request_length).kind ==
+	    FAKE_IDENTIFY)
+		return fake_say(talk, FAKE_LOOK);
+	return fake_family.lost(talk);
+}
+
+static enum db_step answer_rest(struct db_conversation *talk, const uint8_t *bytes, size_t length)
+{
+	if (fake_frame_at(bytes, length).kind != FAKE_LOOK)
+		return fake_family.answer(talk, bytes, length);
+	talk->device->identified = true;
+	talk->result = DB_RESULT_OK;
+	return DB_STEP_DONE;
+}
+
+static void parameters_that_are_not_answered_are_left_out(void **state)
+{
+	struct world *world = open_world(false);
+
+	(void)state;
+	fake_bus_free(world->bus);
+	world->driver.begin = fake_family.begin;
+	world->driver.answer = answer_rest;
+	world->driver.lost = leave_out;
+	world->lose[FAKE_IDENTIFY] = 1000;
+	world->bus = fake_bus_new(&world->driver, 1);
+	world->bus->context = world;
+	world->bus->obey = obey;
+	fake_bus_open(world->bus, 1, NULL);
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 400 * MS);
+	/* Then the drive is known, and is not asked again. */
+	assert_int_equal(fake_count(world->bus, 1, FAKE_IDENTIFY), 1);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_LOOK), 1);
+	assert_true(fake_feedback(world->bus, 0).status & DB_STATUS_PARAMS_VALID);
+	fake_pass(world->bus, 5000 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_IDENTIFY), 1);
+	assert_true(fake_is_online(world->bus, 0));
+	close_world(world);
+}
+
+/* --- what it must stand for ------------------------------------------------------------------- */
+
+static enum db_axis_state told; /* by the drive, which never stops */
+
+static void tell_state(const struct db_device *device, struct db_feedback *feedback)
+{
+	fake_family.feedback(device, feedback);
+	feedback->state = (uint16_t)told;
+	feedback->status |= DB_STATUS_MOVING;
+}
+
+static db_time run_on(void *context, struct fake_frame *frame)
+{
+	(void)context;
+	frame->speed = 100.0f;
+	return FAKE_ANSWER_TIME;
+}
+
+/* A fault is not hidden by a stop, nor that it has no power; anything else is not standing yet. */
+static void what_is_to_stand_is_shown_as_stopping(void **state)
+{
+	static const struct {
+		enum db_axis_state told;
+		enum db_axis_state shown;
+	} cases[] = {
+		{ DB_AXIS_CONTINUOUS_MOTION, DB_AXIS_STOPPING },
+		{ DB_AXIS_STANDSTILL, DB_AXIS_STOPPING },
+		{ DB_AXIS_ERROR_STOP, DB_AXIS_ERROR_STOP },
+		{ DB_AXIS_DISABLED, DB_AXIS_DISABLED },
+	};
+	struct world *world = open_world(false);
+
+	(void)state;
+	world->driver.feedback = tell_state;
+	world->bus->obey = run_on;
+	told = DB_AXIS_CONTINUOUS_MOTION;
+	fake_pass(world->bus, 300 * MS);
+	assert_int_equal(fake_feedback(world->bus, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		bool stopping = cases[i].shown == DB_AXIS_STOPPING;
+
+		told = cases[i].told;
+		fake_pass(world->bus, 60 * MS);
+		assert_int_equal(fake_feedback(world->bus, 0).state, cases[i].shown);
+		assert_int_equal(!!(fake_feedback(world->bus, 0).status & DB_STATUS_STOPPING),
+		                 stopping);
+	}
+	/* In the end it runs on, whatever it says. */
+	assert_int_not_equal(fake_feedback(world->bus, 0).error, DB_ERROR_RUNS_ON);
+	fake_pass(world->bus, 2000 * MS);
+	assert_int_equal(fake_feedback(world->bus, 0).error, DB_ERROR_RUNS_ON);
+	assert_true(fake_feedback(world->bus, 0).status & DB_STATUS_ERROR);
+	close_world(world);
+}
+
 /* --- figures ---------------------------------------------------------------------------------- */
 
 static void round_trips_are_measured(void **state)
@@ -216,6 +316,8 @@ int main(void)
 		cmocka_unit_test(
 			a_drive_that_does_not_report_its_parameters_is_asked_ever_less_often),
 		cmocka_unit_test(a_drive_that_returns_is_asked_at_once),
+		cmocka_unit_test(parameters_that_are_not_answered_are_left_out),
+		cmocka_unit_test(what_is_to_stand_is_shown_as_stopping),
 		cmocka_unit_test(round_trips_are_measured),
 	};
 
