@@ -137,7 +137,7 @@ static void read_status(struct sim_vsmd_can_node *node, uint16_t host, unsigned 
 	sim_vsmd_note_request(drive, first >= VSMD_CAN_IDENTITY, now);
 	sim_vsmd_report_status(drive, true, now, &status);
 	vsmd_can_put_status(&status, values);
-	snprintf(identity, sizeof(identity), "%s", drive->identity);
+	snprintf(identity, sizeof(identity), "%.*s", VSMD_CAN_IDENTITY_MAX, drive->identity);
 	(void)vsmd_can_put_identity(identity, &values[VSMD_CAN_IDENTITY]);
 	if (first + count > VSMD_CAN_REG_MAX + 1 || !answers_read(&drive->config.temper, count) ||
 	    (drive->config.temper.hides_identity && first + count > VSMD_CAN_IDENTITY))

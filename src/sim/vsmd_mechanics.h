@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The inside of a simulated VSMD drive, shared by vsmd_drive.c (commands, parameters, power),
- * vsmd_mechanics.c (motor, sensors, homing, shaking) and vsmd_temper.c (what it reports). Its buses,
- * its family and tests read it; from outside only what comments name as such is set.
+ * vsmd_mechanics.c (motor, sensors, homing, shaking) and vsmd_temper.c (what it reports). Its
+ * buses, its family and tests read it; the family also sets what is forced or fails.
  */
 #ifndef DRIVEBRIDGE_SIM_VSMD_MECHANICS_H
 #define DRIVEBRIDGE_SIM_VSMD_MECHANICS_H

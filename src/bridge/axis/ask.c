@@ -161,8 +161,9 @@ static struct db_writer *writer_of(struct db_commander *commander, const struct 
 }
 
 /* Ends a command without the bus. */
-static struct db_write_answer end_here(struct db_commander *commander,
-                                       const struct db_request *request, enum db_result result)
+static struct db_write_answer end_without_bus(struct db_commander *commander,
+                                              const struct db_request *request,
+                                              enum db_result result)
 {
 	struct db_writer *writer = writer_of(commander, request);
 
@@ -195,9 +196,10 @@ static const struct db_used_id *find_first(const struct db_writer *writer,
 }
 
 /* The same command again: it gets the answer of the first time. */
-static struct db_write_answer repeat(struct db_commander *commander,
-                                     const struct db_request *request,
-                                     const struct db_used_id *first, struct db_write_token token)
+static struct db_write_answer answer_repeat(struct db_commander *commander,
+                                            const struct db_request *request,
+                                            const struct db_used_id *first,
+                                            struct db_write_token token)
 {
 	struct db_request *pending = db_flight_find(commander, first->ticket);
 
@@ -221,8 +223,8 @@ static bool is_only_latched(const struct db_commander *commander)
 }
 
 /* Why a permitted command does not go to the bus all the same; OK: it does. */
-static enum db_result hold_back(const struct db_commander *commander,
-                                const struct db_request *request, db_time arrived)
+static enum db_result find_obstacle(const struct db_commander *commander,
+                                    const struct db_request *request, db_time arrived)
 {
 	bool moves = db_command_may_move(request->command);
 	enum db_result result = db_flight_reach(commander, request->command);
@@ -249,15 +251,15 @@ static struct db_write_answer submit(struct db_commander *commander, struct db_r
 	const struct db_client *client = db_request_client(request);
 	struct db_writer *writer = writer_of(commander, request);
 	db_time arrived = db_client_arrived(client, request->submitted);
-	enum db_result result = hold_back(commander, request, arrived);
+	enum db_result result = find_obstacle(commander, request, arrived);
 	struct db_request *pending = NULL;
 
 	request->ends_latch = clears_latch(commander, request->command);
 	if (result == DB_RESULT_OK)
 		pending = db_flight_submit(commander, request);
 	if (!pending)
-		return end_here(commander, request,
-		                result == DB_RESULT_OK ? DB_RESULT_BUSY : result);
+		return end_without_bus(commander, request,
+		                       result == DB_RESULT_OK ? DB_RESULT_BUSY : result);
 	if (db_command_is_stop(request->command))
 		db_flight_replace_stop(commander, pending);
 	if (db_command_may_move(request->command)) {
@@ -288,7 +290,7 @@ static struct db_write_answer decide(struct db_commander *commander, struct db_r
 	struct db_request *stop = NULL;
 
 	if (result != DB_RESULT_OK)
-		return end_here(commander, request, result);
+		return end_without_bus(commander, request, result);
 	/* A drive that cannot be asked keeps the latch: its current state is not known. */
 	if (clears_latch(commander, request->command) && is_only_latched(commander)) {
 		result = db_flight_reach(commander, DB_CMD_CLEAR_FAULT);
@@ -296,7 +298,7 @@ static struct db_write_answer decide(struct db_commander *commander, struct db_r
 			db_guard_unlatch(commander, request->submitted);
 			db_writer_set_executed(writer, request, DB_RESULT_OK, 0);
 		}
-		return end_here(commander, request, result);
+		return end_without_bus(commander, request, result);
 	}
 	if (db_command_is_stop(request->command))
 		stop = db_flight_join_stop(commander, request->command);
@@ -315,7 +317,7 @@ static struct db_write_answer decide(struct db_commander *commander, struct db_r
 	return db_flight_wait(commander, stop, token, request->submitted);
 }
 
-static bool is_not_now(enum db_result result)
+static bool may_succeed_later(enum db_result result)
 {
 	return result == DB_RESULT_BUSY || result == DB_RESULT_OFFLINE ||
 	       result == DB_RESULT_BUS_DOWN;
@@ -348,7 +350,7 @@ static void count_commander(struct db_commander *commander, const struct db_requ
 	if (counts && (!db_watchdog_is_commanded_by(watchdog, NULL) ||
 	               db_watchdog_is_commanded_by(watchdog, client)))
 		db_commander_feed(commander, client, DB_FEED_WRITES, arrived);
-	else if (!answer.later && is_not_now(answer.result))
+	else if (!answer.later && may_succeed_later(answer.result))
 		db_commander_feed(commander, client, DB_FEED_REQUESTS, arrived);
 }
 
@@ -363,7 +365,7 @@ static struct db_write_answer carry_out(struct db_commander *commander, struct d
 	if (db_command_is_stop(request->command))
 		db_motion_stopped(commander, db_client_arrived(db_request_client(request),
 		                                               request->submitted));
-	answer = first ? repeat(commander, request, first, token) :
+	answer = first ? answer_repeat(commander, request, first, token) :
 	                 decide(commander, request, token);
 	count_commander(commander, request, answer, first != NULL);
 	return answer;
@@ -386,7 +388,7 @@ static struct db_write_answer write_settings(struct db_commander *commander,
 		pending = db_flight_submit(commander, request);
 		result = pending ? DB_RESULT_PENDING : DB_RESULT_BUSY;
 	}
-	if (client && (pending || is_not_now(result)))
+	if (client && (pending || may_succeed_later(result)))
 		db_commander_feed(commander, client, pending ? DB_FEED_WRITES : DB_FEED_REQUESTS,
 		                  db_client_arrived(client, request->submitted));
 	db_outcome_record(commander, request, result, pending);
@@ -458,7 +460,7 @@ static struct db_write_answer stage(struct db_commander *commander,
 	if (!commands)
 		result = check_command(commander, writer_of(commander, &staged), &staged);
 	return result == DB_RESULT_OK ? answer_now(DB_RESULT_OK) :
-	                                end_here(commander, &staged, result);
+	                                end_without_bus(commander, &staged, result);
 }
 
 struct db_write_answer db_commander_write(struct db_commander *commander,

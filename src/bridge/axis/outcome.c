@@ -299,7 +299,8 @@ void db_writers_end_motion(struct db_writers *writers, uint32_t ticket, enum db_
 
 /* --- history, audit trail and log ------------------------------------------------------------- */
 
-static uint32_t record(const struct db_commander *commander, const struct db_recorded *recorded)
+static uint32_t write_record(const struct db_commander *commander,
+                             const struct db_recorded *recorded)
 {
 	return commander->ops->record ? commander->ops->record(commander->context, recorded) : 0;
 }
@@ -330,10 +331,10 @@ void db_outcome_record(struct db_commander *commander, const struct db_request *
 		entry.value = secret ? 0 : request->settings[0].value.u;
 	}
 	noted.entry = db_history_add(&commander->history, &entry, pending != NULL);
-	noted.record = record(commander, &(struct db_recorded){
-						 .request = request,
-						 .result = result,
-					 });
+	noted.record = write_record(commander, &(struct db_recorded){
+						       .request = request,
+						       .result = result,
+					       });
 	if (pending)
 		pending->noted = noted;
 }
@@ -345,11 +346,11 @@ void db_outcome_record_form(const struct db_commander *commander, const struct d
 
 	if (client)
 		request.client = *client;
-	(void)record(commander, &(struct db_recorded){
-					.request = &request,
-					.result = result,
-					.address = address,
-				});
+	(void)write_record(commander, &(struct db_recorded){
+					      .request = &request,
+					      .result = result,
+					      .address = address,
+				      });
 }
 
 void db_outcome_end(struct db_commander *commander, struct db_noted noted, enum db_result result,
@@ -364,11 +365,11 @@ void db_outcome_join(struct db_commander *commander, const struct db_request *re
                      const struct db_request *stop)
 {
 	db_history_repeat(&commander->history, stop->noted.entry);
-	(void)record(commander, &(struct db_recorded){
-					.request = request,
-					.result = DB_RESULT_PENDING,
-					.joined = stop->noted.record,
-				});
+	(void)write_record(commander, &(struct db_recorded){
+					      .request = request,
+					      .result = DB_RESULT_PENDING,
+					      .joined = stop->noted.record,
+				      });
 }
 
 void db_outcome_log(const struct db_commander *commander, const struct db_client *client,
@@ -407,7 +408,7 @@ int db_settle_init(struct db_settle *settle, const struct db_driver *driver)
 	return 0;
 }
 
-static void drop(struct db_settle *settle, uint32_t ticket)
+static void forget_write(struct db_settle *settle, uint32_t ticket)
 {
 	for (size_t i = 0; i < settle->count; i++) {
 		if (settle->places[i].ticket == ticket)
@@ -427,7 +428,7 @@ void db_settle_submitted(struct db_commander *commander, const struct db_request
 
 			if (older->ticket != 0 && older->ticket != request->ticket &&
 			    older->param == settings[i].param)
-				drop(settle, older->ticket);
+				forget_write(settle, older->ticket);
 		}
 	}
 	/* A part of the write proves nothing about the whole. */
@@ -437,7 +438,7 @@ void db_settle_submitted(struct db_commander *commander, const struct db_request
 		struct db_unsettled *place = &settle->places[settle->next];
 
 		if (place->ticket != 0)
-			drop(settle, place->ticket);
+			forget_write(settle, place->ticket);
 		settle->next = (settle->next + 1) % settle->count;
 		*place = (struct db_unsettled){
 			.ticket = request->ticket,
@@ -454,7 +455,7 @@ void db_settle_ended(struct db_commander *commander, const struct db_request *re
 	struct db_settle *settle = &commander->settle;
 
 	if (request->result != DB_RESULT_UNPROVEN) {
-		drop(settle, request->ticket);
+		forget_write(settle, request->ticket);
 		return;
 	}
 	for (size_t i = 0; i < settle->count; i++) {
@@ -469,8 +470,9 @@ void db_settle_ended(struct db_commander *commander, const struct db_request *re
 }
 
 /* Judges all parameters of the write: PENDING while one of them was not reported since. */
-static enum db_result judge(const struct db_commander *commander, uint32_t ticket,
-                            const struct db_nameplate *plate, const struct db_unsettled **other)
+static enum db_result judge_write(const struct db_commander *commander, uint32_t ticket,
+                                  const struct db_nameplate *plate,
+                                  const struct db_unsettled **other)
 {
 	const struct db_driver *driver = commander->config.driver;
 	const struct db_settle *settle = &commander->settle;
@@ -511,7 +513,7 @@ void db_settle_check(struct db_commander *commander, db_time now)
 
 		if (write.ticket == 0 || write.since == DB_TIME_NEVER)
 			continue;
-		result = judge(commander, write.ticket, plate, &other);
+		result = judge_write(commander, write.ticket, plate, &other);
 		if (result == DB_RESULT_PENDING) {
 			settle->check_at = now + LOOK_EVERY;
 			continue;
@@ -529,6 +531,6 @@ void db_settle_check(struct db_commander *commander, db_time now)
 			                                        plate->values[other->param]),
 					.result = result,
 				});
-		drop(settle, write.ticket);
+		forget_write(settle, write.ticket);
 	}
 }

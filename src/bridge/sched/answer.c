@@ -222,7 +222,7 @@ static enum db_trace_kind receive_answer(struct db_engine *engine, struct node *
 }
 
 /* The sender. `address` -1: the node that was asked. Null when there is none. */
-static struct node *sender_of(struct db_engine *engine, int address)
+static struct node *node_sending(struct db_engine *engine, int address)
 {
 	/* On a line with one drive it can be no other. */
 	if (address < 0 && engine->node_count == 1)
@@ -238,7 +238,7 @@ static struct node *sender_of(struct db_engine *engine, int address)
 
 /* The node whose exchange this frame may answer: its sender, or a node that waits for an answer
  * from there because it is being given that address. Null: neither. */
-static struct node *waiting_for(struct db_engine *engine, struct node *sender, int address)
+static struct node *node_waiting_for(struct db_engine *engine, struct node *sender, int address)
 {
 	if (sender && is_flying(sender))
 		return sender;
@@ -260,7 +260,7 @@ static void receive_bad_frame(struct db_engine *engine, const uint8_t *frame, si
 {
 	bool known = address >= 0 && engine->driver->medium == DB_MEDIUM_CAN;
 	struct node *node = known || engine->flights == 1 ?
-	                            sender_of(engine, known ? address : -1) :
+	                            node_sending(engine, known ? address : -1) :
 	                            NULL;
 
 	engine->stats.bad_frames++;
@@ -276,7 +276,7 @@ static void receive_bad_frame(struct db_engine *engine, const uint8_t *frame, si
 static void receive_foreign_frame(struct db_engine *engine, const uint8_t *frame, size_t length,
                                   int address)
 {
-	struct node *node = address >= 0 ? sender_of(engine, address) : NULL;
+	struct node *node = address >= 0 ? node_sending(engine, address) : NULL;
 	const struct db_exchange *asked;
 
 	if (!node || node->online || !is_flying(node))
@@ -348,7 +348,7 @@ void answer_receive(struct db_engine *engine, const uint8_t *frame, size_t lengt
 	                             DB_FRAME_GOOD;
 
 	if (form == DB_FRAME_GOOD) {
-		node = sender_of(engine, address);
+		node = node_sending(engine, address);
 		if (node) {
 			node->received_at = now;
 		} else if (address > 0) {
@@ -364,7 +364,7 @@ void answer_receive(struct db_engine *engine, const uint8_t *frame, size_t lengt
 	}
 	switch (form) {
 	case DB_FRAME_GOOD:
-		node = waiting_for(engine, node, address);
+		node = node_waiting_for(engine, node, address);
 		kind = receive_good_frame(engine, node, frame, length, now, &question);
 		break;
 	case DB_FRAME_FOREIGN:

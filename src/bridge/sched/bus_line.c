@@ -122,7 +122,7 @@ static void bring_down(struct bus_line *line, int error, db_time now)
 
 /* Lets the thread sleep until a whole answer is there, so that it wakes up once. A scan also reads
  * what others send. */
-static void gather(struct bus_line *line, bool answers)
+static void set_read_size(struct bus_line *line, bool answers)
 {
 	size_t bytes = answers ? line->config->driver->usual_answer : 0;
 
@@ -151,7 +151,7 @@ static void open_port(struct bus_line *line, db_time now)
 	line->passes_all = false;
 	line->gathers = 0;
 	if (error == 0) {
-		gather(line, line->engine->scan == NULL);
+		set_read_size(line, line->engine->scan == NULL);
 		return;
 	}
 	line->port = NULL;
@@ -276,7 +276,7 @@ static void follow_scan(struct bus_line *line, db_time now)
 	bool scans = line->engine->scan != NULL;
 
 	if (line->port)
-		gather(line, !scans);
+		set_read_size(line, !scans);
 	if (line->use == LINE_IN_SERVICE && aside) {
 		const char *whose = line->engine->scan->plan.whose;
 

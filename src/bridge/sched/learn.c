@@ -20,12 +20,12 @@
 #define USELESS_PAUSE (10 * A_MINUTE)
 
 /* Gaps and latencies are far below two seconds, by the ranges of their keys. */
-static int32_t kept(db_time span)
+static int32_t to_int32(db_time span)
 {
 	return span < INT32_MAX ? (int32_t)span : INT32_MAX;
 }
 
-static void count(uint8_t *counter)
+static void count_up(uint8_t *counter)
 {
 	if (*counter < UINT8_MAX)
 		++*counter;
@@ -36,11 +36,11 @@ static void count(uint8_t *counter)
 void learn_gap_init(struct learn_gap *gap, bool adapt, db_time begin, db_time least)
 {
 	*gap = (struct learn_gap){
-		.begin = kept(begin),
-		.least = kept(adapt ? db_time_min(begin, least) : begin),
-		.most = kept(adapt ? db_time_max(begin, LEARN_GAP_MOST) : begin),
-		.now = kept(begin),
-		.peak = kept(begin),
+		.begin = to_int32(begin),
+		.least = to_int32(adapt ? db_time_min(begin, least) : begin),
+		.most = to_int32(adapt ? db_time_max(begin, LEARN_GAP_MOST) : begin),
+		.now = to_int32(begin),
+		.peak = to_int32(begin),
 		.lower_pause = A_MINUTE,
 	};
 	gap->sure = gap->most;
@@ -54,7 +54,7 @@ bool learn_gap_wants_test(const struct learn_gap *gap)
 /* The counts belong to the former gap. */
 static void set_gap(struct learn_gap *gap, db_time value)
 {
-	gap->now = kept(value);
+	gap->now = to_int32(value);
 	gap->received = gap->lost = gap->lost_later = 0;
 	gap->received_in_row = 0;
 	gap->widest = 0;
@@ -69,17 +69,17 @@ void learn_gap_received(struct learn_gap *gap, db_time pause, db_time now)
 		return;
 	if (gap->lower_at == 0)
 		gap->lower_at = now;
-	count(&gap->received);
+	count_up(&gap->received);
 	if (gap->received + gap->lost > REMEMBERED) {
 		gap->received /= 2;
 		gap->lost /= 2;
 		gap->lost_later /= 2;
 	}
-	count(&gap->received_in_row);
-	gap->widest = kept(db_time_max(gap->widest, pause));
+	count_up(&gap->received_in_row);
+	gap->widest = to_int32(db_time_max(gap->widest, pause));
 	if (gap->received_in_row < PROVING_ANSWERS)
 		return;
-	gap->sure = kept(db_time_min(gap->sure, gap->widest));
+	gap->sure = to_int32(db_time_min(gap->sure, gap->widest));
 	gap->received_in_row = 0;
 	gap->widest = 0;
 	if (gap->now <= gap->least || now < gap->lower_at)
@@ -96,7 +96,7 @@ void learn_gap_received(struct learn_gap *gap, db_time pause, db_time now)
 enum learnt learn_gap_lost(struct learn_gap *gap, db_time pause, db_time now)
 {
 	if (pause > db_time_max(gap->most, LEARN_GAP_MOST) + NEAR) {
-		count(&gap->lost_later);
+		count_up(&gap->lost_later);
 		return LEARNT_NOTHING;
 	}
 	gap->received_in_row = 0;
@@ -111,7 +111,7 @@ enum learnt learn_gap_lost(struct learn_gap *gap, db_time pause, db_time now)
 		gap->lower_pause = db_time_min(2 * gap->lower_pause, AN_HOUR);
 		return LEARNT_BACK;
 	}
-	count(&gap->lost);
+	count_up(&gap->lost);
 	if (gap->lost < TELLING_LOSSES || gap->lost * 3 <= gap->received ||
 	    gap->lost_later * 2 >= gap->lost || now < gap->raise_at)
 		return LEARNT_NOTHING;
@@ -134,7 +134,7 @@ enum learnt learn_gap_lost(struct learn_gap *gap, db_time pause, db_time now)
 /* --- patience --------------------------------------------------------------------------------- */
 
 /* The margin between the longest latency seen and the time-out. */
-static db_time with_room(db_time latency)
+static db_time with_margin(db_time latency)
 {
 	return latency + latency * 3 / 10;
 }
@@ -146,9 +146,9 @@ static db_time with_room(db_time latency)
 void learn_patience_init(struct learn_patience *patience, bool adapt, db_time begin)
 {
 	*patience = (struct learn_patience){
-		.begin = kept(begin),
-		.most = kept(adapt ? db_time_max(begin, with_room(LEARN_LATE_MOST)) : begin),
-		.now = kept(begin),
+		.begin = to_int32(begin),
+		.most = to_int32(adapt ? db_time_max(begin, with_margin(LEARN_LATE_MOST)) : begin),
+		.now = to_int32(begin),
 	};
 }
 
@@ -161,31 +161,31 @@ void learn_patience_answered(struct learn_patience *patience, db_time latency, d
 		patience->longest = 0;
 		patience->since = now;
 	}
-	patience->longest = kept(db_time_max(patience->longest, latency));
+	patience->longest = to_int32(db_time_max(patience->longest, latency));
 	if (patience->now <= patience->begin || now < patience->lower_at)
 		return;
 	step = db_time_max((patience->now - patience->begin) / 10, DB_NS_PER_MS);
 	patience->lower_at = now + A_MINUTE;
 	/* Not below what its answers take. */
-	patience->now = kept(db_time_max(
+	patience->now = to_int32(db_time_max(
 		db_time_max(patience->now - step, patience->begin),
 		db_time_min(patience->now,
-	                    with_room(db_time_max(patience->longest, patience->before)))));
+	                    with_margin(db_time_max(patience->longest, patience->before)))));
 }
 
 bool learn_patience_late(struct learn_patience *patience, db_time latency, db_time now)
 {
-	db_time wanted = db_time_min(with_room(latency), patience->most);
+	db_time wanted = db_time_min(with_margin(latency), patience->most);
 
 	if (patience->late > 0 && now - patience->late_at > LATE_TIME)
 		patience->late = 0;
 	patience->late++;
 	patience->late_at = now;
-	patience->longest = kept(db_time_max(patience->longest, latency));
+	patience->longest = to_int32(db_time_max(patience->longest, latency));
 	/* An answer later than the longest possible time-out is not obtained by waiting longer. */
 	if (patience->late < TELLING_LATE || wanted <= patience->now || latency >= patience->most)
 		return false;
-	patience->now = kept(wanted);
+	patience->now = to_int32(wanted);
 	patience->late = 0;
 	patience->lower_at = now + A_MINUTE;
 	return true;

@@ -6,7 +6,7 @@
 
 #define JUDGE_INTERVAL (500 * DB_NS_PER_MS)
 
-static int set(unsigned priority)
+static int set_priority(unsigned priority)
 {
 	struct sched_param param = { .sched_priority = (int)priority };
 
@@ -16,7 +16,7 @@ static int set(unsigned priority)
 
 int priority_begin(struct priority *priority, unsigned wanted, db_time now, db_time used)
 {
-	int error = wanted > 0 ? set(wanted) : 0;
+	int error = wanted > 0 ? set_priority(wanted) : 0;
 
 	*priority = (struct priority){
 		.wanted = error == 0 ? wanted : 0,
@@ -40,11 +40,11 @@ enum priority_change priority_judge(struct priority *priority, db_time now, db_t
 	priority->judged_at = now;
 	priority->used = used;
 	if (priority->held && took > passed / 2) {
-		priority->held = set(0) != 0;
+		priority->held = set_priority(0) != 0;
 		return priority->held ? PRIORITY_AS_BEFORE : PRIORITY_GIVEN_UP;
 	}
 	if (!priority->held && took < passed / 4) {
-		priority->held = set(priority->wanted) == 0;
+		priority->held = set_priority(priority->wanted) == 0;
 		return priority->held ? PRIORITY_RESTORED : PRIORITY_AS_BEFORE;
 	}
 	return PRIORITY_AS_BEFORE;

@@ -100,7 +100,8 @@ void standing_enter(struct standing *standing, enum db_command kind, enum db_sta
 	standing->read_at = DB_TIME_NEVER;
 }
 
-void standing_leave(struct standing *standing)
+/* Closes the record: the drive is free. */
+static void leave(struct standing *standing)
 {
 	*standing = (struct standing){ .kind = DB_CMD_NONE };
 }
@@ -109,7 +110,7 @@ void standing_withdraw(struct standing *standing, enum db_stand_cause cause)
 {
 	standing->causes &= ~bit(cause);
 	if (standing->causes == 0)
-		standing_leave(standing);
+		leave(standing);
 }
 
 /* --- sending ---------------------------------------------------------------------------------- */
@@ -252,7 +253,7 @@ void standing_motion_ended(struct standing *standing, bool may_go_on, db_time no
 	if (!standing->gives_way)
 		return;
 	if (may_go_on) {
-		standing_leave(standing);
+		leave(standing);
 		return;
 	}
 	standing->gives_way = false;
@@ -297,7 +298,7 @@ static enum standing_verdict judge_standing(struct standing *standing,
 		standing->obeys = true;
 		return STANDING_OBEYS;
 	}
-	standing_leave(standing);
+	leave(standing);
 	return STANDING_DONE;
 }
 

@@ -99,8 +99,6 @@ static inline bool standing_is_seen_still(const struct standing *standing)
 /* A cause joins. `known`: a fresh sample, or null when there is none. */
 void standing_enter(struct standing *standing, enum db_command kind, enum db_stand_cause cause,
                     const struct db_feedback *known, db_time now);
-/* Closes the record: the drive is free. */
-void standing_leave(struct standing *standing);
 /* Withdraws a cause; without another one the record is closed. */
 void standing_withdraw(struct standing *standing, enum db_stand_cause cause);
 

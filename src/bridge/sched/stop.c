@@ -12,7 +12,7 @@ static const struct db_request stop_requests[] = {
 /* --- sending ---------------------------------------------------------------------------------- */
 
 /* The drive does not stop: all pending stops fail with RUNS_ON, also later ones. */
-static void run_on(struct db_engine *engine, struct station *station, db_time now)
+static void fail_stops(struct db_engine *engine, struct station *station, db_time now)
 {
 	struct standing *standing = &station->standing;
 	bool was_known = standing->overdue;
@@ -56,7 +56,7 @@ static bool send_stop(struct db_engine *engine, struct station *station, db_time
 }
 
 /* True if all drives wait for the same stop command and none has been sent it. */
-static bool all_want(const struct db_engine *engine, enum db_command command)
+static bool all_want_stop(const struct db_engine *engine, enum db_command command)
 {
 	for (size_t i = 0; i < engine->station_count; i++) {
 		const struct standing *standing = &engine->stations[i]->standing;
@@ -78,7 +78,7 @@ static bool try_broadcast(struct db_engine *engine, db_time now)
 	if (engine->station_count < 2 || !engine->driver->broadcast)
 		return false;
 	command = standing_next(&engine->stations[0]->standing);
-	if (command == DB_CMD_NONE || !all_want(engine, command) ||
+	if (command == DB_CMD_NONE || !all_want_stop(engine, command) ||
 	    !engine->driver->broadcast(command, engine->bus, &exchange))
 		return false;
 	for (size_t i = 0; i < engine->station_count; i++)
@@ -222,16 +222,16 @@ static bool read_extra(struct db_engine *engine, struct station *station, db_tim
 /* Stops that were never sent come first, online drives before others; then all in turn. */
 #define URGENCIES 3
 
-static bool serve(struct db_engine *engine, struct station *station, db_time now)
+static bool send_or_read(struct db_engine *engine, struct station *station, db_time now)
 {
 	if (deadline(engine, station, now) <= now) {
-		run_on(engine, station, now);
+		fail_stops(engine, station, now);
 		return false;
 	}
 	if (send_at(engine, station) <= now) {
 		/* A drive known not to stop need not be shown so by another sample. */
 		if (station->standing.overdue && station->standing.sent_at != 0)
-			run_on(engine, station, now);
+			fail_stops(engine, station, now);
 		return send_stop(engine, station, now);
 	}
 	return read_at(station) <= now && read_extra(engine, station, now);
@@ -266,7 +266,7 @@ bool stop_send_next(struct db_engine *engine, db_time now)
 			    exchange_stop_waits(engine, station, now))
 				continue;
 			engine->next_stop = i + 1;
-			if (serve(engine, station, now))
+			if (send_or_read(engine, station, now))
 				return true;
 		}
 	}
@@ -291,7 +291,7 @@ void stop_judge(struct db_engine *engine, struct station *station, db_time asked
 		station_finish_stops(station, DB_CMD_NONE, DB_RESULT_OK, now);
 		break;
 	case STANDING_RUNS_ON:
-		run_on(engine, station, now);
+		fail_stops(engine, station, now);
 		break;
 	case STANDING_UNSEEN:
 		break;

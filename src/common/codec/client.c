@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "drivebridge/client.h"
 
+#include "codec/big_endian.h"
+
 #include <arpa/inet.h>
 #include <stdio.h>
 #include <string.h>
@@ -38,32 +40,20 @@ bool db_client_is_session(uint32_t id)
 	return id >= DB_CLIENT_FIRST_SESSION && id != DB_CLIENT_GROUP;
 }
 
-static void put_u32(uint8_t bytes[4], uint32_t value)
-{
-	for (unsigned i = 0; i < 4; i++)
-		bytes[i] = (uint8_t)(value >> (24 - 8 * i));
-}
-
-static uint32_t get_u32(const uint8_t bytes[4])
-{
-	return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 |
-	       bytes[3];
-}
-
 void db_client_address_of_session(const struct db_client_session *session, uint8_t address[16])
 {
 	memset(address, 0, 16);
 	address[0] = SESSION_PREFIX;
-	put_u32(address + SESSION_USER, session->user);
-	put_u32(address + SESSION_ACTOR, session->actor);
+	put_be32(session->user, address + SESSION_USER);
+	put_be32(session->actor, address + SESSION_ACTOR);
 	address[SESSION_NAMED] = session->named;
 }
 
 bool db_client_session_of_address(const uint8_t address[16], struct db_client_session *session)
 {
 	*session = (struct db_client_session){
-		.user = get_u32(address + SESSION_USER),
-		.actor = get_u32(address + SESSION_ACTOR),
+		.user = get_be32(address + SESSION_USER),
+		.actor = get_be32(address + SESSION_ACTOR),
 		.named = address[SESSION_NAMED] != 0,
 	};
 	return address[0] == SESSION_PREFIX;
@@ -76,7 +66,7 @@ static void put_vouched(uint8_t prefix, uint32_t number, const uint8_t network[1
 	static const uint8_t loopback[16] = { [15] = 1 };
 	uint8_t made[16] = { prefix };
 
-	put_u32(made + LOCAL_USER, number);
+	put_be32(number, made + LOCAL_USER);
 	if (is_ipv4(network)) {
 		made[LOCAL_FORM] = FORM_IPV4;
 		memcpy(made + LOCAL_IPV4, network + sizeof(v4_prefix), 4);
@@ -101,7 +91,7 @@ void db_client_address_of_certificate(const uint8_t network[16], uint32_t certif
 
 bool db_client_certificate_of_address(const uint8_t address[16], uint32_t *certificate)
 {
-	*certificate = get_u32(address + LOCAL_USER);
+	*certificate = get_be32(address + LOCAL_USER);
 	return address[0] == CERTIFICATE_PREFIX;
 }
 
@@ -126,7 +116,7 @@ bool db_client_same(const uint8_t a[16], const uint8_t b[16])
 
 bool db_client_user_of_address(const uint8_t address[16], uint32_t *user)
 {
-	*user = get_u32(address + LOCAL_USER);
+	*user = get_be32(address + LOCAL_USER);
 	return address[0] == USER_PREFIX;
 }
 
@@ -222,6 +212,6 @@ uint32_t db_client_ipv4(const uint8_t address[16])
 
 	if ((db_client_user_of_address(address, &user) || address[0] == CERTIFICATE_PREFIX) &&
 	    address[LOCAL_FORM] == FORM_IPV4)
-		return get_u32(address + LOCAL_IPV4);
-	return is_ipv4(address) ? get_u32(address + sizeof(v4_prefix)) : DB_CLIENT_IPV6;
+		return get_be32(address + LOCAL_IPV4);
+	return is_ipv4(address) ? get_be32(address + sizeof(v4_prefix)) : DB_CLIENT_IPV6;
 }

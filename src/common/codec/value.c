@@ -45,53 +45,42 @@ const char *db_param_trait_name(unsigned bit)
 	return names[bit];
 }
 
-static bool whole_in(double number, double min, double max)
-{
-	return number >= min && number <= max && floor(number) == number;
-}
-
-static bool float_from(double number, union db_value *value)
-{
-	float narrowed = (float)number;
-
-	if (!isfinite(number) || !isfinite(narrowed))
-		return false;
-	value->f = narrowed;
-	return true;
-}
-
-static bool signed_from(double number, double min, double max, union db_value *value)
-{
-	if (!whole_in(number, min, max))
-		return false;
-	value->i = (int32_t)number;
-	return true;
-}
-
-static bool unsigned_from(double number, double max, union db_value *value)
-{
-	if (!whole_in(number, 0.0, max))
-		return false;
-	value->u = (uint32_t)number;
-	return true;
-}
-
 bool db_value_from_number(enum db_type type, double number, union db_value *value)
 {
+	float narrowed = (float)number;
+	double min = 0.0;
+	double max;
+
 	switch (type) {
 	case DB_F32:
-		return float_from(number, value);
+		if (!isfinite(number) || !isfinite(narrowed))
+			return false;
+		value->f = narrowed;
+		return true;
 	case DB_I16:
-		return signed_from(number, INT16_MIN, INT16_MAX, value);
+		min = INT16_MIN;
+		max = INT16_MAX;
+		break;
 	case DB_I32:
-		return signed_from(number, INT32_MIN, INT32_MAX, value);
+		min = INT32_MIN;
+		max = INT32_MAX;
+		break;
 	case DB_U16:
 	case DB_BITS16:
-		return unsigned_from(number, UINT16_MAX, value);
+		max = UINT16_MAX;
+		break;
 	case DB_U32:
 	case DB_BITS32:
-		return unsigned_from(number, UINT32_MAX, value);
+		max = UINT32_MAX;
+		break;
 	default:
 		return false;
 	}
+	if (!(number >= min && number <= max) || floor(number) != number)
+		return false;
+	if (min < 0.0)
+		value->i = (int32_t)number;
+	else
+		value->u = (uint32_t)number;
+	return true;
 }

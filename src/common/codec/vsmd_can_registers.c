@@ -229,8 +229,3 @@ uint32_t vsmd_can_rate_code(uint32_t rate)
 	}
 	return 0;
 }
-
-uint32_t vsmd_can_rate_at(size_t index)
-{
-	return index < RATES ? rates[index].rate : 0;
-}

@@ -98,7 +98,4 @@ uint32_t vsmd_can_code_rate(uint32_t code);
 /* The documented code of a bit rate; 0 when there is none. */
 uint32_t vsmd_can_rate_code(uint32_t rate);
 
-/* The documented bit rates, slowest first; 0 beyond the last. */
-uint32_t vsmd_can_rate_at(size_t index);
-
 #endif

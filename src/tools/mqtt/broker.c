@@ -291,10 +291,11 @@ static int set_up(struct db_mqtt_broker *broker)
 		result = mosquitto_username_pw_set(broker->client, config->user,
 		                                   config->password[0] ? config->password : NULL);
 	if (!result && config->tls)
-		result = mosquitto_tls_set(broker->client,
-		                           db_mqtt_tls_files_authorities(broker->files), NULL,
-		                           db_mqtt_tls_files_certificate(broker->files),
-		                           db_mqtt_tls_files_key(broker->files), NULL);
+		result = mosquitto_tls_set(
+			broker->client,
+			db_mqtt_tls_files_path(broker->files, DB_MQTT_TLS_AUTHORITIES), NULL,
+			db_mqtt_tls_files_path(broker->files, DB_MQTT_TLS_CERTIFICATE),
+			db_mqtt_tls_files_path(broker->files, DB_MQTT_TLS_KEY), NULL);
 	return result;
 }
 
@@ -506,7 +507,7 @@ static void serve(struct db_mqtt_broker *broker, short revents, db_time now)
 	broker->state = CONNECTED;
 	broker->stats.connections++;
 	broker->places[broker->place].told[0] = '\0';
-	db_mqtt_retry_succeed(&broker->retry);
+	broker->retry = (struct db_mqtt_retry){ .due = 0 };
 	db_client_log(DB_CLIENT_NOTICE, "connected to the broker %s, port %u%s",
 	              address_of(broker)->host, address_of(broker)->port,
 	              broker->config->tls ? ", with TLS" : "");

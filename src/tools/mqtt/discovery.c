@@ -38,8 +38,8 @@ static json_t *list_availability(const struct announcement *announcement, enum a
 		(void)json_array_append_new(
 			list,
 			json_pack("{s:s, s:s}", "topic",
-		                  db_mqtt_topic_of_drive(config->prefix, config->gateway, drive,
-		                                         "state")
+		                  db_mqtt_topic_of_part(config->prefix, config->gateway, "drive",
+		                                        drive, "state")
 		                          .text,
 		                  "value_template",
 		                  "{{ 'offline' if value_json.quality == 'bad' else 'online' }}"));
@@ -166,8 +166,8 @@ static void put_value(const struct announcement *announcement, const char *name,
 {
 	const struct db_mqtt_config *config = announcement->config;
 	const char *drive = db_mqtt_picture_name(announcement->picture);
-	struct db_mqtt_topic topic = db_mqtt_topic_of_drive(config->prefix, config->gateway, drive,
-	                                                    "state");
+	struct db_mqtt_topic topic = db_mqtt_topic_of_part(config->prefix, config->gateway, "drive",
+	                                                   drive, "state");
 	const char *type = json_string_value(json_object_get(reg, "type"));
 	const char *unit = json_string_value(json_object_get(reg, "unit"));
 	json_t *codes = json_object_get(reg, "codes");
@@ -213,8 +213,8 @@ static void put_button(const struct announcement *announcement, const char *comm
 	/* A stop counts for a drive that does not answer, too. */
 	put_document(announcement, "button", command, WITH_GATEWAY,
 	             json_pack("{s:s, s:s}", "command_topic",
-	                       db_mqtt_topic_of_drive(config->prefix, config->gateway, drive,
-	                                              stops ? "stop" : "command")
+	                       db_mqtt_topic_of_part(config->prefix, config->gateway, "drive",
+	                                             drive, stops ? "stop" : "command")
 	                               .text,
 	                       "command_template", message));
 }

@@ -55,6 +55,7 @@ struct db_mqtt_form_ops {
 	              size_t count, const json_t *stops);
 	void (*lost)(void *form);
 	void (*sample)(void *form, const json_t *sample, int64_t us);
+	/* These two may be null: then it publishes nothing of it. */
 	void (*event)(void *form, json_t *event);
 	void (*bus_figures)(void *form, json_t *buses);
 	void (*troubles)(void *form, const struct db_client_troubles *troubles, const json_t *news);
@@ -64,13 +65,13 @@ struct db_mqtt_form_ops {
 
 	/* There is a connection: subscribes, and begins to send. */
 	void (*connected)(void *form, struct db_mqtt_broker *broker);
-	void (*disconnected)(void *form);
+	void (*disconnected)(void *form); /* may be null */
 	/* True when other messages may be sent over the connection, too. */
 	bool (*is_open)(const void *form);
 	/* What a message asks for. */
 	enum db_mqtt_kind (*take)(void *form, const char *topic, const void *bytes, size_t length,
 	                          const json_t *stops, struct db_mqtt_received *received);
-	/* Does the work that is due, and returns when it is to be called next. */
+	/* Does the work that is due, and returns when it is to be called next; null: there is none. */
 	db_time (*turn)(void *form, struct db_mqtt_broker *broker, db_time now);
 };
 

@@ -257,18 +257,6 @@ static void on_sample(void *form, const json_t *sample, int64_t us)
 		put_news(node, device);
 }
 
-static void on_event(void *form, json_t *event)
-{
-	(void)form;
-	(void)event;
-}
-
-static void on_bus_figures(void *form, json_t *buses)
-{
-	(void)form;
-	(void)buses;
-}
-
 static void on_troubles(void *form, const struct db_client_troubles *troubles, const json_t *news)
 {
 	struct node *node = form;
@@ -770,8 +758,6 @@ const struct db_mqtt_form_ops db_mqtt_node = {
 	.found = on_found,
 	.lost = on_lost,
 	.sample = on_sample,
-	.event = on_event,
-	.bus_figures = on_bus_figures,
 	.troubles = on_troubles,
 	.figures = on_figures,
 	.result = on_result,

@@ -91,7 +91,8 @@ static json_t *name_bits(const json_t *codes, json_int_t value)
 	return names;
 }
 
-json_t *db_mqtt_picture_word(const json_t *reg, const json_t *value)
+/* A value of a register with this description in published form; the caller frees it. */
+static json_t *word_of(const json_t *reg, const json_t *value)
 {
 	const json_t *codes = json_object_get(reg, "codes");
 	const char *type = json_string_value(json_object_get(reg, "type"));
@@ -130,7 +131,7 @@ static char *keep(struct db_mqtt_picture *picture, const json_t *values, const c
 	json_object_foreach(picture->registers, name, reg)
 	{
 		const json_t *value = json_object_get(values, name);
-		json_t *word = value ? db_mqtt_picture_word(reg, value) : json_null();
+		json_t *word = value ? word_of(reg, value) : json_null();
 
 		if (word && !json_equal(word, json_object_get(picture->values, name))) {
 			(void)json_object_set(changes, name, word);

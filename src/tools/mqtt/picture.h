@@ -42,9 +42,6 @@ bool db_mqtt_picture_state_is_due(struct db_mqtt_picture *picture, db_time inter
 char *db_mqtt_picture_write_state(const struct db_mqtt_picture *picture);
 char *db_mqtt_picture_write_about(const struct db_mqtt_picture *picture);
 
-/* A value of a register with this description in published form; the caller frees it. */
-json_t *db_mqtt_picture_word(const json_t *reg, const json_t *value);
-
 /* The text of a JSON value in the form of all messages. */
 char *db_mqtt_picture_dump(const json_t *json);
 

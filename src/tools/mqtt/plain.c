@@ -58,16 +58,11 @@ static struct db_mqtt_topic topic_of(const struct plain *plain, const char *leaf
 	return db_mqtt_topic_of_gateway(plain->config->prefix, plain->config->gateway, leaf);
 }
 
-static struct db_mqtt_topic topic_of_drive(const struct plain *plain, const char *drive,
-                                           const char *leaf)
+static struct db_mqtt_topic topic_of_part(const struct plain *plain, const char *kind,
+                                          const char *name, const char *leaf)
 {
-	return db_mqtt_topic_of_drive(plain->config->prefix, plain->config->gateway, drive, leaf);
-}
-
-static struct db_mqtt_topic topic_of_bus(const struct plain *plain, const char *bus,
-                                         const char *leaf)
-{
-	return db_mqtt_topic_of_bus(plain->config->prefix, plain->config->gateway, bus, leaf);
+	return db_mqtt_topic_of_part(plain->config->prefix, plain->config->gateway, kind, name,
+	                             leaf);
 }
 
 /* --- drives ----------------------------------------------------------------------------------- */
@@ -90,11 +85,11 @@ static void on_sample(void *form, const json_t *sample, int64_t us)
 
 	if (!picture)
 		return;
-	publish(plain, topic_of_drive(plain, drive, "changes"),
+	publish(plain, topic_of_part(plain, "drive", drive, "changes"),
 	        db_mqtt_picture_take(picture, json_object_get(sample, "values"), us), false);
 	if (db_mqtt_picture_state_is_due(picture, config->state_interval_ms * DB_NS_PER_MS,
 	                                 config->refresh_s * DB_NS_PER_S, db_client_now()))
-		publish(plain, topic_of_drive(plain, drive, "state"),
+		publish(plain, topic_of_part(plain, "drive", drive, "state"),
 		        db_mqtt_picture_write_state(picture), true);
 }
 
@@ -134,15 +129,17 @@ static void withdraw_missing(struct plain *plain, const json_t *description, con
 			                           publish_document, plain);
 		for (size_t l = 0; l < sizeof(of_drive) / sizeof(of_drive[0]); l++)
 			db_mqtt_outbox_set_retained(
-				plain->outbox, topic_of_drive(plain, name, of_drive[l]).text, "");
+				plain->outbox,
+				topic_of_part(plain, "drive", name, of_drive[l]).text, "");
 	}
 	json_array_foreach(plain->buses, b, bus)
 	{
 		const char *name = db_client_text(bus, "name");
 
 		for (size_t l = 0; !db_client_named(buses, name) && l < 2; l++)
-			db_mqtt_outbox_set_retained(plain->outbox,
-			                            topic_of_bus(plain, name, of_bus[l]).text, "");
+			db_mqtt_outbox_set_retained(
+				plain->outbox, topic_of_part(plain, "bus", name, of_bus[l]).text,
+				"");
 	}
 	json_decref(plain->buses);
 	plain->buses = json_incref(buses);
@@ -170,7 +167,8 @@ static void on_found(void *form, const json_t *description, const struct db_plan
 		if (!picture)
 			continue;
 		plain->pictures[plain->picture_count++] = picture;
-		publish(plain, topic_of_drive(plain, db_mqtt_picture_name(picture), "about"),
+		publish(plain,
+		        topic_of_part(plain, "drive", db_mqtt_picture_name(picture), "about"),
 		        db_mqtt_picture_write_about(picture), true);
 		if (plain->config->discovery)
 			db_mqtt_discovery_announce(plain->config, picture, stops, false,
@@ -190,11 +188,11 @@ static void on_troubles(void *form, const struct db_client_troubles *troubles, c
 		const char *drive = db_client_text(record, "drive");
 
 		if (find_picture(plain, drive))
-			publish_retained(plain, topic_of_drive(plain, drive, "trouble"),
+			publish_retained(plain, topic_of_part(plain, "drive", drive, "trouble"),
 			                 db_mqtt_trouble_write(record));
 	}
 	json_array_foreach(json_object_get(news, "buses"), i, record) publish_retained(
-		plain, topic_of_bus(plain, db_client_text(record, "bus"), "trouble"),
+		plain, topic_of_part(plain, "bus", db_client_text(record, "bus"), "trouble"),
 		db_mqtt_trouble_write(record));
 	publish_retained(plain, topic_of(plain, "trouble"),
 	                 json_pack("{s:b, s:o}", "well", troubles->well, "configuration",
@@ -213,16 +211,16 @@ static void on_lost(void *form)
 		struct db_mqtt_picture *picture = plain->pictures[i];
 		const char *drive = db_mqtt_picture_name(picture);
 
-		publish(plain, topic_of_drive(plain, drive, "changes"),
+		publish(plain, topic_of_part(plain, "drive", drive, "changes"),
 		        db_mqtt_picture_forget(picture, db_client_wall_us()), false);
-		publish(plain, topic_of_drive(plain, drive, "state"),
+		publish(plain, topic_of_part(plain, "drive", drive, "state"),
 		        db_mqtt_picture_write_state(picture), true);
-		publish_retained(plain, topic_of_drive(plain, drive, "trouble"),
+		publish_retained(plain, topic_of_part(plain, "drive", drive, "trouble"),
 		                 db_mqtt_trouble_write(NULL));
 	}
-	json_array_foreach(plain->buses, i, bus)
-		publish_retained(plain, topic_of_bus(plain, db_client_text(bus, "name"), "trouble"),
-	                         db_mqtt_trouble_write(NULL));
+	json_array_foreach(plain->buses, i, bus) publish_retained(
+		plain, topic_of_part(plain, "bus", db_client_text(bus, "name"), "trouble"),
+		db_mqtt_trouble_write(NULL));
 	publish_retained(
 		plain, topic_of(plain, "trouble"),
 		json_pack("{s:n, s:o}", "well", "configuration", db_mqtt_trouble_write(NULL)));
@@ -245,7 +243,7 @@ static void on_bus_figures(void *form, json_t *buses)
 	json_t *figures;
 
 	json_object_foreach(buses, bus, figures) publish_retained(
-		plain, topic_of_bus(plain, bus, "figures"),
+		plain, topic_of_part(plain, "bus", bus, "figures"),
 		json_pack("{s:o, s:O}", "time", db_mqtt_moment_describe(db_client_wall_us()),
 	                  "values", figures));
 }
@@ -291,14 +289,14 @@ static void on_result(void *form, const struct db_mqtt_outcome *outcome)
 		(void)json_object_set_new(object, "repeated", json_true());
 	if (object && outcome->why[0])
 		(void)json_object_set_new(object, "reason", json_string(outcome->why));
-	publish_json(plain, topic_of_drive(plain, outcome->drive, "result"), object,
+	publish_json(plain, topic_of_part(plain, "drive", outcome->drive, "result"), object,
 	             outcome->refused ? DB_MQTT_LAST : DB_MQTT_PROMPT);
 }
 
 static void subscribe(const struct plain *plain, struct db_mqtt_broker *broker, const char *leaf,
                       int qos)
 {
-	db_mqtt_broker_subscribe(broker, topic_of_drive(plain, "+", leaf).text, qos, false);
+	db_mqtt_broker_subscribe(broker, topic_of_part(plain, "drive", "+", leaf).text, qos, false);
 }
 
 static void on_connected(void *form, struct db_mqtt_broker *broker)
@@ -319,11 +317,6 @@ static void on_connected(void *form, struct db_mqtt_broker *broker)
 	subscribe(plain, broker, "stop/+", 1);
 	subscribe(plain, broker, "command/+", 0);
 	subscribe(plain, broker, "alive/+", 0);
-}
-
-static void on_disconnected(void *form)
-{
-	(void)form;
 }
 
 static bool is_open(const void *form)
@@ -427,14 +420,6 @@ static void on_confirmed(void *form, int number)
 
 /* --- its life --------------------------------------------------------------------------------- */
 
-static db_time turn(void *form, struct db_mqtt_broker *broker, db_time now)
-{
-	(void)form;
-	(void)broker;
-	(void)now;
-	return DB_TIME_NEVER;
-}
-
 static void close_plain(void *form)
 {
 	struct plain *plain = form;
@@ -484,8 +469,6 @@ const struct db_mqtt_form_ops db_mqtt_plain = {
 	.result = on_result,
 	.waiting = read_waiting,
 	.connected = on_connected,
-	.disconnected = on_disconnected,
 	.is_open = is_open,
 	.take = take,
-	.turn = turn,
 };

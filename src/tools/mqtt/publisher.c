@@ -151,14 +151,16 @@ static void on_event(void *context, json_t *event)
 {
 	struct db_mqtt_publisher *publisher = context;
 
-	publisher->ops->event(publisher->form, event);
+	if (publisher->ops->event)
+		publisher->ops->event(publisher->form, event);
 }
 
 static void on_bus_figures(void *context, json_t *buses)
 {
 	struct db_mqtt_publisher *publisher = context;
 
-	publisher->ops->bus_figures(publisher->form, buses);
+	if (publisher->ops->bus_figures)
+		publisher->ops->bus_figures(publisher->form, buses);
 }
 
 static void publish_figures(struct db_mqtt_publisher *publisher)
@@ -232,7 +234,8 @@ static void on_broker_lost(void *context)
 	struct db_mqtt_publisher *publisher = context;
 
 	publisher->echo_at = DB_TIME_NEVER;
-	publisher->ops->disconnected(publisher->form);
+	if (publisher->ops->disconnected)
+		publisher->ops->disconnected(publisher->form);
 	(void)db_mqtt_acting_drop(publisher->acting);
 }
 
@@ -430,7 +433,9 @@ db_time db_mqtt_publisher_turn(void *context, db_time now, int64_t us)
 	if (now >= publisher->echo_at && publisher->ops->is_open(publisher->form))
 		send_echo(publisher);
 	db_mqtt_broker_handle(publisher->broker, happened, now);
-	due = db_time_min(due, publisher->ops->turn(publisher->form, publisher->broker, now));
+	if (publisher->ops->turn)
+		due = db_time_min(due,
+		                  publisher->ops->turn(publisher->form, publisher->broker, now));
 	watched = db_mqtt_broker_watch(publisher->broker);
 	db_waker_arm(&publisher->broker_waker, publisher->loop, watched.fd,
 	             (uint32_t)watched.events);

@@ -18,8 +18,3 @@ void db_mqtt_retry_lose(struct db_mqtt_retry *retry, db_time now, db_time spread
 		db_mqtt_retry_fail(retry, now, chance);
 	retry->due += spread / 1000 * (chance / 1000 % 1000);
 }
-
-void db_mqtt_retry_succeed(struct db_mqtt_retry *retry)
-{
-	*retry = (struct db_mqtt_retry){ .due = 0 };
-}

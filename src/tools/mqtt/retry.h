@@ -10,6 +10,7 @@
 #define DB_MQTT_RETRY_FIRST (1 * DB_NS_PER_S)
 #define DB_MQTT_RETRY_LONGEST (60 * DB_NS_PER_S)
 
+/* Zeroed after a success, and before the first attempt. */
 struct db_mqtt_retry {
 	db_time due;  /* no attempt before; 0: at once */
 	db_time wait; /* between the last failure and `due`, without the random part */
@@ -23,6 +24,5 @@ void db_mqtt_retry_fail(struct db_mqtt_retry *retry, db_time now, unsigned chanc
  * addition. `others`: there is another one to try, at once but for the spread. */
 void db_mqtt_retry_lose(struct db_mqtt_retry *retry, db_time now, db_time spread, bool others,
                         unsigned chance);
-void db_mqtt_retry_succeed(struct db_mqtt_retry *retry);
 
 #endif

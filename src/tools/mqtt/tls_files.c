@@ -20,10 +20,8 @@ struct db_mqtt_tls_files {
 	const struct db_mqtt_config *config;
 	struct db_certificate_file authorities;
 	struct db_certificate_pair pair;
-	struct copy copies[3];
+	struct copy copies[DB_MQTT_TLS_FILES];
 };
-
-enum { AUTHORITIES, CERTIFICATE, KEY };
 
 static int64_t wall_s(void)
 {
@@ -67,7 +65,7 @@ static bool load(struct db_mqtt_tls_files *files)
 		db_client_log(DB_CLIENT_ERROR, "%s: %s", config->ca_file, why);
 		return false;
 	}
-	if (!copy_file(&files->copies[AUTHORITIES], &files->authorities))
+	if (!copy_file(&files->copies[DB_MQTT_TLS_AUTHORITIES], &files->authorities))
 		return false;
 	if (!config->certificate_file[0])
 		return true;
@@ -76,8 +74,8 @@ static bool load(struct db_mqtt_tls_files *files)
 	if (state != DB_CERTIFICATE_GOOD)
 		db_client_log(DB_CLIENT_ERROR, "%s", why);
 	return state != DB_CERTIFICATE_WRONG &&
-	       copy_file(&files->copies[CERTIFICATE], &files->pair.certificate) &&
-	       copy_file(&files->copies[KEY], &files->pair.key);
+	       copy_file(&files->copies[DB_MQTT_TLS_CERTIFICATE], &files->pair.certificate) &&
+	       copy_file(&files->copies[DB_MQTT_TLS_KEY], &files->pair.key);
 }
 
 struct db_mqtt_tls_files *db_mqtt_tls_files_new(const struct db_mqtt_config *config)
@@ -87,7 +85,7 @@ struct db_mqtt_tls_files *db_mqtt_tls_files_new(const struct db_mqtt_config *con
 	if (!files)
 		return NULL;
 	files->config = config;
-	for (size_t i = 0; i < sizeof(files->copies) / sizeof(files->copies[0]); i++)
+	for (size_t i = 0; i < DB_MQTT_TLS_FILES; i++)
 		files->copies[i].fd = -1;
 	if (load(files))
 		return files;
@@ -99,7 +97,7 @@ void db_mqtt_tls_files_free(struct db_mqtt_tls_files *files)
 {
 	if (!files)
 		return;
-	for (size_t i = 0; i < sizeof(files->copies) / sizeof(files->copies[0]); i++) {
+	for (size_t i = 0; i < DB_MQTT_TLS_FILES; i++) {
 		if (files->copies[i].fd >= 0)
 			(void)close(files->copies[i].fd);
 	}
@@ -108,24 +106,12 @@ void db_mqtt_tls_files_free(struct db_mqtt_tls_files *files)
 	free(files);
 }
 
-static const char *path_of(const struct copy *copy)
+const char *db_mqtt_tls_files_path(const struct db_mqtt_tls_files *files,
+                                   enum db_mqtt_tls_file file)
 {
+	const struct copy *copy = &files->copies[file];
+
 	return copy->fd >= 0 ? copy->path : NULL;
-}
-
-const char *db_mqtt_tls_files_authorities(const struct db_mqtt_tls_files *files)
-{
-	return path_of(&files->copies[AUTHORITIES]);
-}
-
-const char *db_mqtt_tls_files_certificate(const struct db_mqtt_tls_files *files)
-{
-	return path_of(&files->copies[CERTIFICATE]);
-}
-
-const char *db_mqtt_tls_files_key(const struct db_mqtt_tls_files *files)
-{
-	return path_of(&files->copies[KEY]);
 }
 
 int64_t db_mqtt_tls_files_end(const struct db_mqtt_tls_files *files)
@@ -143,7 +129,7 @@ void db_mqtt_tls_files_renew(struct db_mqtt_tls_files *files)
 		db_client_log(DB_CLIENT_ERROR, "%s: %s; the authorities from before stay in use",
 		              config->ca_file, why);
 	} else if (!db_certificate_file_equal(&authorities, &files->authorities) &&
-	           copy_file(&files->copies[AUTHORITIES], &authorities)) {
+	           copy_file(&files->copies[DB_MQTT_TLS_AUTHORITIES], &authorities)) {
 		struct db_certificate_file before = files->authorities;
 
 		files->authorities = authorities;
@@ -156,8 +142,8 @@ void db_mqtt_tls_files_renew(struct db_mqtt_tls_files *files)
 	if (config->certificate_file[0] &&
 	    db_certificate_pair_renew(&files->pair, config->certificate_file, config->key_file,
 	                              wall_s(), "the next connection") &&
-	    copy_file(&files->copies[CERTIFICATE], &files->pair.certificate))
-		(void)copy_file(&files->copies[KEY], &files->pair.key);
+	    copy_file(&files->copies[DB_MQTT_TLS_CERTIFICATE], &files->pair.certificate))
+		(void)copy_file(&files->copies[DB_MQTT_TLS_KEY], &files->pair.key);
 }
 
 void db_mqtt_tls_files_look(struct db_mqtt_tls_files *files, int64_t us)

@@ -18,10 +18,16 @@ struct db_mqtt_tls_files;
 struct db_mqtt_tls_files *db_mqtt_tls_files_new(const struct db_mqtt_config *config);
 void db_mqtt_tls_files_free(struct db_mqtt_tls_files *files);
 
-/* Paths for the library; NULL: there is no such file. */
-const char *db_mqtt_tls_files_authorities(const struct db_mqtt_tls_files *files);
-const char *db_mqtt_tls_files_certificate(const struct db_mqtt_tls_files *files);
-const char *db_mqtt_tls_files_key(const struct db_mqtt_tls_files *files);
+enum db_mqtt_tls_file {
+	DB_MQTT_TLS_AUTHORITIES,
+	DB_MQTT_TLS_CERTIFICATE,
+	DB_MQTT_TLS_KEY,
+	DB_MQTT_TLS_FILES
+};
+
+/* The path for the library; NULL: there is no such file. */
+const char *db_mqtt_tls_files_path(const struct db_mqtt_tls_files *files,
+                                   enum db_mqtt_tls_file file);
 
 /* When the certificate ends, in seconds since 1970-01-01 UTC; 0: there is none. */
 int64_t db_mqtt_tls_files_end(const struct db_mqtt_tls_files *files);

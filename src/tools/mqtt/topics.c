@@ -13,23 +13,13 @@ struct db_mqtt_topic db_mqtt_topic_of_gateway(const char *prefix, const char *ga
 	return topic;
 }
 
-struct db_mqtt_topic db_mqtt_topic_of_bus(const char *prefix, const char *gateway, const char *bus,
-                                          const char *leaf)
+struct db_mqtt_topic db_mqtt_topic_of_part(const char *prefix, const char *gateway,
+                                           const char *kind, const char *name, const char *leaf)
 {
 	struct db_mqtt_topic topic;
 
-	(void)snprintf(topic.text, sizeof(topic.text), "%s/%s/bus/%s/%s", prefix, gateway, bus,
-	               leaf);
-	return topic;
-}
-
-struct db_mqtt_topic db_mqtt_topic_of_drive(const char *prefix, const char *gateway,
-                                            const char *drive, const char *leaf)
-{
-	struct db_mqtt_topic topic;
-
-	(void)snprintf(topic.text, sizeof(topic.text), "%s/%s/drive/%s/%s", prefix, gateway, drive,
-	               leaf);
+	(void)snprintf(topic.text, sizeof(topic.text), "%s/%s/%s/%s/%s", prefix, gateway, kind,
+	               name, leaf);
 	return topic;
 }
 

@@ -38,13 +38,11 @@ struct db_mqtt_topic {
 
 struct db_mqtt_topic db_mqtt_topic_of_gateway(const char *prefix, const char *gateway,
                                               const char *leaf);
-struct db_mqtt_topic db_mqtt_topic_of_bus(const char *prefix, const char *gateway, const char *bus,
-                                          const char *leaf);
-/* "+" for the drive is a filter for all of them. */
-struct db_mqtt_topic db_mqtt_topic_of_drive(const char *prefix, const char *gateway,
-                                            const char *drive, const char *leaf);
+/* Of a part of the plant: `kind` is "drive" or "bus". "+" for its name is a filter for all of them. */
+struct db_mqtt_topic db_mqtt_topic_of_part(const char *prefix, const char *gateway,
+                                           const char *kind, const char *name, const char *leaf);
 
-/* True if `topic` is db_mqtt_topic_of_drive() of some drive, and of which; and of the sender's name
+/* True if `topic` is a topic of some drive, and of which; and of the sender's name
  * where that follows as a last level, else "". */
 bool db_mqtt_topic_is_of_drive(const char *topic, const char *prefix, const char *gateway,
                                const char *leaf, char drive[DB_MQTT_NAME_MAX],

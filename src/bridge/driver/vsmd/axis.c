@@ -168,7 +168,7 @@ void vsmd_take_all_params(struct vsmd_axis *axis)
 {
 	struct vsmd_memory *memory = &axis->memory;
 	bool unsaved = memory->unsaved;
-	bool differ = vsmd_memory_differs(memory, &axis->plate);
+	bool differ = vsmd_memory_differs(&memory->seen, &axis->plate);
 	bool doubtful = axis->doubt.kind != DB_DOUBT_NONE;
 
 	axis->plate.generation++;
@@ -267,12 +267,6 @@ void vsmd_take_speed(struct vsmd_axis *axis, float velocity)
 	axis->watch.has_speed = true;
 }
 
-void vsmd_take_position(struct vsmd_axis *axis, int32_t position, db_time now)
-{
-	axis->last.position = position;
-	axis->status_at = now;
-}
-
 void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, db_time now)
 {
 	double way = (double)status->position - (double)axis->process.position;
@@ -331,12 +325,6 @@ void vsmd_take_target(struct vsmd_axis *axis)
 void vsmd_expect_change(struct vsmd_axis *axis)
 {
 	axis->effect_until = axis->status_at + EFFECT_TIME + axis->reaction;
-}
-
-void vsmd_doubt_motion(struct vsmd_axis *axis, enum db_command command)
-{
-	if (db_command_is_motion(command))
-		axis->goal.kind = VSMD_GOAL_UNKNOWN;
 }
 
 static void run_with(struct vsmd_axis *axis, float velocity)
@@ -498,8 +486,9 @@ static uint32_t status_of(const struct vsmd_axis *axis, enum db_axis_state state
 	return status;
 }
 
-void vsmd_axis_feedback(const struct vsmd_axis *axis, struct db_feedback *feedback)
+void vsmd_write_feedback(const struct db_device *device, struct db_feedback *feedback)
 {
+	const struct vsmd_axis *axis = (const struct vsmd_axis *)device;
 	enum db_axis_state state;
 	uint16_t outputs = 0;
 
@@ -524,6 +513,11 @@ void vsmd_axis_feedback(const struct vsmd_axis *axis, struct db_feedback *feedba
 	feedback->restarts = axis->restarts;
 	feedback->doubts = axis->doubts;
 	feedback->doubt = (uint8_t)axis->doubt.kind;
+}
+
+const struct db_nameplate *vsmd_get_nameplate(const struct db_device *device)
+{
+	return &((const struct vsmd_axis *)device)->plate;
 }
 
 void vsmd_axis_gone(struct vsmd_axis *axis)

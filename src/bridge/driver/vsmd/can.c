@@ -132,16 +132,6 @@ static enum db_result check_param(const struct db_bus_config *bus, size_t param,
 
 /* --- state ------------------------------------------------------------------------------------ */
 
-static void write_feedback(const struct db_device *device, struct db_feedback *feedback)
-{
-	vsmd_axis_feedback(&device->axis, feedback);
-}
-
-static const struct db_nameplate *get_nameplate(const struct db_device *device)
-{
-	return &device->axis.plate;
-}
-
 static void init_device(struct db_device *device, struct db_device *first,
                         const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
@@ -386,8 +376,8 @@ const struct db_driver db_driver_vsmd_can = {
 	.report = vsmd_can_take_report,
 	.wants_poll = vsmd_can_wants_poll,
 	.gone = vsmd_can_forget_state,
-	.feedback = write_feedback,
-	.nameplate = get_nameplate,
+	.feedback = vsmd_write_feedback,
+	.nameplate = vsmd_get_nameplate,
 	.broadcast = write_broadcast,
 	.interrupt = write_interrupt,
 	.begin_all = begin_all,

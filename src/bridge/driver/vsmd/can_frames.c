@@ -96,19 +96,14 @@ static unsigned guard_of(const struct db_device *device)
 
 /* Models differ in their registers, and a read that includes a missing one is not answered at all.
  * So an existing register is read after it: when that is answered, no other answer will follow. */
-static enum db_step add_guarded(struct db_conversation *talk, enum vsmd_can_code code,
-                                unsigned first, unsigned count)
+enum db_step vsmd_can_add_guarded(struct db_conversation *talk, enum vsmd_can_code code,
+                                  unsigned first, unsigned count)
 {
 	if (add_read(talk, code, first, count) == DB_STEP_DONE ||
 	    add_read(talk, VSMD_CAN_READ_STATUS, guard_of(talk->device), 1) == DB_STEP_DONE)
 		return DB_STEP_DONE;
 	talk->exchange->answer_length = vsmd_can_answer_length(count) + vsmd_can_answer_length(1);
 	return DB_STEP_SEND;
-}
-
-enum db_step vsmd_can_add_registers(struct db_conversation *talk, unsigned first, unsigned count)
-{
-	return add_guarded(talk, VSMD_CAN_READ_DATA, first, count);
 }
 
 enum db_step vsmd_can_read_probe(struct db_conversation *talk)
@@ -221,8 +216,8 @@ enum db_step vsmd_can_read_guard(struct db_conversation *talk)
 enum db_step vsmd_can_read_identity(struct db_conversation *talk)
 {
 	if (vsmd_can_lacks_identity(talk->device))
-		return add_guarded(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY,
-		                   VSMD_CAN_IDENTITY_REGS);
+		return vsmd_can_add_guarded(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY,
+		                            VSMD_CAN_IDENTITY_REGS);
 	return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY, VSMD_CAN_IDENTITY_REGS);
 }
 

@@ -32,7 +32,9 @@ bool vsmd_can_add_command(const struct vsmd_can_style *style, unsigned drive,
 size_t vsmd_can_frames_of(const struct vsmd_command *command, struct vsmd_can_command *frames);
 
 /* Reads that end a burst. */
-enum db_step vsmd_can_add_registers(struct db_conversation *talk, unsigned first, unsigned count);
+/* Of registers that the drive may not have: then only the read after it is answered. */
+enum db_step vsmd_can_add_guarded(struct db_conversation *talk, enum vsmd_can_code code,
+                                  unsigned first, unsigned count);
 enum db_step vsmd_can_read_identity(struct db_conversation *talk);
 enum db_step vsmd_can_read_guard(struct db_conversation *talk);
 

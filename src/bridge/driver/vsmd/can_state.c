@@ -19,10 +19,12 @@ void vsmd_can_take_read(struct db_device *device, db_time now)
 	const uint32_t *position = &answer->values[VSMD_CAN_STATUS_POSITION - first];
 	float speed;
 
-	if (end > VSMD_CAN_STATUS_WORD)
+	if (end > VSMD_CAN_STATUS_WORD) {
 		vsmd_take_confirmation(&device->axis, (int32_t)position[0], position[1], now);
-	else if (end > VSMD_CAN_STATUS_POSITION)
-		vsmd_take_position(&device->axis, (int32_t)position[0], now);
+	} else if (end > VSMD_CAN_STATUS_POSITION) {
+		device->axis.last.position = (int32_t)position[0];
+		device->axis.status_at = now;
+	}
 	/* With the position alone it would be of no use. */
 	if (first == VSMD_CAN_STATUS_SPEED && answer->count != 2) {
 		memcpy(&speed, &answer->values[0], sizeof(speed));

@@ -71,7 +71,7 @@ static enum db_step read_register(struct db_conversation *talk)
 	                                                 current_register(talk);
 
 	vsmd_can_start_burst(talk->exchange, true);
-	return vsmd_can_add_registers(talk, reg, 1);
+	return vsmd_can_add_guarded(talk, VSMD_CAN_READ_DATA, reg, 1);
 }
 
 /* Writes the register's new content, and reads it to verify. */
@@ -98,7 +98,7 @@ static enum db_step write_register(struct db_conversation *talk)
 	vsmd_can_start_burst(talk->exchange, true);
 	if (!vsmd_can_add_frame(talk->exchange, &frame))
 		return end_job(talk, DB_RESULT_FAILED);
-	return vsmd_can_add_registers(talk, reg, 1);
+	return vsmd_can_add_guarded(talk, VSMD_CAN_READ_DATA, reg, 1);
 }
 
 /* A register that holds several parameters is read first, so that the others stay as they are. */
@@ -306,7 +306,7 @@ static enum db_step send_registers(struct db_conversation *talk)
 
 	if (next_run(talk->device, search)) {
 		vsmd_can_start_burst(talk->exchange, true);
-		return vsmd_can_add_registers(talk, search->first, search->count);
+		return vsmd_can_add_guarded(talk, VSMD_CAN_READ_DATA, search->first, search->count);
 	}
 	axis->plate.valid[0] = search->found;
 	vsmd_take_all_params(axis);

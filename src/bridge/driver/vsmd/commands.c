@@ -274,7 +274,9 @@ static enum db_step confirm_command(struct db_conversation *talk)
 
 static enum db_step fail_command(struct db_conversation *talk, enum db_result result)
 {
-	vsmd_doubt_motion(axis_of(talk), talk->job->request->command);
+	/* The drive may have received it or not. */
+	if (db_command_is_motion(talk->job->request->command))
+		axis_of(talk)->goal.kind = VSMD_GOAL_UNKNOWN;
 	return end_job(talk, result);
 }
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/vsmd/memory.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include <string.h>
 
-static bool differs(const struct vsmd_param_set *set, const struct db_nameplate *plate)
+bool vsmd_memory_differs(const struct vsmd_param_set *set, const struct db_nameplate *plate)
 {
 	for (unsigned i = 0; i < VSMD_PARAM_COUNT; i++) {
 		if ((set->valid & plate->valid[0]) >> i & 1 &&
@@ -19,21 +19,16 @@ static void copy(struct vsmd_param_set *set, const struct db_nameplate *plate)
 	memcpy(set->values, plate->values, sizeof(set->values));
 }
 
-bool vsmd_memory_differs(const struct vsmd_memory *memory, const struct db_nameplate *plate)
-{
-	return differs(&memory->seen, plate);
-}
-
 void vsmd_memory_follow(struct vsmd_memory *memory, const struct db_nameplate *plate, bool all)
 {
 	/* A drive that still has its former values kept its power, or had saved them. */
-	if (all &&
-	    (memory->kept.valid == 0 || (memory->restarted && differs(&memory->seen, plate))))
+	if (all && (memory->kept.valid == 0 ||
+	            (memory->restarted && vsmd_memory_differs(&memory->seen, plate))))
 		copy(&memory->kept, plate);
 	if (all)
 		memory->restarted = false;
 	copy(&memory->seen, plate);
-	memory->unsaved = differs(&memory->kept, plate);
+	memory->unsaved = vsmd_memory_differs(&memory->kept, plate);
 }
 
 void vsmd_memory_keep(struct vsmd_memory *memory, const struct db_nameplate *plate)

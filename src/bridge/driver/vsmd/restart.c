@@ -21,6 +21,8 @@ struct pair {
 	const struct vsmd_axis *axis;
 	uint32_t before;
 	uint32_t word;
+	uint32_t dropped; /* bits that were set before, and are not any more */
+	uint32_t kept;    /* bits that are set in both */
 	int32_t position;
 	db_time now;
 };
@@ -28,26 +30,6 @@ struct pair {
 static double way_of(const struct pair *pair)
 {
 	return fabs((double)pair->axis->last.position - (double)pair->position);
-}
-
-static bool has_dropped(const struct pair *pair, uint32_t bit)
-{
-	return (pair->before & ~pair->word & bit) != 0;
-}
-
-static bool keeps(const struct pair *pair, uint32_t bit)
-{
-	return (pair->before & pair->word & bit) != 0;
-}
-
-static bool stands(const struct pair *pair)
-{
-	return (pair->word & VSMD_ST_STP) != 0;
-}
-
-static bool stood(const struct pair *pair)
-{
-	return (pair->before & VSMD_ST_STP) != 0;
 }
 
 static bool is_far(const struct vsmd_axis *axis, double way)
@@ -74,7 +56,7 @@ static bool kept_power(const struct pair *pair)
 {
 	const struct db_nameplate *plate = &pair->axis->plate;
 
-	return keeps(pair, VSMD_ST_PWR) && (plate->valid[0] >> VSMD_PAE & 1) &&
+	return (pair->kept & VSMD_ST_PWR) && (plate->valid[0] >> VSMD_PAE & 1) &&
 	       plate->values[VSMD_PAE].u == 0;
 }
 
@@ -111,10 +93,10 @@ static bool has_jumped(const struct pair *pair)
 {
 	const struct vsmd_axis *axis = pair->axis;
 
-	if (!stands(pair) || !is_at_beginning(axis, pair->position) ||
+	if (!(pair->word & VSMD_ST_STP) || !is_at_beginning(axis, pair->position) ||
 	    !is_far(axis, way_of(pair)) || sensors_set_origin(axis))
 		return false;
-	if (!stood(pair))
+	if (!(pair->before & VSMD_ST_STP))
 		return !may_have_come(pair);
 	return axis->away || (axis->motion == VSMD_MOTION_NONE && axis->begun == VSMD_MOTION_NONE &&
 	                      !axis->just_commanded);
@@ -126,8 +108,9 @@ static bool has_lost_homing(const struct pair *pair)
 	const struct db_nameplate *plate = &pair->axis->plate;
 	bool homes_itself = (plate->valid[0] >> VSMD_ZAR & 1) && plate->values[VSMD_ZAR].u == 1;
 
-	return has_dropped(pair, VSMD_ST_ZERO) &&
-	       (homes_itself || (stands(pair) && is_at_beginning(pair->axis, pair->position)));
+	return (pair->dropped & VSMD_ST_ZERO) &&
+	       (homes_itself ||
+	        ((pair->word & VSMD_ST_STP) && is_at_beginning(pair->axis, pair->position)));
 }
 
 /* True if a command, or its present motion, changes position, power and homing bit. */
@@ -147,7 +130,8 @@ static bool handshake_counts(const struct pair *pair)
 {
 	const struct vsmd_axis *axis = pair->axis;
 
-	return has_dropped(pair, VSMD_ST_HS) && stands(pair) && !keeps(pair, VSMD_ST_ZERO) &&
+	return (pair->dropped & VSMD_ST_HS) && (pair->word & VSMD_ST_STP) &&
+	       !(pair->kept & VSMD_ST_ZERO) &&
 	       (!axis->handshake_lapses ||
 	        axis->status_at - axis->handshake_since > HANDSHAKE_LAPSES);
 }
@@ -166,7 +150,8 @@ static enum vsmd_verdict judge_signs(const struct pair *pair, unsigned signs, bo
 
 		if (axis->params_differ)
 			return VSMD_RESTARTED;
-		if (!stood(pair) || kept_power(pair) || !(axis->placed || axis->homed))
+		if (!(pair->before & VSMD_ST_STP) || kept_power(pair) ||
+		    !(axis->placed || axis->homed))
 			return VSMD_COUNTS_ON;
 		/* At 0 before and now: a restart would look the same. At another place than
 		 * before: the cause of the motion is unknown. */
@@ -185,12 +170,14 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 		.axis = axis,
 		.before = axis->last.status,
 		.word = word,
+		.dropped = axis->last.status & ~word,
+		.kept = axis->last.status & word,
 		.position = position,
 		.now = now,
 	};
 	struct vsmd_restart restart = { .verdict = VSMD_COUNTS_ON };
 	bool goes_on = counts_on(axis, axis->last.position, position) ||
-	               (axis->away && keeps(&pair, VSMD_ST_ZERO));
+	               (axis->away && (pair.kept & VSMD_ST_ZERO));
 	bool power;
 	bool homing;
 	bool jump;
@@ -199,14 +186,14 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 	/* The usual case: nothing in the status has to be judged. */
 	if (is_asked_for(&pair) || goes_on)
 		return restart;
-	power = has_dropped(&pair, VSMD_ST_PWR);
+	power = (pair.dropped & VSMD_ST_PWR) != 0;
 	homing = has_lost_homing(&pair);
 	jump = has_jumped(&pair);
 	handshake = handshake_counts(&pair);
 	/* A motor that is switched off loses its origin, too; one with power cannot be pushed to
 	 * 0. */
 	restart.origin_lost = (power && is_at_beginning(axis, position)) || homing ||
-	                      (jump && keeps(&pair, VSMD_ST_PWR));
+	                      (jump && (pair.kept & VSMD_ST_PWR));
 	/* The bit of an encoder error is kept until it is cleared, but not without power. */
 	if ((pair.word & VSMD_ST_ENC_ERR) || (pair.word & ~pair.before & FAULTS)) {
 		restart.verdict = power || jump ? VSMD_DISABLED_ITSELF : VSMD_COUNTS_ON;

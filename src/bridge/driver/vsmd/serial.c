@@ -537,19 +537,9 @@ static enum db_result check_param(const struct db_bus_config *bus, size_t param,
 
 /* --- state ------------------------------------------------------------------------------------ */
 
-static void write_feedback(const struct db_device *device, struct db_feedback *feedback)
-{
-	vsmd_axis_feedback(&device->axis, feedback);
-}
-
 static void forget_state(struct db_device *device)
 {
 	vsmd_axis_gone(&device->axis);
-}
-
-static const struct db_nameplate *get_nameplate(const struct db_device *device)
-{
-	return &device->axis.plate;
 }
 
 static void init_device(struct db_device *device, struct db_device *first,
@@ -650,8 +640,8 @@ const struct db_driver db_driver_vsmd_serial = {
 	.answer = answer_frame,
 	.lost = lose_answer,
 	.gone = forget_state,
-	.feedback = write_feedback,
-	.nameplate = get_nameplate,
+	.feedback = vsmd_write_feedback,
+	.nameplate = vsmd_get_nameplate,
 	.broadcast = write_broadcast,
 	.mishears = vsmd_serial_mishears,
 	.begin_all = begin_all,

@@ -11,7 +11,6 @@
 #include "codec/vsmd_serial.h"
 #include "drivebridge/driver.h"
 #include "driver/conversation.h"
-#include "driver/vsmd/memory.h"
 
 struct vsmd_axis;
 
@@ -88,6 +87,20 @@ struct vsmd_watch {
 	int32_t counted_from; /* ... the last reading ... */
 	db_time counted_at;   /* ... and its time */
 	unsigned upsets;      /* the axis's count when it began */
+};
+
+/* Sets of parameters: memory.c says whether the drive would lose some without power. */
+struct vsmd_param_set {
+	uint64_t valid; /* as the nameplate's */
+	union db_value values[VSMD_PARAM_COUNT];
+};
+
+struct vsmd_memory {
+	struct vsmd_param_set kept;
+	struct vsmd_param_set seen; /* values seen last */
+	/* it may have been without power since all were read, and then has the saved values */
+	bool restarted;
+	bool unsaved;
 };
 
 /* It may have restarted: the state before that, to be restored if it has not. */
@@ -236,7 +249,6 @@ static inline bool vsmd_is_at(const struct vsmd_axis *axis, int32_t position, in
 float vsmd_preset_speed(const struct vsmd_axis *axis);
 
 void vsmd_take_speed(struct vsmd_axis *axis, float velocity);
-void vsmd_take_position(struct vsmd_axis *axis, int32_t position, db_time now);
 void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, db_time now);
 /* Takes a status without the velocity: used for decisions, not shown. */
 void vsmd_take_confirmation(struct vsmd_axis *axis, int32_t position, uint32_t word, db_time now);
@@ -252,8 +264,6 @@ void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request);
 /* A command is sent that changes position, power or homing bit: until that shows, such a change is
  * no restart. */
 void vsmd_expect_change(struct vsmd_axis *axis);
-/* A command was sent that the drive may or may not have received. */
-void vsmd_doubt_motion(struct vsmd_axis *axis, enum db_command command);
 /* The requested position move may have been accepted. */
 void vsmd_take_target(struct vsmd_axis *axis);
 /* The motion that a stop has to end: also one that the drive may have begun although its answer was
@@ -265,7 +275,26 @@ bool vsmd_is_input(const struct vsmd_axis *axis, unsigned port);
 unsigned vsmd_input_ports(const struct db_nameplate *plate);
 
 void vsmd_axis_gone(struct vsmd_axis *axis);
-void vsmd_axis_feedback(const struct vsmd_axis *axis, struct db_feedback *feedback);
+/* Members of db_driver for the devices of both families, which begin with their axis. */
+void vsmd_write_feedback(const struct db_device *device, struct db_feedback *feedback);
+const struct db_nameplate *vsmd_get_nameplate(const struct db_device *device);
+
+/* --- memory.c --------------------------------------------------------------------------------- */
+
+/*
+ * Determines whether a drive would lose parameters without power: whether its values differ from
+ * those saved last, as far as the bridge knows. The values at the bridge's first reading count as
+ * saved.
+ */
+
+/* True if the drive holds another value now than in this set. */
+bool vsmd_memory_differs(const struct vsmd_param_set *set, const struct db_nameplate *plate);
+
+/* The nameplate changed; `all`: all parameters were read, else some were written. */
+void vsmd_memory_follow(struct vsmd_memory *memory, const struct db_nameplate *plate, bool all);
+
+/* The drive has saved its present values. */
+void vsmd_memory_keep(struct vsmd_memory *memory, const struct db_nameplate *plate);
 
 /* --- effect.c --------------------------------------------------------------------------------- */
 

@@ -131,7 +131,7 @@ static enum db_step send_next(struct db_conversation *talk)
 	return plan->at == plan->count ? end_plan(talk) : send_current(talk);
 }
 
-static enum db_step go_back(struct db_conversation *talk, unsigned steps)
+static enum db_step repeat_steps(struct db_conversation *talk, unsigned steps)
 {
 	plan_of(talk)->entered = 0;
 	plan_of(talk)->at -= steps;
@@ -166,7 +166,7 @@ static bool is_proven_next(const struct xyza_plan *plan)
 
 /* --- what was written ------------------------------------------------------------------------- */
 
-static enum db_step answer_act(struct db_conversation *talk)
+static enum db_step answer_write(struct db_conversation *talk)
 {
 	struct xyza_plan *plan = plan_of(talk);
 	const struct xyza_step *step = step_of(talk);
@@ -211,7 +211,7 @@ static enum db_step answer_act(struct db_conversation *talk)
 	return send_next(talk);
 }
 
-static enum db_step refuse_act(struct db_conversation *talk)
+static enum db_step refuse_write(struct db_conversation *talk)
 {
 	struct xyza_plan *plan = plan_of(talk);
 	enum xyza_verb verb = step_of(talk)->request.verb;
@@ -225,12 +225,12 @@ static enum db_step refuse_act(struct db_conversation *talk)
 	return refuse_job(talk);
 }
 
-static enum db_step refuse_or_before(struct db_conversation *talk)
+static enum db_step refuse_unless_stopped(struct db_conversation *talk)
 {
-	return plan_of(talk)->stop_taken ? send_next(talk) : refuse_act(talk);
+	return plan_of(talk)->stop_taken ? send_next(talk) : refuse_write(talk);
 }
 
-static enum db_step answer_retreat(struct db_conversation *talk)
+static enum db_step answer_call_off(struct db_conversation *talk)
 {
 	return end_job(talk, plan_of(talk)->lost ? DB_RESULT_TIMEOUT : DB_RESULT_FAILED);
 }
@@ -406,7 +406,7 @@ static enum db_step answer_expected(struct db_conversation *talk)
 	if (step->back == 0 || plan->rewrites == REWRITES_MAX)
 		return end_job(talk, DB_RESULT_FAILED);
 	plan->rewrites++;
-	return go_back(talk, step->back);
+	return repeat_steps(talk, step->back);
 }
 
 static enum db_step answer_param(struct db_conversation *talk)
@@ -504,7 +504,7 @@ static enum db_step answer_moving(struct db_conversation *talk)
 	    (plan->refused && device->resends < REFUSALS_MAX)) {
 		device->resends++;
 		plan->lost = plan->refused = false;
-		return go_back(talk, 1);
+		return repeat_steps(talk, 1);
 	}
 	xyza_note_standing(device);
 	if (plan->refused)
@@ -532,7 +532,7 @@ static enum db_step answer_program(struct db_conversation *talk)
 	if (plan->refused && device->resends < REFUSALS_MAX) {
 		device->resends++;
 		plan->refused = false;
-		return go_back(talk, 1);
+		return repeat_steps(talk, 1);
 	}
 	if (plan->refused)
 		return refuse_job(talk);
@@ -591,7 +591,7 @@ static enum db_step lose_planned(struct db_conversation *talk)
 	                                                                  DB_RESULT_TIMEOUT);
 }
 
-static enum db_step lose_retreat(struct db_conversation *talk)
+static enum db_step lose_call_off(struct db_conversation *talk)
 {
 	talk->device->held_until = 0;
 	return end_job(talk, DB_RESULT_INDETERMINATE);
@@ -600,9 +600,9 @@ static enum db_step lose_retreat(struct db_conversation *talk)
 /* --- the table -------------------------------------------------------------------------------- */
 
 const struct conversation_step xyza_plan_steps[] = {
-	[STEP_PLAIN] = { send_planned, 0, answer_act, refuse_act, lose_planned },
-	[STEP_MAY_FAIL] = { send_planned, 0, answer_act, send_next, lose_planned },
-	[STEP_OR_BEFORE] = { send_planned, 0, answer_act, refuse_or_before, lose_planned },
+	[STEP_PLAIN] = { send_planned, 0, answer_write, refuse_write, lose_planned },
+	[STEP_MAY_FAIL] = { send_planned, 0, answer_write, send_next, lose_planned },
+	[STEP_OR_BEFORE] = { send_planned, 0, answer_write, refuse_unless_stopped, lose_planned },
 	[STEP_IF] = { send_planned, 0, answer_condition, send_next, lose_planned },
 	[STEP_GUARD] = { send_planned, 0, answer_guard, send_next, lose_planned },
 	[STEP_BEFORE] = { send_planned, 0, answer_before, send_next, lose_planned },
@@ -615,7 +615,7 @@ const struct conversation_step xyza_plan_steps[] = {
 	[STEP_EXPECT_MOVING] = { send_planned, 0, answer_moving, refuse_effect, lose_planned },
 	[STEP_EXPECT_SPEED] = { send_planned, 0, answer_speed, refuse_effect, lose_planned },
 	[STEP_EXPECT_PROGRAM] = { send_planned, 0, answer_program, refuse_effect, lose_planned },
-	[STEP_RETREAT] = { send_planned, 0, answer_retreat, answer_retreat, lose_retreat },
+	[STEP_CALL_OFF] = { send_planned, 0, answer_call_off, answer_call_off, lose_call_off },
 };
 
 /* --- beginning -------------------------------------------------------------------------------- */
@@ -660,7 +660,7 @@ bool xyza_is_refusal_final(const struct db_conversation *talk)
 	const struct xyza_plan *plan = plan_of(talk);
 
 	switch (step_of(talk)->kind) {
-	case STEP_RETREAT:
+	case STEP_CALL_OFF:
 		return true;
 	case STEP_MAY_FAIL:
 	case STEP_OR_BEFORE:

@@ -187,7 +187,7 @@ static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool nega
 		add_kind(plan, device, XYZA_READ_STANDING, STEP_EXPECT_SPEED);
 	}
 	/* The motion must not begin after its writer was notified that it did not. */
-	add_kind(plan, device, XYZA_MANUAL_STOP, STEP_RETREAT);
+	add_kind(plan, device, XYZA_MANUAL_STOP, STEP_CALL_OFF);
 	plan->count--;
 }
 

@@ -28,7 +28,7 @@ enum xyza_plan_kind {
 	STEP_EXPECT_MOVING,  /* read: the same for a jog */
 	STEP_EXPECT_SPEED,   /* read: repeated until cycles have measured the wanted speed */
 	STEP_EXPECT_PROGRAM, /* read: the same for a command to the program */
-	STEP_RETREAT,        /* a stop, sent when the last of them fails; then the command ends */
+	STEP_CALL_OFF,       /* a stop, sent when the last of them fails; then the command ends */
 	PLAN_KINDS
 };
 
@@ -50,7 +50,7 @@ struct xyza_step {
 /* The steps of a command or of one parameter write, and the current one. */
 struct xyza_plan {
 	struct xyza_step *steps;
-	unsigned count;     /* a RETREAT may follow them */
+	unsigned count;     /* a CALL_OFF may follow them */
 	unsigned at;        /* the step that was sent last */
 	size_t setting;     /* of a parameter write: the index of its parameter */
 	unsigned stops;     /* of a jog: the number of stops when it began */

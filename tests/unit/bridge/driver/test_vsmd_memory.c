@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "driver/vsmd/memory.h"
+#include "driver/vsmd/vsmd_private.h"
 
 #include "fakes/nameplate.h"
 

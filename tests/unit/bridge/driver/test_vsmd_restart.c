@@ -73,7 +73,7 @@ static struct db_feedback seen(struct fixture *f)
 {
 	struct db_feedback feedback = { 0 };
 
-	vsmd_axis_feedback(&f->axis, &feedback);
+	vsmd_write_feedback((const struct db_device *)&f->axis, &feedback);
 	return feedback;
 }
 

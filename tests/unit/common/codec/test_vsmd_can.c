@@ -1306,14 +1306,11 @@ static void test_bit_rates(void **state)
 
 		assert_int_equal(vsmd_can_code_rate(rows[i].code), rate);
 		assert_int_equal(vsmd_can_rate_code(rate), rows[i].code);
-		assert_int_equal(vsmd_can_rate_at(i), rate);
 		assert_int_equal(vsmd_can_insert(VSMD_BDR, value, &raw), VSMD_OK);
 		assert_int_equal(raw, rows[i].code);
 		assert_int_equal(vsmd_can_extract(VSMD_BDR, raw, &value), VSMD_OK);
 		assert_int_equal(value.u, rate);
 	}
-	assert_int_equal(vsmd_can_rate_at(COUNT(rows)), 0);
-	assert_int_equal(vsmd_can_rate_at(SIZE_MAX), 0);
 	assert_int_equal(vsmd_can_rate_code(0), 0);
 	assert_int_equal(vsmd_can_rate_code(500001), 0);
 	assert_int_equal(vsmd_can_code_rate(0), 0);

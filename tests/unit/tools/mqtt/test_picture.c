@@ -154,7 +154,7 @@ static void test_topics(void **state)
 	char sender[DB_MQTT_TOPIC_MAX];
 
 	(void)state;
-	assert_string_equal(db_mqtt_topic_of_drive("a/b", "gw", "lift", "command").text,
+	assert_string_equal(db_mqtt_topic_of_part("a/b", "gw", "drive", "lift", "command").text,
 	                    "a/b/gw/drive/lift/command");
 	for (size_t i = 0; i < sizeof(rows) / sizeof(rows[0]); i++) {
 		assert_int_equal(db_mqtt_topic_is_of_drive(rows[i].topic, "a/b", "gw", "command",
