@@ -58,7 +58,8 @@ def test_the_page_is_in_the_browsers_language(site, visit, language):  # noqa: F
                 assert findings(page) == [], view
     site.bridge.sim.fault("silence off", "drive2")
     # The choice on the page is kept, whatever the browser asks for.
-    page.locator("#language").select_option("en")
+    with page.expect_navigation():
+        page.locator("#language").select_option("en")
     visitor.go("")
     expect(page.locator("#summary")).to_have_text("all is well")
     page.reload()
