@@ -72,11 +72,11 @@ class Chromium:
 class Visitor:
     """Somebody with a browser, and what went wrong in it."""
 
-    def __init__(self, chromium, address, *, viewport=None, **options):
+    def __init__(self, chromium, address, *, viewport=None, locale="en-GB", **options):
         self.address = address
         self.problems = []
         self.context = chromium.browser.new_context(
-            viewport=viewport or DESKTOP, locale="en-GB", reduced_motion="reduce", accept_downloads=True, **options)
+            viewport=viewport or DESKTOP, locale=locale, reduced_motion="reduce", accept_downloads=True, **options)
         self.context.set_default_timeout(PATIENCE)
         self.context.on("console", self._take_message)
         self.context.on("weberror", lambda error: self.problems.append(f"error: {error.error}"))
@@ -105,9 +105,10 @@ class Visitor:
 
     def log_in(self, user, password):
         page = self.page
-        page.get_by_label("User").fill(user)
-        page.get_by_label("Password").fill(password)
-        page.get_by_role("button", name="Log in").click()
+        # In any language.
+        page.locator("#login-user").fill(user)
+        page.locator("#login-password").fill(password)
+        page.locator("#login-submit").click()
         expect(page.locator("#user")).to_contain_text(user)
         expect(page.locator("#link")).to_have_attribute("data-state", "live")
         return self

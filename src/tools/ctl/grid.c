@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/grid.h"
+#include "words/language.h"
 #include "words/value.h"
 
 #include <stdarg.h>
@@ -61,26 +62,27 @@ void db_ctl_grid_add(struct db_ctl_grid *grid, enum db_ctl_colour colour, const 
 	grid->cells[grid->count++] = (struct cell){ .text = text, .colour = colour };
 }
 
-/* Characters, not bytes: units may be in any script. */
+/* Columns, not bytes: units may be in any script. */
 static size_t count_letters(const char *text)
 {
-	size_t letters = 0;
-
-	for (; text && *text; text++)
-		letters += ((unsigned char)*text & 0xc0) != 0x80 ? 1 : 0;
-	return letters;
+	return text ? db_words_columns(text, strlen(text)) : 0;
 }
 
-/* The number of bytes of the first `letters` characters. */
+/* The number of bytes that take at most `letters` columns. */
 static int bytes_of(const char *text, size_t letters)
 {
-	const char *at = text;
+	size_t bytes = 0;
 
-	while (*at && (letters > 0 || ((unsigned char)*at & 0xc0) == 0x80)) {
-		letters -= ((unsigned char)*at & 0xc0) != 0x80 ? 1 : 0;
-		at++;
+	while (text[bytes]) {
+		size_t next = bytes + 1;
+
+		while (((unsigned char)text[next] & 0xc0) == 0x80)
+			next++;
+		if (db_words_columns(text, next) > letters)
+			break;
+		bytes = next;
 	}
-	return (int)(at - text);
+	return (int)bytes;
 }
 
 const char *db_ctl_colour_begin(bool coloured, enum db_ctl_colour colour)

@@ -4,6 +4,7 @@
  */
 #include "ctl/ctl_private.h"
 #include "ctl/lookup.h"
+#include "ctl/say.h"
 #include "drivebridge/version.h"
 
 #include <getopt.h>
@@ -123,7 +124,8 @@ static int read_options(struct db_ctl *ctl, int argc, char **argv, bool *given, 
 
 	while ((found = getopt_long(argc, argv, NEGATIVE, known, &at)) != -1) {
 		if (found == '?') {
-			(void)fputs("drivebridgectl --help says what there is\n", stderr);
+			(void)fprintf(stderr, "%s\n",
+			              db_ctl_say("drivebridgectl --help says what there is"));
 			return DB_CTL_USAGE;
 		}
 		if (found != 0) {
@@ -171,8 +173,10 @@ int main(int argc, char **argv)
 	enum db_ctl_status status = DB_CTL_USAGE;
 	int count = 0;
 	int words = 0;
-	int ended = read_options(&ctl, argc, argv, given, &count);
+	int ended;
 
+	db_ctl_open_language();
+	ended = read_options(&ctl, argc, argv, given, &count);
 	argv++;
 	if (ended >= 0)
 		return ended;

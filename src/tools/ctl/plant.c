@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/plant.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <stdint.h>
@@ -63,7 +64,7 @@ void db_ctl_add_heads(struct db_ctl_grid *grid)
 		                             "VELOCITY", "AGE", "NEEDS" };
 
 	for (size_t i = 0; i < sizeof(heads) / sizeof(heads[0]); i++)
-		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", heads[i]);
+		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_ctl_say(heads[i]));
 }
 
 /* In the user's units if they have a name, else in the drive's own. */
@@ -110,9 +111,9 @@ static const char *say_need(const struct db_ctl_judgement *judgement)
 
 	for (size_t i = 0; i < sizeof(needs) / sizeof(needs[0]); i++) {
 		if (strcmp(needs[i].cause, judgement->cause) == 0)
-			return needs[i].words;
+			return db_ctl_say(needs[i].words);
 	}
-	return judgement->why;
+	return db_ctl_say_name(judgement->why);
 }
 
 void db_ctl_add_drive(struct db_ctl_grid *grid, const json_t *drive, const json_t *registers,
@@ -130,11 +131,12 @@ void db_ctl_add_drive(struct db_ctl_grid *grid, const json_t *drive, const json_
 
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_words_text(drive, "name"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_words_text(drive, "bus"));
-	db_ctl_grid_add(grid, colours[judgement->need], "%s", state[0] ? state : "-");
+	db_ctl_grid_add(grid, colours[judgement->need], "%s",
+	                state[0] ? db_ctl_say_name(state) : "-");
 	add_quantity(grid, drive, registers, values, "position", "position_units", "");
 	add_quantity(grid, drive, registers, values, "velocity", "velocity_units", "/s");
 	if (ms >= UINT32_MAX)
-		db_ctl_grid_add(grid, DB_CTL_PLAIN, "never");
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_ctl_say("never"));
 	else if (ms >= 10000)
 		db_ctl_grid_add(grid, colours[judgement->need], "%lld s", (long long)ms / 1000);
 	else

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/session.h"
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 #include "words/nearest.h"
 
 #include <stdarg.h>
@@ -19,6 +20,7 @@ enum db_ctl_status db_ctl_fail(const struct db_ctl *ctl, const struct db_client_
 {
 	bool of_client = strncmp(error->name, "io.drivebridge.Client.",
 	                         strlen("io.drivebridge.Client.")) == 0;
+	char room[DB_WORDS_TEXT_MAX];
 	json_t *object;
 
 	if (ctl->json) {
@@ -28,7 +30,7 @@ enum db_ctl_status db_ctl_fail(const struct db_ctl *ctl, const struct db_client_
 		json_decref(object);
 	} else {
 		(void)fflush(stdout);
-		(void)fprintf(stderr, "drivebridgectl: %s\n", error->text);
+		(void)fprintf(stderr, "drivebridgectl: %s\n", db_ctl_translate(error->text, room));
 	}
 	return of_client ? DB_CTL_UNREACHABLE : DB_CTL_NO;
 }

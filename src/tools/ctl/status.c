@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
 #include "ctl/plant.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <poll.h>
@@ -147,13 +148,17 @@ static void print_advice(const struct db_ctl *ctl, const char *kind, const char 
 	                            judgement->need == DB_CLIENT_LOOK ? DB_CTL_YELLOW :
 	                                                                DB_CTL_PLAIN;
 
-	char text[1024];
+	char why[DB_WORDS_TEXT_MAX];
+	char next[DB_WORDS_TEXT_MAX];
+	char text[2 * DB_WORDS_TEXT_MAX];
 
 	if (judgement->need == DB_CLIENT_FINE)
 		return;
 	(void)snprintf(text, sizeof(text), "%s%s%s%s: %s: %s",
-	               db_ctl_colour_begin(ctl->colour, colour), kind, name,
-	               db_ctl_colour_end(ctl->colour, colour), judgement->why, judgement->next);
+	               db_ctl_colour_begin(ctl->colour, colour), db_ctl_say(kind), name,
+	               db_ctl_colour_end(ctl->colour, colour),
+	               db_ctl_translate(db_ctl_say_name(judgement->why), why),
+	               db_ctl_translate(judgement->next, next));
 	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
 }
 
@@ -163,14 +168,18 @@ static void print_record(const json_t *trouble)
 	json_int_t since = json_integer_value(json_object_get(trouble, "since_us"));
 	const json_t *event = json_object_get(trouble, "event");
 	char when[DB_WORDS_TIME_MAX];
-	char text[1024];
+	char room[DB_WORDS_TEXT_MAX];
+	char text[2 * DB_WORDS_TEXT_MAX];
+	size_t used;
 
 	/* The time of a hint does not matter. */
 	if (since == 0 || db_client_trouble_need(trouble) <= DB_CLIENT_HINT)
 		return;
 	db_words_write_time(since, when);
-	(void)snprintf(text, sizeof(text), "since %s%s%s", when, json_is_object(event) ? ": " : "",
-	               json_is_object(event) ? db_words_text(event, "text") : "");
+	used = (size_t)snprintf(text, sizeof(text), db_ctl_say("since %s"), when);
+	if (json_is_object(event))
+		(void)snprintf(text + used, sizeof(text) - used, ": %s",
+		               db_ctl_translate(db_words_text(event, "text"), room));
 	db_ctl_wrap(stdout, db_ctl_width(stdout), 2, 4, text);
 }
 
@@ -182,7 +191,7 @@ static void print_configuration(const struct db_ctl *ctl, const json_t *trouble)
 	const json_t *message;
 
 	db_ctl_judge(trouble, &judgement);
-	print_advice(ctl, "", "configuration", &judgement);
+	print_advice(ctl, "", db_ctl_say("configuration"), &judgement);
 	print_record(trouble);
 	json_array_foreach(json_object_get(trouble, "errors"), i, message)
 		db_ctl_wrap(stdout, db_ctl_width(stdout), 2, 4, json_string_value(message));
@@ -191,13 +200,9 @@ static void print_configuration(const struct db_ctl *ctl, const json_t *trouble)
 /* "all is well", "no faults, 1 hint", "2 to act on, 1 to look at". */
 static void print_sum(const struct db_ctl *ctl, const struct sum *sum)
 {
-	static const struct {
-		enum db_client_need need;
-		const char *one;
-		const char *several;
-	} words[] = { { DB_CLIENT_ACT, "to act on", "to act on" },
-		      { DB_CLIENT_LOOK, "to look at", "to look at" },
-		      { DB_CLIENT_HINT, "hint", "hints" } };
+	size_t act = sum->count[DB_CLIENT_ACT];
+	size_t look = sum->count[DB_CLIENT_LOOK];
+	size_t hints = sum->count[DB_CLIENT_HINT];
 	enum db_ctl_colour colour = sum->count[DB_CLIENT_ACT] > 0  ? DB_CTL_RED :
 	                            sum->count[DB_CLIENT_LOOK] > 0 ? DB_CTL_YELLOW :
 	                                                             DB_CTL_GREEN;
@@ -205,14 +210,19 @@ static void print_sum(const struct db_ctl *ctl, const struct sum *sum)
 
 	(void)fputs(db_ctl_colour_begin(ctl->colour, colour), stdout);
 	if (colour == DB_CTL_GREEN)
-		(void)fputs(sum->count[DB_CLIENT_HINT] > 0 ? "no faults, " : "all is well", stdout);
-	for (size_t i = 0; i < sizeof(words) / sizeof(words[0]); i++) {
-		size_t count = sum->count[words[i].need];
-
-		if (count == 0)
-			continue;
-		(void)printf("%s%zu %s", gap, count, count == 1 ? words[i].one : words[i].several);
+		(void)fputs(hints > 0 ? db_ctl_say("no faults, ") : db_ctl_say("all is well"),
+		            stdout);
+	if (act > 0)
+		(void)printf(db_ctl_say("%zu to act on"), act);
+	gap = act > 0 ? ", " : gap;
+	if (look > 0) {
+		(void)fputs(gap, stdout);
+		(void)printf(db_ctl_say("%zu to look at"), look);
 		gap = ", ";
+	}
+	if (hints > 0) {
+		(void)fputs(gap, stdout);
+		(void)printf(db_ctl_say_count(hints, "%zu hint", "%zu hints"), hints);
 	}
 	(void)printf("%s\n", db_ctl_colour_end(ctl->colour, colour));
 }
@@ -260,8 +270,8 @@ static size_t print_restart(const struct db_ctl *ctl)
 	if (!path[0])
 		return 0;
 	(void)snprintf(text, sizeof(text),
-	               "an upgrade has replaced %s: systemctl restart drivebridge when the "
-	               "machine may stand still",
+	               db_ctl_say("an upgrade has replaced %s: systemctl restart drivebridge when "
+	                          "the machine may stand still"),
 	               path);
 	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
 	return 1;
@@ -276,7 +286,8 @@ static size_t print_audit(const struct db_ctl *ctl)
 	if (!trouble[0])
 		return 0;
 	(void)snprintf(text, sizeof(text),
-	               "the audit trail cannot be written: %s; its records are only in the journal",
+	               db_ctl_say("the audit trail cannot be written: %s; its records are only in "
+	                          "the journal"),
 	               trouble);
 	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
 	return 1;
@@ -290,7 +301,8 @@ static size_t print_health(const struct db_ctl *ctl)
 	if (!trouble[0])
 		return 0;
 	(void)snprintf(text, sizeof(text),
-	               "health values and alarms cannot be written: %s; they are in memory only",
+	               db_ctl_say("health values and alarms cannot be written: %s; they are in "
+	                          "memory only"),
 	               trouble);
 	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
 	return 1;
@@ -320,7 +332,9 @@ static size_t print_certificates(const struct db_ctl *ctl)
 		    !gmtime_r(&moment, &parts) ||
 		    strftime(date, sizeof(date), "%Y-%m-%d %H:%M UTC", &parts) == 0)
 			continue;
-		(void)printf("%s on %s: see drivebridge-tls(8)\n", ends[i].what, date);
+		(void)printf(db_ctl_say("%s on %s: see drivebridge-tls(8)"),
+		             db_ctl_say(ends[i].what), date);
+		(void)fputc('\n', stdout);
 		hints++;
 	}
 	return hints;
@@ -363,13 +377,13 @@ static void print_for_people(const struct db_ctl *ctl, const struct row *rows, s
 	db_ctl_grid_print(grid, ctl->colour, db_ctl_width(stdout), "\n", stdout);
 	db_ctl_grid_free(grid);
 	if (count == 0)
-		(void)puts("no drives yet: the configuration has none, see drivebridge.conf(5)");
+		(void)puts(db_ctl_say("no drives yet: the configuration has none, see "
+		                      "drivebridge.conf(5)"));
 	else
 		(void)putchar('\n');
 	if (!troubles->told)
-		(void)puts(
-			"this service is older than drivebridgectl and does not say what is wrong: "
-			"restart it as soon as the drives may stop");
+		(void)puts(db_ctl_say("this service is older than drivebridgectl and does not say "
+		                      "what is wrong: restart it as soon as the drives may stop"));
 	print_configuration(ctl, troubles->configuration);
 	hints = print_restart(ctl);
 	hints += print_audit(ctl);

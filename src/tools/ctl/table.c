@@ -190,7 +190,7 @@ const struct db_ctl_command db_ctl_commands[] = {
 };
 
 const struct db_ctl_option db_ctl_options[] = {
-	{ "socket", "PATH", NULL, "The control socket; else DRIVEBRIDGE_SOCKET or " DB_CTL_SOCKET },
+	{ "socket", "PATH", NULL, "The control socket; else DRIVEBRIDGE_SOCKET or /run/drivebridge/control" },
 	{ "json", NULL, NULL, "Objects for programs instead of text; one a line for what goes on" },
 	{ "all", NULL, " show ", "The registers of results, diagnostics and history as well" },
 	{ "relative", NULL, " move ", "By this distance from where the drive is, as run DRIVE move_relative does" },

@@ -1,23 +1,55 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
+#include "words/language.h"
 
 #include <stdbool.h>
 #include <string.h>
 #include <sys/ioctl.h>
 
-/* Characters, not bytes, without colour sequences: from an escape to the next m. */
-static unsigned count_letters(const char *text, size_t bytes)
+/* The bytes of the character that begins here; of a colour sequence from an escape to the next m. */
+static size_t count_bytes(const char *text)
 {
-	unsigned letters = 0;
-	bool escape = false;
+	size_t bytes = 1;
 
-	for (size_t i = 0; i < bytes; i++) {
-		escape = escape || text[i] == '\033';
-		if (!escape && ((unsigned char)text[i] & 0xc0) != 0x80)
-			letters++;
-		escape = escape && text[i] != 'm';
+	if (text[0] == '\033')
+		return strcspn(text, "m") + (strchr(text, 'm') ? 1 : 0);
+	while (((unsigned char)text[bytes] & 0xc0) == 0x80)
+		bytes++;
+	return bytes;
+}
+
+/* Signs that no line begins with. */
+static bool ends_something(const char *text)
+{
+	static const char *const signs[] = { "，", "。", "；", "：", "、",
+		                             "！", "？", "）", "”",  "」" };
+
+	for (size_t i = 0; i < sizeof(signs) / sizeof(signs[0]); i++) {
+		if (strncmp(text, signs[i], strlen(signs[i])) == 0)
+			return true;
 	}
-	return letters;
+	return false;
+}
+
+/* The bytes of the next piece that stays in one line, and its columns: up to a blank, or one Chinese character. */
+static size_t find_piece(const char *text, unsigned *columns)
+{
+	size_t bytes = 0;
+
+	*columns = 0;
+	while (text[bytes] && text[bytes] != ' ') {
+		size_t more = count_bytes(text + bytes);
+		bool escape = text[bytes] == '\033';
+		unsigned wide = escape ? 0 : db_words_columns(text + bytes, more);
+
+		if (wide == 2 && bytes > 0 && !ends_something(text + bytes))
+			break;
+		bytes += more;
+		*columns += wide;
+		if (wide == 2 && !ends_something(text + bytes))
+			break;
+	}
+	return bytes;
 }
 
 void db_ctl_wrap(FILE *out, unsigned width, unsigned first, unsigned rest, const char *text)
@@ -26,19 +58,25 @@ void db_ctl_wrap(FILE *out, unsigned width, unsigned first, unsigned rest, const
 	bool begun = false;
 
 	(void)fprintf(out, "%*s", (int)first, "");
-	for (text += strspn(text, " "); *text; text += strspn(text, " ")) {
-		size_t bytes = strcspn(text, " ");
-		unsigned letters = count_letters(text, bytes);
+	text += strspn(text, " ");
+	while (*text) {
+		unsigned columns;
+		size_t blanks = begun ? strspn(text, " ") : 0;
+		unsigned gap = blanks > 0 ? 1 : 0;
+		size_t bytes = find_piece(text + blanks, &columns);
 
-		if (begun && width > 0 && column + 1 + letters > width) {
+		text += blanks;
+		if (bytes == 0)
+			break;
+		if (begun && width > 0 && column + gap + columns > width) {
 			(void)fprintf(out, "\n%*s", (int)rest, "");
 			column = rest;
-		} else if (begun) {
-			(void)fputc(' ', out);
-			column++;
+		} else {
+			(void)fprintf(out, "%*s", (int)gap, "");
+			column += gap;
 		}
 		(void)fwrite(text, 1, bytes, out);
-		column += letters;
+		column += columns;
 		begun = true;
 		text += bytes;
 	}

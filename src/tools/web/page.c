@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define FILES_MAX 96
+#define FILES_MAX 128
 #define FILE_MAX ((off_t)1024 * 1024)
 #define PACKED ".gz"
 
@@ -36,6 +36,7 @@ static const char *find_type(const char *name)
 		{ ".png", "image/png" },
 		{ ".ico", "image/x-icon" },
 		{ ".txt", "text/plain; charset=utf-8" },
+		{ ".mo", "application/octet-stream" },
 	};
 	size_t length = strlen(name);
 

@@ -9,6 +9,7 @@
  */
 
 import { createLateness, isLate } from "./lateness.js";
+import { inLanguage, t } from "./words.js";
 
 /* A stream sends something at least twice a second; after this time without data its values are
  * old. */
@@ -36,7 +37,7 @@ const ACTING = new Set(["Write", "Run", "Reload", "SetUp", "Scan", "commission",
  * people. */
 export class ApiError extends Error {
 	constructor(name, text, { parameters = {}, status = 0, retry_s = 0 } = {}) {
-		super(text || name);
+		super(text ? inLanguage(text) : name);
 		this.name = name;
 		this.parameters = parameters;
 		this.status = status;
@@ -79,8 +80,9 @@ const waiting = [];
 export function getSession() { return session; }
 
 /* The role that has a right. */
-const ROLES = { look: "observer", stop: "operator", move: "operator", engineer: "engineer",
-	manage: "engineer", appoint: "administrator", audit: "engineer or administrator" };
+const ROLES = { look: t("observer"), stop: t("operator"), move: t("operator"),
+	engineer: t("engineer"), manage: t("engineer"), appoint: t("administrator"),
+	audit: t("engineer or administrator") };
 /* These are of single drives. */
 const OF_DRIVES = ["move", "engineer", "audit"];
 
@@ -91,11 +93,12 @@ export function whyNot(what, drive) {
 
 	if (!session.may?.includes(what))
 		return what === "manage" && role === "engineer" ?
-			`This needs all drives; ${user} has ${drives.join(", ")}.` :
-			`This needs the role ${ROLES[what]}.`;
+			t("This needs all drives; {user} has {drives}.", { user, drives: drives.join(", ") }) :
+			t("This needs the role {role}.", { role: ROLES[what] });
 	if (!OF_DRIVES.includes(what) || drive === undefined || !drives || drives.includes(drive))
 		return "";
-	return `${drive || "This"} is not among the drives of ${user}: ${drives.join(", ")}.`;
+	return t("{drive} is not among the drives of {user}: {drives}.",
+		{ drive: drive || t("This"), user, drives: drives.join(", ") });
 }
 
 export function may(what, drive) { return whyNot(what, drive) === ""; }
@@ -204,7 +207,7 @@ async function request(method, path, parameters, { signal, keepalive, named, num
 	} catch (error) {
 		if (signal?.aborted)
 			throw error;
-		throw new ApiError("Unreachable", "the gateway does not answer");
+		throw new ApiError("Unreachable", t("the gateway does not answer"));
 	}
 }
 
@@ -217,7 +220,7 @@ async function readError(response) {
 		/* Not from our server: from a proxy, for example. */
 	}
 	return new ApiError(body.error ?? "BadAnswer",
-		body.text || `the gateway answers ${response.status} ${response.statusText}`,
+		body.text || t("the gateway answers {status}", { status: `${response.status} ${response.statusText}` }),
 		{ ...body, status: response.status });
 }
 
@@ -228,7 +231,7 @@ export async function ask(method, path, parameters, options = {}) {
 		signal: limit }).catch((error) => {
 		throw error instanceof ApiError ?
 			error :
-			new ApiError("Timeout", "the gateway does not answer in time");
+			new ApiError("Timeout", t("the gateway does not answer in time"));
 	});
 
 	if (response.ok)
@@ -544,7 +547,7 @@ export function openStream(method, parameters = {}, handlers = {}) {
 		stream.abort = null;
 		if (once) {
 			finish("failed",
-				new ApiError("Lost", "the connection to the gateway was lost"));
+				new ApiError("Lost", t("the connection to the gateway was lost")));
 			return;
 		}
 		setState("lost");

@@ -41,20 +41,21 @@ import { sayLate } from "./lateness.js";
 import * as login from "./login.js";
 import * as overview from "./overview.js";
 import { createStops } from "./stops.js";
+import { offerLanguages, t } from "./words.js";
 
 /* Views with `nav` are in the navigation. */
 const VIEWS = {
-	"": { nav: "Overview", load: async () => overview },
+	"": { nav: t("Overview"), load: async () => overview },
 	drive: { load: () => import("./drive.js") },
 	commission: { load: () => import("./commission.js") },
-	parameters: { nav: "Parameters", load: () => import("./parameters.js") },
-	scan: { nav: "Scan", load: () => import("./scan.js") },
-	scope: { nav: "Oscilloscope", load: () => import("./scope.js") },
-	trace: { nav: "Trace", load: () => import("./trace.js") },
-	events: { nav: "Events", load: () => import("./events.js") },
-	config: { nav: "Config", needs: "manage", load: () => import("./config.js") },
-	audit: { nav: "Audit", needs: "audit", load: () => import("./audit.js") },
-	users: { nav: "Users", needs: "appoint", load: () => import("./users.js") },
+	parameters: { nav: t("Parameters"), load: () => import("./parameters.js") },
+	scan: { nav: t("Scan"), load: () => import("./scan.js") },
+	scope: { nav: t("Oscilloscope"), load: () => import("./scope.js") },
+	trace: { nav: t("Trace"), load: () => import("./trace.js") },
+	events: { nav: t("Events"), load: () => import("./events.js") },
+	config: { nav: t("Config"), needs: "manage", load: () => import("./config.js") },
+	audit: { nav: t("Audit"), needs: "audit", load: () => import("./audit.js") },
+	users: { nav: t("Users"), needs: "appoint", load: () => import("./users.js") },
 	account: { load: () => import("./account.js") },
 };
 /* A tab in the background keeps its streams for this time. */
@@ -134,7 +135,7 @@ const context = {
 function notify(text, kind = "info") {
 	const box = find("notices");
 	const drawing = { ok: "fine", warning: "warning", error: "error" }[kind] ?? "hint";
-	const close = element("button", { class: "quiet", type: "button", "aria-label": "Dismiss" },
+	const close = element("button", { class: "quiet", type: "button", "aria-label": t("Dismiss") },
 		icon("close"));
 	const notice = element(
 		"div", { class: `notice ${kind}` }, icon(drawing), element("p", {}, text), close);
@@ -217,21 +218,20 @@ function openOverview() {
 /* --- the link's state ------------------------------------------------------------------------- */
 
 const LINK_WORDS = {
-	connecting: ["hint", "connecting"],
-	live: ["standstill", "live"],
-	late: ["warning", "late"],
-	hung: ["warning", "service hangs"],
-	silent: ["warning", "silent"],
-	lost: ["offline", "no connection"],
-	down: ["offline", "service is down"],
+	connecting: ["hint", t("connecting")],
+	live: ["standstill", t("live")],
+	late: ["warning", t("late")],
+	hung: ["warning", t("service hangs")],
+	silent: ["warning", t("silent")],
+	lost: ["offline", t("no connection")],
+	down: ["offline", t("service is down")],
 };
 const BANNER_WORDS = {
-	late: "The network is slow: what you see is old, and nothing can be jogged. Stops are sent at once.",
-	hung: "The gateway answers, but its service drivebridged says nothing.",
-	silent: "Nothing comes from the gateway any more.",
-	lost: "The connection to the gateway is lost; it comes back by itself. " +
-		"Drives that this page moves are stopped by their watchdog.",
-	down: "The service drivebridged does not answer; it comes back by itself.",
+	late: t("The network is slow: what you see is old, and nothing can be jogged. Stops are sent at once."),
+	hung: t("The gateway answers, but its service drivebridged says nothing."),
+	silent: t("Nothing comes from the gateway any more."),
+	lost: t("The connection to the gateway is lost; it comes back by itself. Drives that this page moves are stopped by their watchdog."),
+	down: t("The service drivebridged does not answer; it comes back by itself."),
 };
 
 function sayOld() {
@@ -239,7 +239,7 @@ function sayOld() {
 		return "";
 	if (link === "late")
 		return sayLate(context.lateness());
-	return knownAt ? `not known since ${knownAt.toLocaleTimeString("en-GB")}` : "not known yet";
+	return knownAt ? t("not known since {time}", { time: knownAt.toLocaleTimeString("en-GB") }) : t("not known yet");
 }
 
 function setLink(state) {
@@ -304,12 +304,12 @@ async function stopAll() {
 
 	button.classList.remove("busy");
 	if (answer)
-		notify("Every drive was told to stop and has confirmed it", "ok");
+		notify(t("Every drive was told to stop and has confirmed it"), "ok");
 	setTimeout(() => {
 		const names = moving();
 
 		if (names.length > 0)
-			notify(`Still moving: ${names.join(", ")}`, "error");
+			notify(t("Still moving: {names}", { names: names.join(", ") }), "error");
 	}, STAND_WITHIN_MS);
 }
 
@@ -339,12 +339,11 @@ function showUnconfirmed(late) {
 	}
 	box.showPopover?.();
 	setAttribute(box, "data-kind", braking ? "braking" : "unconfirmed");
-	setText(find("stop-alarm-words"), braking ? "Braking, not standing yet" :
-		"Stop NOT CONFIRMED: use the emergency stop");
+	setText(find("stop-alarm-words"), braking ? t("Braking, not standing yet") :
+		t("Stop NOT CONFIRMED: use the emergency stop"));
 	setText(find("stop-alarm-names"), late.map(({ name, why }) => `${name}${why ? ` (${why})` : ""}`)
 		.join(", "));
-	setText(find("stop-alarm-time"), `for ${Math.floor((performance.now() - oldest) / 1000)} s; ` +
-		"it is sent again until it is confirmed");
+	setText(find("stop-alarm-time"), t("for {seconds} s; it is sent again until it is confirmed", { seconds: Math.floor((performance.now() - oldest) / 1000) }));
 }
 
 /* --- the shell's head ------------------------------------------------------------------------- */
@@ -391,8 +390,8 @@ function showUser() {
 			id: "logout",
 			class: "quiet",
 			type: "button",
-			"aria-label": "Log out",
-			title: `Log out ${user}`
+			"aria-label": t("Log out"),
+			title: t("Log out {user}", { user })
 		},
 			icon("logout"));
 
@@ -405,20 +404,20 @@ function showUser() {
 		});
 		box.replaceChildren(icon("user"),
 			element("a", { class: "user-name", id: "account-link", href: "#/account",
-				title: "What you may do, and your password" },
+				title: t("What you may do, and your password") },
 				user, element("small", {}, role)),
 			out);
 	} else if (role !== "none") {
-		box.replaceChildren(element("a", { id: "login-link", href: "#/login" }, "Log in"));
+		box.replaceChildren(element("a", { id: "login-link", href: "#/login" }, t("Log in")));
 	} else {
 		box.replaceChildren();
 	}
 }
 
 const THEMES = {
-	auto: "as the system",
-	light: "light",
-	dark: "dark"
+	auto: t("as the system"),
+	light: t("light"),
+	dark: t("dark")
 };
 
 function setTheme(theme) {
@@ -430,8 +429,8 @@ function setTheme(theme) {
 		document.documentElement.dataset.theme = theme;
 	remember("theme", theme);
 	button.replaceChildren(icon("theme"));
-	setAttribute(button, "aria-label", `Colours: ${THEMES[theme]}`);
-	setAttribute(button, "title", `Colours: ${THEMES[theme]}`);
+	setAttribute(button, "aria-label", t("Colours: {theme}", { theme: THEMES[theme] }));
+	setAttribute(button, "title", t("Colours: {theme}", { theme: THEMES[theme] }));
 	button.dataset.theme = theme;
 	window.dispatchEvent(new Event("themechange"));
 }
@@ -485,12 +484,12 @@ async function showView() {
 	const main = find("main");
 	const root = element("div", { class: "view", "data-view": name || "overview" });
 	let view = null;
-	let problem = "There is no such page.";
+	let problem = t("There is no such page.");
 
 	try {
 		view = await pickView(name);
 	} catch (error) {
-		problem = `This part of the page could not be loaded: ${error.message}`;
+		problem = t("This part of the page could not be loaded: {message}", { message: error.message });
 	}
 	if (turn !== showing)
 		return;
@@ -499,7 +498,7 @@ async function showView() {
 	shown = { view, name, args, offs: [] };
 	main.replaceChildren(root);
 	markNavigation(view === login ? "login" : name);
-	shown.title = view?.title ?? "Not found";
+	shown.title = view?.title ?? t("Not found");
 	if (typeof shown.title === "function")
 		shown.title = shown.title(...args);
 	showTitle();
@@ -525,7 +524,7 @@ function takeSession(session, before) {
 	showUser();
 	if (api.hasOtherRights(session, before)) {
 		if (session.user && session.password.weak)
-			notify(`Your password is weak: ${session.password.weak}. Change it under your name.`,
+			notify(t("Your password is weak: {weak}. Change it under your name.", { weak: session.password.weak }),
 				"warning");
 		stream?.close();
 		stream = null;
@@ -578,7 +577,7 @@ async function loadSession() {
 			showView();
 	} catch (error) {
 		find("main").replaceChildren(
-			element("p", { class: "empty" }, error.message, "; trying again"));
+			element("p", { class: "empty" }, error.message, t("; trying again")));
 		setTimeout(loadSession, 2000);
 	}
 }
@@ -586,11 +585,16 @@ async function loadSession() {
 function start() {
 	const stop = find("stop-all");
 
+	/* What is written in index.html. */
+	setText(find("skip"), t("To the content"));
+	setText(find("stop-alarm-dismiss"), t("I have seen to it"));
+	setAttribute(find("navigation"), "aria-label", t("Pages"));
+	offerLanguages(find("language"));
 	showNavigation();
 	startTheme();
-	stop.append(icon("stop"), element("span", {}, "Stop all"));
+	stop.append(icon("stop"), element("span", {}, t("Stop all")));
 	setAttribute(stop, "aria-keyshortcuts", "Control+.");
-	setAttribute(stop, "title", "Every drive of every bus stops (Ctrl+.)");
+	setAttribute(stop, "title", t("Every drive of every bus stops (Ctrl+.)"));
 	stop.addEventListener("click", stopAll);
 	find("stop-alarm-icon").replaceWith(icon("warning"));
 	find("stop-alarm-dismiss").addEventListener("click", () => stops.giveUp());

@@ -4,20 +4,21 @@ import { askAudit, verifyAudit } from "./api.js";
 import { createSearch, makeAddress, makeFilter } from "./audit_search.js";
 import { createField, element, icon, setText } from "./dom.js";
 import { cleanText, writeClock, writeDay } from "./plain.js";
+import { plural, t } from "./words.js";
 
-export const title = "Audit";
+export const title = t("Audit");
 
 const KINDS = ["command", "write", "end", "control", "denied", "reload", "set-up", "login", "users",
 	"service", "repeated", "lost", "trail", "alarm"];
 const WAYS = ["page", "OPC UA", "MQTT", "control socket", "Modbus", "Modbus over TLS", "Modbus RTU", "service"];
 const MORE = 100;
 const ROWS_MOST = 1000;
-const COLUMNS = ["Number", "When", "Who", "Through", "Drive", "What", "Result"];
+const COLUMNS = [t("Number"), t("When"), t("Who"), t("Through"), t("Drive"), t("What"), t("Result")];
 
 let search = null;
 
 function createSelect(id, label, names) {
-	const select = element("select", { id }, element("option", { value: "" }, "all"),
+	const select = element("select", { id }, element("option", { value: "" }, t("all")),
 		names.map((name) => element("option", {}, name)));
 
 	return { select, field: createField(label, select) };
@@ -45,11 +46,11 @@ function describeTrail({ on, kept, newest, bytes, most_bytes: most, lost, troubl
 	const mib = (count) => (count / 1048576).toFixed(1);
 
 	return [
-		kept ? `Newest record ${newest}; ${mib(bytes)} of ${mib(most)} MiB` :
-			"The service keeps no files of its audit trail: records are in the journal alone",
-		...(on ? [] : ["nothing is recorded: audit = off"]),
-		...(lost > 0 ? [`${lost} records are missing`] : []),
-		...(trouble ? [`it cannot be written: ${trouble}`] : [])
+		kept ? t("Newest record {newest}; {bytes} of {most} MiB", { newest, bytes: mib(bytes), most: mib(most) }) :
+			t("The service keeps no files of its audit trail: records are in the journal alone"),
+		...(on ? [] : [t("nothing is recorded: audit = off")]),
+		...(lost > 0 ? [plural(lost, "one record is missing", "{lost} records are missing", { lost })] : []),
+		...(trouble ? [t("it cannot be written: {trouble}", { trouble })] : [])
 	].join("; ");
 }
 
@@ -58,28 +59,28 @@ function describeChain({ checked, broken, more_broken: more, trail }) {
 
 	return [
 		element("p", { class: count > 0 ? "problem" : null }, icon(count > 0 ? "error" : "fine"),
-			` ${checked} lines, up to record ${trail.newest}: the chain is ` +
-			(count > 0 ? `broken in ${count} places` : "whole")),
+			t(" {checked} lines, up to record {newest}: the chain is ", { checked, newest: trail.newest }) +
+			(count > 0 ? plural(count, "broken in one place", "broken in {count} places", { count }) : t("whole"))),
 		element("ul", {}, broken.map(({ file, line, number, why }) =>
-			element("li", {}, `${file}:${line}: near record ${number}: ${cleanText(why)}`))),
-		more > 0 ? element("p", {}, `and ${more} more`) : null
+			element("li", {}, t("{file}:{line}: near record {number}: {why}", { file, line, number, why: cleanText(why) })))),
+		more > 0 ? element("p", {}, t("and {more} more", { more })) : null
 	];
 }
 
 function createFilters(context) {
-	const who = createInput("audit-who", "Who", { type: "search", maxlength: 60 });
-	const text = createInput("audit-text", "Text", { type: "search", maxlength: 60 });
-	const from = createInput("audit-from", "From", { type: "datetime-local" });
-	const to = createInput("audit-to", "To", { type: "datetime-local" });
-	const through = createSelect("audit-through", "Through", WAYS);
-	const drive = createSelect("audit-drive", "Drive",
+	const who = createInput("audit-who", t("Who"), { type: "search", maxlength: 60 });
+	const text = createInput("audit-text", t("Text"), { type: "search", maxlength: 60 });
+	const from = createInput("audit-from", t("From"), { type: "datetime-local" });
+	const to = createInput("audit-to", t("To"), { type: "datetime-local" });
+	const through = createSelect("audit-through", t("Through"), WAYS);
+	const drive = createSelect("audit-drive", t("Drive"),
 		[...context.plant.drives.keys()].filter((name) => context.may("audit", name)));
-	const kind = createSelect("audit-kind", "Kind", KINDS);
+	const kind = createSelect("audit-kind", t("Kind"), KINDS);
 	const refused = element("input", { id: "audit-refused", type: "checkbox" });
 	const form = element("form", { class: "panel toolbar filters" }, who.field, through.field,
 		drive.field, kind.field, text.field, from.field, to.field,
-		element("label", { for: refused.id }, refused, " refused or failed"),
-		element("button", { id: "audit-search", type: "submit" }, "Newest"));
+		element("label", { for: refused.id }, refused, t(" refused or failed")),
+		element("button", { id: "audit-search", type: "submit" }, t("Newest")));
 
 	return {
 		form,
@@ -91,14 +92,14 @@ function createFilters(context) {
 
 function createTools(context) {
 	const chain = element("div", { id: "audit-chain", role: "status" });
-	const verify = element("button", { id: "audit-verify", type: "button" }, "Verify the chain");
-	const files = [["jsonl", "Download as JSON lines"], ["cef", "Download as CEF"]].map(
+	const verify = element("button", { id: "audit-verify", type: "button" }, t("Verify the chain"));
+	const files = [["jsonl", t("Download as JSON lines")], ["cef", t("Download as CEF")]].map(
 		([form, words]) => ({ form, link: element("a", { id: `audit-${form}`, download: "" }, words) }));
 	const why = context.whyNot("audit", "");
 
 	verify.addEventListener("click", async () => {
 		verify.disabled = true;
-		chain.replaceChildren(element("p", { class: "muted" }, "Every line is being checked"));
+		chain.replaceChildren(element("p", { class: "muted" }, t("Every line is being checked")));
 		try {
 			chain.replaceChildren(...describeChain(await verifyAudit()).filter(Boolean));
 		} catch (error) {
@@ -111,7 +112,7 @@ function createTools(context) {
 		node: element("div", { class: "panel" },
 			element("div", { class: "toolbar" },
 				why ? element("span", { class: "muted" },
-					`These are the records of your drives. The rest: ${why}`) : verify,
+					t("These are the records of your drives. The rest: {why}", { why })) : verify,
 				files.map(({ link }) => link)),
 			chain),
 		point(filter) {
@@ -122,9 +123,9 @@ function createTools(context) {
 }
 
 function describeCount({ records, forgotten, over, running, before }) {
-	return `${records.length} records` + (forgotten > 0 ? `; ${forgotten} newer ones are not shown any more` : "") +
-		(running ? "; looking for more" : over ? "; there are no older ones" : "") +
-		(!over && before > 0 ? `; looked at down to number ${before}` : "");
+	return plural(records.length, "{count} record", "{count} records", { count: records.length }) + (forgotten > 0 ? t("; {forgotten} newer ones are not shown any more", { forgotten }) : "") +
+		(running ? t("; looking for more") : over ? t("; there are no older ones") : "") +
+		(!over && before > 0 ? t("; looked at down to number {before}", { before }) : "");
 }
 
 export function show(root, context) {
@@ -135,7 +136,7 @@ export function show(root, context) {
 	const count = element("p", { id: "audit-count", class: "muted", role: "status" });
 	const state = element("p", { id: "audit-state", class: "muted" });
 	const body = element("tbody");
-	const older = element("button", { id: "audit-older", type: "button" }, "Older");
+	const older = element("button", { id: "audit-older", type: "button" }, t("Older"));
 	const filters = createFilters(context);
 	const tools = createTools(context);
 	let gone = 0;
@@ -175,9 +176,9 @@ export function show(root, context) {
 	filters.form.addEventListener("change", begin);
 	older.addEventListener("click", () => search.more(MORE));
 	root.append(
-		element("div", { class: "view-head" }, element("h1", {}, "Audit"), state),
+		element("div", { class: "view-head" }, element("h1", {}, t("Audit")), state),
 		filters.form,
-		element("div", { class: "long-list", tabindex: "0", role: "region", "aria-label": "Records" },
+		element("div", { class: "long-list", tabindex: "0", role: "region", "aria-label": t("Records") },
 			element("table", { id: "audit" },
 				element("thead", {}, element("tr", {}, COLUMNS.map(
 					(words) => element("th", { scope: "col" }, words)))),

@@ -3,6 +3,7 @@
 import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import { formatFixed, formatSpeed, inWords, NONE } from "./format.js";
 import { readRecord } from "./plant.js";
+import { t } from "./words.js";
 
 function makeFact(label, node) {
 	return element("span", { class: "bus-fact" }, element("span", { class: "muted" }, label), node);
@@ -14,7 +15,7 @@ function makeLine(bus) {
 		icon: icon("fine"),
 		port: element("span", { class: "bus-port" }),
 		load: element("meter",
-			{ min: "0", max: "100", high: "90", "aria-label": `Load of bus ${name}` }),
+			{ min: "0", max: "100", high: "90", "aria-label": t("Load of bus {name}", { name }) }),
 		loadText: element("span", { class: "load-text number" }),
 		online: element("span"),
 		cycle: element("span"),
@@ -27,10 +28,10 @@ function makeLine(bus) {
 	cells.line = element("li", { class: "bus-line live", "data-bus": name },
 		element("span", { class: "bus-name" }, cells.icon,
 			element("a", { href: `#/trace/${encodeURIComponent(name)}` }, name), cells.port),
-		makeFact("Online", cells.online),
-		makeFact("Load", element("span", { class: "bus-load" }, cells.load, cells.loadText)),
-		makeFact("Cycle", cells.cycle), makeFact("Overruns", cells.late),
-		makeFact("No answer", cells.bad),
+		makeFact(t("Online"), cells.online),
+		makeFact(t("Load"), element("span", { class: "bus-load" }, cells.load, cells.loadText)),
+		makeFact(t("Cycle"), cells.cycle), makeFact(t("Overruns"), cells.late),
+		makeFact(t("No answer"), cells.bad),
 		element("small", { class: "muted bus-device", title: protocol },
 			`${family} · ${device} · ${formatSpeed(speed)}`),
 		cells.trouble);
@@ -42,14 +43,14 @@ function updateLine(cells, { description, figures }, record) {
 	const ms = (us, decimals) => formatFixed(us / 1000, decimals);
 	const { why, advice } = readRecord(record);
 
-	setText(cells.port, record ? inWords(record.cause) : description.up ? "up" : "port not open");
+	setText(cells.port, record ? inWords(record.cause) : description.up ? t("up") : t("port not open"));
 	setIcon(cells.icon, description.up ? "fine" : "error");
 	cells.line.classList.toggle("down", !description.up);
 	cells.load.value = load;
 	setText(cells.loadText, figures ? `${formatFixed(load, 1)} %` : NONE);
-	setText(cells.online, figures ? `${figures.online} of ${cells.count}` : NONE);
+	setText(cells.online, figures ? t("{online} of {count}", { online: figures.online, count: cells.count }) : NONE);
 	setText(cells.cycle,
-		figures ? `${ms(figures.cycle_us, 1)} of ${ms(figures.period_us, 0)} ms` : NONE);
+		figures ? t("{cycle_us} of {period_us} ms", { cycle_us: ms(figures.cycle_us, 1), period_us: ms(figures.period_us, 0) }) : NONE);
 	setText(cells.late, figures ? String(figures.overruns) : NONE);
 	setText(cells.bad, figures ? String(figures.timeouts) : NONE);
 	cells.trouble.hidden = !record;
@@ -58,7 +59,7 @@ function updateLine(cells, { description, figures }, record) {
 
 /* { node, describe(), update() } */
 export function createBusLines(context) {
-	const list = element("ul", { id: "buses", class: "bus-lines panel", "aria-label": "Buses" });
+	const list = element("ul", { id: "buses", class: "bus-lines panel", "aria-label": t("Buses") });
 	const lines = new Map();
 
 	return {

@@ -4,6 +4,7 @@ import { readColumns } from "./capture.js";
 import { element, newId, setText } from "./dom.js";
 import { NONE, formatFixed, formatReal, formatWithUnit, hasBits } from "./format.js";
 import { DASHES, createSwatch, makeAxis, padRange, readColour, writeNumbers } from "./plot_line.js";
+import { t } from "./words.js";
 
 export const CHANNELS_MOST = DASHES.length;
 const CURSOR_STEPS = 1000;
@@ -52,7 +53,7 @@ export function createCapturePlot(channels, level = null) {
 		"tr",
 		{},
 		element("td"),
-		element("th", { scope: "row" }, "time"),
+		element("th", { scope: "row" }, t("time")),
 		[0, 1, 2].map(() => element("td", { class: "number" }))
 	);
 	const rows = channels.map((channel, index) =>
@@ -67,12 +68,12 @@ export function createCapturePlot(channels, level = null) {
 	const between = element(
 		"button",
 		{ id: "scope-zoom", class: "small", type: "button" },
-		"Between the cursors"
+		t("Between the cursors")
 	);
 	const all = element(
 		"button",
 		{ id: "scope-all", class: "small", type: "button" },
-		"All of it"
+		t("All of it")
 	);
 	const node = element(
 		"div",
@@ -85,7 +86,7 @@ export function createCapturePlot(channels, level = null) {
 				element(
 					"label",
 					{ class: "field inline cursor-field", for: sliders[at].id },
-					`Cursor ${name}`,
+					t("Cursor {name}", { name }),
 					sliders[at]
 				)
 			),
@@ -98,7 +99,7 @@ export function createCapturePlot(channels, level = null) {
 				class: "table-frame",
 				role: "region",
 				tabindex: "0",
-				"aria-label": "Values at the cursors"
+				"aria-label": t("Values at the cursors")
 			},
 			element(
 				"table",
@@ -106,7 +107,7 @@ export function createCapturePlot(channels, level = null) {
 				element(
 					"caption",
 					{ class: "hidden-label" },
-					"Values at the cursors"
+					t("Values at the cursors")
 				),
 				element(
 					"thead",
@@ -250,7 +251,7 @@ export function createCapturePlot(channels, level = null) {
 					{
 						...axis,
 						space: 90,
-						label: "s from the trigger",
+						label: t("s from the trigger"),
 						labelFont: axis.font,
 						labelSize: 18
 					},

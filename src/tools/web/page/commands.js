@@ -4,6 +4,7 @@ import { call, isStop } from "./api.js";
 import { groupReasons, whyNotNow } from "./next_step.js";
 import { element, newId, setAttribute, setText } from "./dom.js";
 import { asLabel, formatDuration, formatRange, hasBits, inWords, NONE, parseValue } from "./format.js";
+import { inLanguage, t } from "./words.js";
 
 /* These have buttons of their own, which are always visible. */
 const ELSEWHERE = ["stop", "quick_stop"];
@@ -23,7 +24,7 @@ function createField(register, scale, describedBy) {
 	const node = element("label", { class: "field", for: id }, asLabel(register.name),
 		element("span", { class: "with-unit" }, input,
 			typed.unit ? element("span", { class: "unit" }, typed.unit) : null),
-		element("small", { id: hint, class: "hint", title: register.description },
+		element("small", { id: hint, class: "hint", title: inLanguage(register.description) },
 			formatRange(typed)));
 
 	return {
@@ -52,19 +53,19 @@ export function createCommands({ context, drive, registers, commands, scale, onD
 	const denied = known.filter((command) => !all.includes(command));
 	const others = all.filter((command) => command.arguments.length > 0);
 	const buttons = all.filter((command) => command.arguments.length === 0).map((command) =>
-		element("button", { type: "button", class: "small", title: command.description,
+		element("button", { type: "button", class: "small", title: inLanguage(command.description),
 			"data-command": command.name, onclick: () => give(command.name, {}) },
 		asLabel(command.name)));
 	const select = element("select", { id: "command" }, others.map((command) =>
 		element("option", { value: command.name }, asLabel(command.name))));
 	const about = element("small", { id: newId("command-about"), class: "muted" });
 	const place = element("div", { class: "command-fields" });
-	const run = element("button", { id: "command-run", class: "primary", type: "submit" }, "Run");
+	const run = element("button", { id: "command-run", class: "primary", type: "submit" }, t("Run"));
 	const form = element("form", { class: "command-form", autocomplete: "off" },
-		element("label", { class: "field", for: "command" }, "Command with values", select),
+		element("label", { class: "field", for: "command" }, t("Command with values"), select),
 		about, place, run);
-	const node = element("section", { id: "commands", class: "panel", "aria-label": "Commands" },
-		element("div", { class: "panel-head" }, element("h2", {}, "Commands")),
+	const node = element("section", { id: "commands", class: "panel", "aria-label": t("Commands") },
+		element("div", { class: "panel-head" }, element("h2", {}, t("Commands"))),
 		element("div", { class: "command-buttons" }, buttons),
 		others.length > 0 ? form : null, said, makeReasons());
 	const notNow = element("p", { id: "commands-not-now", class: "muted" });
@@ -90,7 +91,7 @@ export function createCommands({ context, drive, registers, commands, scale, onD
 	function showFields() {
 		const command = commands.get(select.value);
 
-		setText(about, command.description);
+		setText(about, inLanguage(command.description));
 		fields = new Map(command.arguments.map((name) => registers.get(name)).filter(Boolean)
 			.map((register) => [register.name, createField(register, scale, about.id)]));
 		place.replaceChildren(...[...fields.values()].map((field) => field.node));
@@ -105,7 +106,7 @@ export function createCommands({ context, drive, registers, commands, scale, onD
 			const why = whyNotNow(name, next);
 
 			button.disabled = why !== "";
-			setAttribute(button, "title", why || commands.get(name).description);
+			setAttribute(button, "title", why || inLanguage(commands.get(name).description));
 			return [name, why];
 		});
 		const why = select.value ? whyNotNow(select.value, next) : "";
@@ -128,7 +129,7 @@ export function createCommands({ context, drive, registers, commands, scale, onD
 			const parameters = { drive, command: name, arguments: args };
 			const answer = await (isStop("Run", parameters) ? context.stop(drive, name) :
 				call("Run", parameters));
-			const result = answer?.result ?? "not confirmed";
+			const result = answer?.result ?? t("not confirmed");
 			const took = formatDuration((performance.now() - began) * 1000);
 
 			say(`${asLabel(name)}: ${inWords(result)} (${took})`, answer ? "ok" : "error");

@@ -8,7 +8,9 @@
 import { listCommissionSteps, openStream, sayToCommission } from "./api.js";
 import { createField, element, icon, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
+import { asLabel } from "./format.js";
 import { createPasteText } from "./paste_text.js";
+import { inLanguage, t } from "./words.js";
 
 const BEAT_EVERY_MS = 100;
 /* Further unanswered beats would only take connections from the stop. */
@@ -20,7 +22,7 @@ const BADGES = { contradicted: "badge error", proven: "badge on" };
 
 let view = null;
 
-export function title(name) { return `Commission ${name ?? ""}`.trim(); }
+export function title(name) { return t("Commission {drive}", { drive: name ?? "" }).trim(); }
 
 export async function show(root, context, name) {
 	const mine = { context, name, stream: null, timer: 0, motion: 0, underWay: 0, verdicts: [], offs: [] };
@@ -62,13 +64,13 @@ function build(mine, root, steps) {
 	const { context, name } = mine;
 
 	mine.step = element("select", { id: "commission-step" },
-		element("option", { value: "" }, "All steps"),
+		element("option", { value: "" }, t("All steps")),
 		steps.map(({ step, description }) =>
-			element("option", { value: step }, `${step}: ${description}`)));
-	mine.velocity = createNumber("commission-velocity", "Velocity of trial motions", "slow");
-	mine.seconds = createNumber("commission-seconds", "Seconds of one (0.2 to 5)", "1.5");
+			element("option", { value: step }, `${step}: ${inLanguage(description)}`)));
+	mine.velocity = createNumber("commission-velocity", t("Velocity of trial motions"), "slow");
+	mine.seconds = createNumber("commission-seconds", t("Seconds of one (0.2 to 5)"), "1.5");
 	mine.begin = element("button", { id: "commission-begin", class: "primary", type: "button",
-		onclick: () => begin(mine) }, "Begin");
+		onclick: () => begin(mine) }, t("Begin"));
 	mine.now = element("p", { id: "commission-now", role: "status" });
 	mine.question = element("p", { id: "commission-question", class: "commission-question",
 		tabindex: -1 });
@@ -76,39 +78,38 @@ function build(mine, root, steps) {
 	mine.problem = element("p", { class: "problem", role: "alert" });
 	mine.rows = element("tbody");
 	mine.seen = element("section", { id: "commission-verdicts", class: "panel table-frame", hidden: true,
-		"aria-label": "What was seen", tabindex: 0 },
+		"aria-label": t("What was seen"), tabindex: 0 },
 	element("table", {},
 		element("thead", {}, element("tr", {},
 			["", "Setting", "Today", "What was seen", "What is right"].map((head) =>
 				element("th", { scope: "col" }, head)))),
 		mine.rows));
 	mine.counts = element("p", { id: "commission-counts" });
-	mine.sections = createPasteText("For the configuration, then drivebridgectl reload");
+	mine.sections = createPasteText(t("For the configuration, then drivebridgectl reload"));
 	mine.save = element("button", { id: "commission-report", type: "button" },
-		"Save the report");
+		t("Save the report"));
 	mine.result = element("section", { id: "commission-result", class: "panel", hidden: true,
-		"aria-label": "Result" },
-	element("div", { class: "panel-head" }, element("h2", {}, "Result"),
+		"aria-label": t("Result") },
+	element("div", { class: "panel-head" }, element("h2", {}, t("Result")),
 		element("span", { class: "push" }), mine.save),
 	mine.counts, mine.sections.node);
 	root.replaceChildren(
 		element("div", { class: "view-head" }, element("h1", {}, title(name)),
-			element("a", { href: `#/drive/${encodeURIComponent(name)}` }, `Drive ${name}`),
+			element("a", { href: `#/drive/${encodeURIComponent(name)}` }, t("Drive {name}", { name })),
 			element("span", { class: "push" }),
 			element("button", { id: "commission-stop", class: "stop", type: "button",
 				"aria-keyshortcuts": "Escape",
 				onclick: () => context.stop(name, "stop") },
-			icon("stop"), "Stop", element("kbd", {}, "Esc"))),
-		element("section", { class: "panel", "aria-label": "Begin" },
-			element("p", {}, element("strong", {}, "Uncouple the drive from the machine first. "),
-				"The motor is turned, slowly and for moments, and you are asked what you saw. " +
-				"Escape stops it, and so does leaving this page; in the end it has no power."),
-			element("div", { class: "toolbar filters" }, createField("Steps", mine.step),
+			icon("stop"), t("Stop"), element("kbd", {}, t("Esc")))),
+		element("section", { class: "panel", "aria-label": t("Begin") },
+			element("p", {}, element("strong", {}, t("Uncouple the drive from the machine first. ")),
+				t("The motor is turned, slowly and for moments, and you are asked what you saw. Escape stops it, and so does leaving this page; in the end it has no power.")),
+			element("div", { class: "toolbar filters" }, createField(t("Steps"), mine.step),
 				mine.velocity.field, mine.seconds.field, mine.begin)),
-		element("section", { id: "commission", class: "panel", "aria-label": "Now" },
+		element("section", { id: "commission", class: "panel", "aria-label": t("Now") },
 			mine.now, mine.question, mine.answers, mine.problem),
 		mine.seen, mine.result);
-	setText(mine.now, "Nothing goes on.");
+	setText(mine.now, t("Nothing goes on."));
 }
 
 /* --- a running commissioning
@@ -133,7 +134,7 @@ function begin(mine) {
 	mine.rows.replaceChildren();
 	mine.seen.hidden = mine.result.hidden = true;
 	setText(mine.problem, "");
-	setText(mine.now, "Asking the drive …");
+	setText(mine.now, t("Asking the drive …"));
 	mine.stream = openStream("commission", readOrder(mine), {
 		once: true,
 		onEvent: (event, data) => take[event]?.(mine, data),
@@ -163,7 +164,7 @@ function finish(mine) {
 	mine.begin.disabled = false;
 	clearQuestion(mine);
 	if (mine.result.hidden)
-		setText(mine.now, "It has ended.");
+		setText(mine.now, t("It has ended."));
 }
 
 /* Returns whether the server got the message. A failure is not shown: the server ends a
@@ -206,35 +207,34 @@ async function answer(mine, question, text) {
 	}
 }
 
-const label = (choice) => choice[0].toUpperCase() + choice.slice(1).replace("-", " ");
+const label = (choice) => asLabel(choice.replace("-", " "));
 
 const take = {
 	step(mine, { step, description }) {
-		setText(mine.now, `Step ${step}: ${description}`);
+		setText(mine.now, t("Step {step}: {description}", { step, description: inLanguage(description) }));
 		clearQuestion(mine);
 	},
 	ask(mine, { question, text, choices }) {
 		const input = element("input", { id: "commission-number", type: "text",
-			inputmode: "decimal", "aria-label": "Measured", autocomplete: "off" });
+			inputmode: "decimal", "aria-label": t("Measured"), autocomplete: "off" });
 		const make = (choice) => element("button", { type: "button", "data-answer": choice,
 			class: choice === "yes" ? "primary" : null,
 			onclick: () => answer(mine, question, choice) }, label(choice));
 
 		mine.asked = question;
-		setText(mine.question, text);
+		setText(mine.question, inLanguage(text));
 		mine.answers.replaceChildren(...(choices ?
 			choices.filter((choice) => choice !== "skip").map(make) :
 			[input, element("button", { type: "button", class: "primary", "data-answer": "number",
 				onclick: () => answer(mine, question, input.value.trim().replace(",", ".")) },
-			"Answer")]), make("skip"));
+			t("Answer"))]), make("skip"));
 		mine.question.focus();
 	},
 	moving(mine, { motion, again }) {
 		mine.motion = motion;
 		setText(mine.question, again ?
-			"The motor turns once more: nothing was heard of the drive for a moment, so its " +
-			"times are doubtful." :
-			"The motor turns.");
+			t("The motor turns once more: nothing was heard of the drive for a moment, so its times are doubtful.") :
+			t("The motor turns."));
 		letGo(mine);
 		mine.beats = setInterval(() => beat(mine), BEAT_EVERY_MS);
 		beat(mine);
@@ -247,7 +247,7 @@ const take = {
 		mine.verdicts.push(...verdicts);
 		showVerdicts(mine, mine.verdicts);
 	},
-	failed(mine, { text }) { setText(mine.problem, text); },
+	failed(mine, { text }) { setText(mine.problem, inLanguage(text)); },
 	result(mine, { verdicts, sections, report, interrupted, late, lost }) {
 		const count = (verdict) => verdicts.filter((one) => one.verdict === verdict).length;
 
@@ -258,11 +258,10 @@ const take = {
 		mine.save.onclick = () =>
 			saveFile(`${mine.name}.commissioning-${nameTime()}.txt`, [report]);
 		mine.result.hidden = false;
-		setText(mine.now, lost ? "The connection to the service was lost; it stops the drive." :
-			late ? "Interrupted: this page was not heard in time, and the drive was stopped. " +
-				"What was seen is below." :
-			interrupted ? "Interrupted: the drive was stopped. What was seen is below." :
-			"Done. The motor has no power.");
+		setText(mine.now, lost ? t("The connection to the service was lost; it stops the drive.") :
+			late ? t("Interrupted: this page was not heard in time, and the drive was stopped. What was seen is below.") :
+			interrupted ? t("Interrupted: the drive was stopped. What was seen is below.") :
+			t("Done. The motor has no power."));
 	},
 };
 

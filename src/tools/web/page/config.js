@@ -8,8 +8,9 @@ import { countLines, describeEffects, findLine, readMessage } from "./config_tex
 import { createField, element, setText } from "./dom.js";
 import { writeClock, writeDay } from "./plain.js";
 import { askUser } from "./question.js";
+import { t } from "./words.js";
 
-export const title = "Configuration";
+export const title = t("Configuration");
 
 const CHECK_AFTER_MS = 600;
 
@@ -68,18 +69,18 @@ function showMessages(mine) {
 	mine.messages.replaceChildren(...messages.map(({ line, warning, text }) =>
 		element("li", { "data-kind": warning ? "warning" : "error" },
 			line > 0 ? element("button", { class: "small", type: "button", "data-line": line,
-				onclick: () => mine.editor.go(line) }, `line ${line}`) : null,
-			` ${warning ? "warning: " : ""}${text}`)));
+				onclick: () => mine.editor.go(line) }, t("line {line}", { line })) : null,
+			` ${warning ? t("warning: ") : ""}${text}`)));
 }
 
 function showEffects(mine) {
 	const lines = describeEffects(mine.checked.effects);
 
 	mine.effects.hidden = !mine.checked.good;
-	mine.effects.replaceChildren(element("h2", {}, "What loading it does"),
+	mine.effects.replaceChildren(element("h2", {}, t("What loading it does")),
 		element("ul", {}, lines.map((line) => element("li", {}, line))),
 		element("p", { class: "muted" }, lines.length === 0 ?
-			"No drive changes: what runs goes on." : "All other drives go on without interruption."));
+			t("No drive changes: what runs goes on.") : t("All other drives go on without interruption.")));
 }
 
 const hasChanged = (mine) => mine.editor.text.value !== mine.answer.text;
@@ -88,10 +89,10 @@ function showState(mine, words) {
 	const { checked, answer } = mine;
 
 	setText(mine.state, words ?? (!answer.may_edit ?
-		"It can be read and checked here, not changed: control { edit = on } in the file of root allows that." :
-		!checked ? "It is being checked" :
-			!checked.good ? "There are mistakes: it cannot be saved" :
-				hasChanged(mine) ? "It is right, and not saved" : "It is right, and saved"));
+		t("It can be read and checked here, not changed: control { edit = on } in the file of root allows that.") :
+		!checked ? t("It is being checked") :
+			!checked.good ? t("There are mistakes: it cannot be saved") :
+				hasChanged(mine) ? t("It is right, and not saved") : t("It is right, and saved")));
 	mine.save.disabled = mine.busy || !answer.may_edit || !checked?.good || !hasChanged(mine);
 	mine.back.disabled = mine.busy || !answer.may_edit || answer.formers.length === 0;
 	mine.load.disabled = mine.busy;
@@ -172,9 +173,9 @@ async function load(mine) {
 	const { messages } = await call("Reload");
 
 	if (messages.length > 0)
-		mine.context.notify(`It was not loaded: ${messages.join("; ")}`, "error");
+		mine.context.notify(t("It was not loaded: {messages}", { messages: messages.join("; ") }), "error");
 	else
-		mine.context.notify("The configuration is loaded", "ok");
+		mine.context.notify(t("The configuration is loaded"), "ok");
 }
 
 /* Saves a text and loads it, when the user has seen what that does. */
@@ -182,15 +183,15 @@ async function apply(mine, text, question) {
 	const checked = await call("CheckConfiguration", { text });
 
 	if (!checked.good)
-		throw new Error(`It has mistakes: ${checked.messages.join("; ")}`);
+		throw new Error(t("It has mistakes: {messages}", { messages: checked.messages.join("; ") }));
 	const effects = describeEffects(checked.effects);
 
 	if (!await askUser({
 		title: question,
-		words: [...(effects.length > 0 ? effects : ["No drive changes."]),
+		words: [...(effects.length > 0 ? effects : [t("No drive changes.")]),
 			...checked.messages.map((message) => readMessage(message, mine.answer.path).text)],
-		yes: checked.effects.some(({ moves }) => moves) ? "Save and load, also what moves" :
-			"Save and load"
+		yes: checked.effects.some(({ moves }) => moves) ? t("Save and load, also what moves") :
+			t("Save and load")
 	}))
 		return;
 	const written = await call("SetConfiguration", { text, version: mine.version });
@@ -209,12 +210,12 @@ async function goBack(mine) {
 	const [{ number, time_us: time }] = mine.answer.formers;
 	const { text } = await call("Configuration", { former: number });
 
-	await apply(mine, text, `Back to the text of ${writeDay(time)} ${writeClock(time, 3)}?`);
+	await apply(mine, text, t("Back to the text of {time} {time2}?", { time: writeDay(time), time2: writeClock(time, 3) }));
 }
 
 async function readAgain(mine) {
 	if (hasChanged(mine) && !await askUser({
-		title: "Read it again?", words: ["What you have written and not saved is lost."], yes: "Read again"
+		title: t("Read it again?"), words: [t("What you have written and not saved is lost.")], yes: t("Read again")
 	}))
 		return;
 	draft = null;
@@ -223,10 +224,9 @@ async function readAgain(mine) {
 
 async function loadFiles(mine) {
 	if (await askUser({
-		title: "Load the files again?",
-		words: ["The service reads all files as they are now: also what root has changed in them. Drives " +
-			"whose sections changed are left as their on-exit says."],
-		yes: "Load"
+		title: t("Load the files again?"),
+		words: [t("The service reads all files as they are now: also what root has changed in them. Drives whose sections changed are left as their on-exit says.")],
+		yes: t("Load")
 	}))
 		await load(mine);
 }
@@ -237,12 +237,12 @@ function createTools(mine) {
 	const button = (id, words, work, kind = "") => element("button",
 		{ id, type: "button", class: kind, onclick: () => act(mine, () => work(mine)) }, words);
 
-	mine.save = button("config-save", "Save and load",
-		() => apply(mine, mine.editor.text.value, "Save this configuration and load it?"), "primary");
-	mine.back = button("config-back", "Back to the former one", goBack);
-	mine.load = button("config-load", "Load the files", loadFiles);
+	mine.save = button("config-save", t("Save and load"),
+		() => apply(mine, mine.editor.text.value, t("Save this configuration and load it?")), "primary");
+	mine.back = button("config-back", t("Back to the former one"), goBack);
+	mine.load = button("config-load", t("Load the files"), loadFiles);
 	mine.former = element("select", { id: "config-former" });
-	mine.look = button("config-look", "Show", async () => {
+	mine.look = button("config-look", t("Show"), async () => {
 		const { text } = await call("Configuration", { former: Number(mine.former.value) });
 
 		mine.editor.text.value = text;
@@ -250,8 +250,8 @@ function createTools(mine) {
 	});
 	return [
 		element("div", { class: "toolbar" }, mine.save, mine.back,
-			button("config-read", "Read again", readAgain), mine.load),
-		element("div", { class: "toolbar" }, createField("Texts of before", mine.former, "inline"), mine.look)
+			button("config-read", t("Read again"), readAgain), mine.load),
+		element("div", { class: "toolbar" }, createField(t("Texts of before"), mine.former, "inline"), mine.look)
 	];
 }
 
@@ -268,7 +268,7 @@ export async function show(root, context) {
 		messages: element("ul", { id: "config-messages", class: "config-messages" }),
 		effects: element("div", { id: "config-effects", class: "panel", hidden: true }),
 		running: element("textarea", { id: "config-running", readonly: true, rows: "16", wrap: "off",
-			spellcheck: "false", "aria-label": "What runs, with every value" })
+			spellcheck: "false", "aria-label": t("What runs, with every value") })
 	};
 	const path = element("code");
 	const tools = createTools(mine);
@@ -276,16 +276,16 @@ export async function show(root, context) {
 	view = mine;
 	mine.editor.text.addEventListener("input", () => checkLater(mine));
 	root.append(
-		element("div", { class: "view-head" }, element("h1", {}, "Configuration")),
+		element("div", { class: "view-head" }, element("h1", {}, t("Configuration"))),
 		element("div", { class: "panel", id: "config" },
 			element("label", { class: "field", for: mine.editor.text.id },
-				"Buses and drives that are edited here"),
+				t("Buses and drives that are edited here")),
 			mine.editor.node, mine.state, mine.messages, tools,
-			element("p", { class: "muted" }, "This text is the file ", path,
-				"; other files, and who may do what, are root's.")),
+			element("p", { class: "muted" }, t("This text is the file "), path,
+				t("; other files, and who may do what, are root's."))),
 		mine.effects,
 		element("details", { class: "panel" },
-			element("summary", {}, "What runs, with every value"), mine.running));
+			element("summary", {}, t("What runs, with every value")), mine.running));
 	await read(mine, true);
 	setText(path, mine.answer.path);
 }

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+import { t } from "./words.js";
 /* What the service says of an edited configuration, in a form to show. Without a document. */
 
 /*
@@ -35,7 +36,7 @@ export function countLines(text) { return text.split("\n").length; }
 /* Sentences for a question; what moves comes first. */
 export function describeEffects(effects) {
 	const words = ({ bus, drive, text, moves }) =>
-		`${drive ?? `bus ${bus}`}${moves ? " MOVES NOW" : ""}: ${text}`;
+		`${drive ?? `bus ${bus}`}${moves ? t(" MOVES NOW") : ""}: ${text}`;
 
 	return [...effects.filter(({ moves }) => moves), ...effects.filter(({ moves }) => !moves)].map(words);
 }

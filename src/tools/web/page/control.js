@@ -7,18 +7,18 @@ import { call } from "./api.js";
 import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import { formatSpan } from "./format.js";
 import { formatClient } from "./history.js";
+import { t } from "./words.js";
 
-const NOT_CONFIGURED = "Nobody has to take control here: it is not configured " +
-	"(control = drive in drivebridge.conf)";
+const NOT_CONFIGURED = t("Nobody has to take control here: it is not configured (control = drive in drivebridge.conf)");
 
 function describeWatchdog({ watchdog_ms, watchdog_remaining_ms }) {
 	const time = formatSpan((watchdog_ms ?? 0) / 1000);
 
 	if (watchdog_ms === 0)
-		return "Its watchdog is off: nothing stops it when its client falls silent";
+		return t("Its watchdog is off: nothing stops it when its client falls silent");
 	return watchdog_remaining_ms > 0 ?
-		`Watchdog armed: it stops the drive after ${time} of silence` :
-		`Watchdog ${time}, not armed`;
+		t("Watchdog armed: it stops the drive after {time} of silence", { time }) :
+		t("Watchdog {time}, not armed", { time });
 }
 
 /* The panel; update(values) with streamed values, learn() after a command of this tab was
@@ -29,13 +29,13 @@ export function createControl({ context, drive }) {
 	const who = element("span", { id: "control-holder", role: "status" });
 	const until = element("span", { class: "muted number" });
 	const take = element("button", { id: "control-take", class: "small", type: "button",
-		onclick: () => write(1) }, "Take control");
+		onclick: () => write(1) }, t("Take control"));
 	const release = element("button", { id: "control-release", class: "small", type: "button",
-		hidden: true, onclick: () => write(0) }, "Release control");
+		hidden: true, onclick: () => write(0) }, t("Release control"));
 	const problem = element("p", { class: "problem", role: "alert" });
 	const watchdog = element("p", { id: "watchdog", class: "muted" });
-	const node = element("section", { id: "control", class: "panel control", "aria-label": "Control" },
-		element("div", { class: "panel-head" }, element("h2", {}, "Control"),
+	const node = element("section", { id: "control", class: "panel control", "aria-label": t("Control") },
+		element("div", { class: "panel-head" }, element("h2", {}, t("Control")),
 			element("span", { class: "push" }), context.may("move", drive) ? [take, release] : null),
 		element("p", { class: "control-line" }, drawing, who, until), watchdog,
 		problem);
@@ -72,13 +72,13 @@ export function createControl({ context, drive }) {
 		setAttribute(node, "data-control", holder === 0 ? "nobody" : isMine ? "mine" : "other");
 		setIcon(drawing, holder === 0 ? "disabled" : isMine ? "fine" : "warning");
 		if (holder === 0)
-			setText(who, "Nobody has control");
+			setText(who, t("Nobody has control"));
 		else if (isMine)
-			setText(who, "You have control");
+			setText(who, t("You have control"));
 		else
-			setText(who, `${formatClient(holder, values.control_port, values.control_address,
-				values.control_user)} has control: others can only stop the drive`);
-		setText(until, holder === 0 ? "" : `${(left / 1000).toFixed(1)} s left`);
+			setText(who, t("{holder} has control: others can only stop the drive", { holder: formatClient(holder, values.control_port, values.control_address,
+				values.control_user) }));
+		setText(until, holder === 0 ? "" : t("{seconds} s left", { seconds: (left / 1000).toFixed(1) }));
 		take.hidden = isMine;
 		release.hidden = !isMine;
 		setText(watchdog, describeWatchdog(values));

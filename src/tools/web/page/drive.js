@@ -24,6 +24,7 @@ import { createLimitBar } from "./limit_bar.js";
 import { nextStep } from "./next_step.js";
 import { ageOf, judgeDrive, NEED, stateWord } from "./plant.js";
 import { createPlot } from "./plot.js";
+import { inLanguage, t } from "./words.js";
 
 /* Ten minutes at twenty samples a second; four at 20 ms. */
 const PLOT_CAPACITY = 12000;
@@ -46,7 +47,7 @@ const NOT_PLOTTED = /(^|_)(port|holder|request|trips|timestamp_us)$/;
 
 let view = null;
 
-export function title(name) { return name ?? "Drive"; }
+export function title(name) { return name ?? t("Drive"); }
 
 export async function show(root, context, name) {
 	const mine = {
@@ -71,7 +72,7 @@ export async function show(root, context, name) {
 		mine.plot?.destroy();
 		mine.parts.forEach((off) => off());
 	};
-	root.append(element("p", { class: "empty" }, `Asking ${name} …`));
+	root.append(element("p", { class: "empty" }, t("Asking {name} …", { name })));
 	const [registers, commands, all] = await Promise.all([
 		context.registers(name), context.commands(name),
 		call("Read", { drive: name, names: [] })
@@ -114,7 +115,7 @@ export async function show(root, context, name) {
 		const described = describe(context.plant, name);
 
 		if (described !== mine.described && !context.plant.drives.has(name))
-			context.notify(`${name} is not in the configuration any more`, "warning");
+			context.notify(t("{name} is not in the configuration any more", { name }), "warning");
 		else if (described !== mine.described)
 			context.showAgain();
 	});
@@ -175,8 +176,8 @@ function build(mine, names) {
 
 /* In place of what the user may not do. */
 function makeReason(mine) {
-	return element("section", { id: "may-not", class: "panel", "aria-label": "Commands" },
-		element("div", { class: "panel-head" }, element("h2", {}, "Commands")),
+	return element("section", { id: "may-not", class: "panel", "aria-label": t("Commands") },
+		element("div", { class: "panel-head" }, element("h2", {}, t("Commands"))),
 		element("p", { class: "muted" }, mine.context.whyNot("move", mine.name)));
 }
 
@@ -216,11 +217,11 @@ function makeHead(mine) {
 		need: null,
 	};
 	const links =
-		[element("a", { href: `#/parameters/${encodeURIComponent(name)}` }, "Parameters")];
+		[element("a", { href: `#/parameters/${encodeURIComponent(name)}` }, t("Parameters"))];
 	const place = [];
 
 	if (context.may("engineer", name))
-		links.push(element("a", { href: `#/commission/${encodeURIComponent(name)}` }, "Commission"));
+		links.push(element("a", { href: `#/commission/${encodeURIComponent(name)}` }, t("Commission")));
 	const quantity = (label, node, register, bar) => element("div", { class: "quantity live" },
 		element("span", { class: "muted" }, label),
 		element("span", { class: "quantity-value" }, node,
@@ -229,7 +230,7 @@ function makeHead(mine) {
 
 	if (drive) {
 		links.push(element(
-			"a", { href: `#/trace/${encodeURIComponent(drive.bus)}` }, "Trace"));
+			"a", { href: `#/trace/${encodeURIComponent(drive.bus)}` }, t("Trace")));
 		place.push(drive.bus, `address ${drive.address} ${drive.axis}`.trim(),
 			`unit ${drive.unit}`);
 	}
@@ -245,14 +246,14 @@ function makeHead(mine) {
 		head.needIcon, head.why, head.advice);
 	return element("header", { class: "drive-head", "data-drive": name },
 		element("div", { class: "drive-title" }, element("h1", {}, name),
-			element("nav", { class: "drive-links", "aria-label": `More of ${name}` },
+			element("nav", { class: "drive-links", "aria-label": t("More of {name}", { name }) },
 				links),
 			element("small", { class: "muted", title: mine.identity },
 				place.join(" · "))),
 		head.stateBox, head.next, head.mustStand,
-		quantity("Position", head.position, mine.registers.get("position"), head.bar?.node),
-		quantity("Velocity", head.velocity, mine.registers.get("velocity")),
-		quantity("Age", head.age, null), context.may("stop") ? makeStops(mine) : null,
+		quantity(t("Position"), head.position, mine.registers.get("position"), head.bar?.node),
+		quantity(t("Velocity"), head.velocity, mine.registers.get("velocity")),
+		quantity(t("Age"), head.age, null), context.may("stop") ? makeStops(mine) : null,
 		head.need);
 }
 
@@ -269,7 +270,7 @@ function makeStops(mine) {
 		"aria-keyshortcuts": "Space Escape",
 		onclick: () => stop(mine, "stop")
 	},
-		icon("stop"), asLabel("stop"), element("kbd", {}, "Space"));
+		icon("stop"), asLabel("stop"), element("kbd", {}, t("Space")));
 
 	return element("div", { class: "drive-stop" }, now,
 		commands.has("quick_stop") ?
@@ -309,15 +310,15 @@ function makePorts(mine) {
 		if (found.length > 0 && mine.registers.has(word))
 			rows.push(element("div", { class: "ports-row" },
 				element("h3", { class: "muted" },
-					kind === "input" ? "Inputs" : "Outputs"),
+					kind === "input" ? t("Inputs") : t("Outputs")),
 				element("ul", { class: "lamps" },
 					found.map((register) => make(register, word)))));
 	}
 	return rows.length > 0 ?
 		element("section",
-			{ id: "ports", class: "panel live", "aria-label": "Inputs and outputs" },
+			{ id: "ports", class: "panel live", "aria-label": t("Inputs and outputs") },
 			element("div", { class: "panel-head" },
-				element("h2", {}, "Inputs and outputs")),
+				element("h2", {}, t("Inputs and outputs"))),
 			rows) :
 		"";
 }
@@ -331,26 +332,26 @@ function makeValues(mine, names) {
 		}));
 	const list = (values) => element("dl", { class: "values" },
 		values.map(({ register, text, unit }) => element("div",
-			{ title: register.description },
+			{ title: inLanguage(register.description) },
 			element("dt", {}, labelOf(register)),
 			element("dd", { "data-value": register.name }, text, unit))));
 	const isOfMachine = ({ register }) => !BOOKKEEPING.test(register.name);
 
-	return element("section", { id: "values", class: "panel live", "aria-label": "Values" },
-		element("div", { class: "panel-head" }, element("h2", {}, "Values"),
+	return element("section", { id: "values", class: "panel live", "aria-label": t("Values") },
+		element("div", { class: "panel-head" }, element("h2", {}, t("Values")),
 			element("span", { class: "push" }), makeIntervals(mine)),
 		list(mine.values.filter(isOfMachine)),
 		element("details", {},
-			element("summary", { class: "muted" }, "Handshake with a PLC"),
+			element("summary", { class: "muted" }, t("Handshake with a PLC")),
 			list(mine.values.filter((value) => !isOfMachine(value)))));
 }
 
 function makeIntervals(mine) {
 	const select = element("select",
-		{ id: "interval", class: "small", "aria-label": "How often values come" },
+		{ id: "interval", class: "small", "aria-label": t("How often values come") },
 		INTERVALS_MS.map(
 			(ms) => element("option", { value: ms, selected: ms === INTERVAL_FIRST_MS },
-				ms === 0 ? "every cycle" : `every ${ms} ms`)));
+				ms === 0 ? t("every cycle") : t("every {ms} ms", { ms }))));
 
 	select.addEventListener("change", () => openSubscription(mine, Number(select.value)));
 	return select;
@@ -465,7 +466,7 @@ function frame(mine, now) {
 		if (acts)
 			setAttribute(node, "aria-checked", String(on));
 		else
-			setText(node.lastChild, on ? ": on" : ": off");
+			setText(node.lastChild, on ? t(": on") : t(": off"));
 	}
 	for (const { register, text, unit } of mine.values) {
 		const value = values[register.name];
@@ -520,7 +521,7 @@ function showHead(mine, now) {
 
 	setIcon(head.icon, judgement.shape);
 	setText(head.word, old || stateWord(judgement.state));
-	setText(head.state, judgement.state || "not known");
+	setText(head.state, judgement.state || t("not known"));
 	setAttribute(head.stateBox, "data-shape", judgement.shape);
 	mine.root.classList.toggle("stale", old !== "");
 	setText(head.mustStand, judgement.mustStand);

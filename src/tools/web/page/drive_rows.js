@@ -7,24 +7,25 @@ import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import { formatAge, formatFixed, lookUpUnit } from "./format.js";
 import { createLimitBar } from "./limit_bar.js";
 import { ageOf, isMoving, NEED, stateWord } from "./plant.js";
+import { t } from "./words.js";
 
 const NEED_ICONS = ["fine", "hint", "warning", "error"];
 const NEED_KEYS = ["nothing", "hint", "look", "act"];
-const HEADS = [["State"], ["Drive"], ["Position", "number"], ["Velocity", "number"],
-	["Age", "number"], ["Needs"]];
+const HEADS = [[t("State")], [t("Drive")], [t("Position"), "number"], [t("Velocity"), "number"],
+	[t("Age"), "number"], [t("Needs")]];
 /* Ages below a second change with every sample; nobody can read that. */
 const YOUNG_MS = 1000;
 const YOUNG_EVERY_MS = 500;
 
 /* Choices of the filter by state: whether a drive is shown. */
 export const STATES = {
-	all: ["in any state", () => true],
-	needs: ["that need somebody", ({ judgement }) => judgement.need >= NEED.look],
-	moving: ["that move", ({ judgement }) => isMoving(judgement.state)],
-	standing: ["that stand", ({ judgement }) => judgement.state === "Standstill"],
-	disabled: ["that are switched off", ({ judgement }) => judgement.state === "Disabled"],
-	fault: ["with a fault", ({ judgement }) => judgement.state === "ErrorStop"],
-	offline: ["without an answer", ({ judgement }) => ["Offline", ""].includes(judgement.state)],
+	all: [t("in any state"), () => true],
+	needs: [t("that need somebody"), ({ judgement }) => judgement.need >= NEED.look],
+	moving: [t("that move"), ({ judgement }) => isMoving(judgement.state)],
+	standing: [t("that stand"), ({ judgement }) => judgement.state === "Standstill"],
+	disabled: [t("that are switched off"), ({ judgement }) => judgement.state === "Disabled"],
+	fault: [t("with a fault"), ({ judgement }) => judgement.state === "ErrorStop"],
+	offline: [t("without an answer"), ({ judgement }) => ["Offline", ""].includes(judgement.state)],
 };
 
 /* Whether a drive has these words, is on this bus ("": any) and in this state. Pure. */
@@ -55,8 +56,8 @@ function makeRow(context, drive) {
 	const { name, bus, description } = drive;
 	const address = `${description.address} ${description.axis}`.trim();
 	const stop = context.may("stop") ? element("button", { class: "small", type: "button",
-		"data-stop": name, "aria-label": `Stop ${name}`, onclick: () => context.stop(name) },
-	icon("stop"), "Stop") : null;
+		"data-stop": name, "aria-label": t("Stop {name}", { name }), onclick: () => context.stop(name) },
+	icon("stop"), t("Stop")) : null;
 
 	cells.bar = createLimitBar(description);
 	cells.stateBox = element("span", { class: "state" }, cells.stateIcon,
@@ -66,7 +67,7 @@ function makeRow(context, drive) {
 		element("td", { class: "live" }, cells.stateBox, cells.mustStand),
 		element("th", { scope: "row" },
 			element("a", { class: "row-link", href: `#/drive/${encodeURIComponent(name)}` }, name),
-			element("small", { class: "muted" }, `${bus} · ${address} · unit ${description.unit}`)),
+			element("small", { class: "muted" }, t("{bus} · {address} · unit {unit}", { bus, address, unit: description.unit }))),
 		element("td", { class: "number live", "data-label": "Position" }, cells.position,
 			cells.positionUnit, cells.bar?.node ?? null),
 		element("td", { class: "number live", "data-label": "Velocity" }, cells.velocity,
@@ -113,7 +114,7 @@ function updateRow(cells, drive, registers) {
 function showNeed(cells, { judgement }, old) {
 	setIcon(cells.needIcon, old ? "hint" : NEED_ICONS[judgement.need]);
 	setAttribute(cells.need, "data-need", old ? "0" : String(judgement.need));
-	setText(cells.why, old || judgement.why || "nothing");
+	setText(cells.why, old || judgement.why || t("nothing"));
 	setText(cells.advice, old ? judgement.why : judgement.advice);
 	setAttribute(cells.advice, "title", judgement.advice);
 }
@@ -123,22 +124,22 @@ export function createDriveRows(context) {
 	const rows = new Map();
 	const body = element("tbody");
 	const table = element("table", { id: "drives", class: "drives" },
-		element("caption", { class: "hidden-label" }, "Drives, in the order of the configuration"),
+		element("caption", { class: "hidden-label" }, t("Drives, in the order of the configuration")),
 		element("thead", {}, element("tr", {},
 			HEADS.map(([head, kind]) => element("th", { scope: "col", class: kind }, head)),
-			element("th", { scope: "col" }, element("span", { class: "hidden-label" }, "Stop")))),
+			element("th", { scope: "col" }, element("span", { class: "hidden-label" }, t("Stop"))))),
 		body);
 	const node = element("div", { class: "panel table-frame", tabindex: "0", role: "region",
-		"aria-label": "Table of drives" }, table);
+		"aria-label": t("Table of drives") }, table);
 	let wanted = {};
 	let youngAt = 0;
 	let oldSaid = "";
 
 	function showNone() {
-		const scan = element("a", { href: "#/scan" }, "Look for drives on a bus");
+		const scan = element("a", { href: "#/scan" }, t("Look for drives on a bus"));
 
 		body.replaceChildren(element("tr", {}, element("td", { colspan: "7", class: "empty" },
-			"No drives yet: the configuration has none, see drivebridge.conf(5). ",
+			t("No drives yet: the configuration has none, see drivebridge.conf(5). "),
 			context.plant.buses.size > 0 ? scan : null)));
 	}
 

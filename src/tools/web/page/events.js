@@ -5,8 +5,9 @@ import { createField, element, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
 import { createNewestList } from "./newest_list.js";
 import { cleanText, writeClock, writeDay } from "./plain.js";
+import { inLanguage, t } from "./words.js";
 
-export const title = "Events";
+export const title = t("Events");
 
 /* The chosen level and the more severe ones. */
 const LEVELS = ["debug", "info", "notice", "warning", "error"];
@@ -24,7 +25,7 @@ function writeWords(event) {
 		.filter((kind) => event[kind])
 		.map((kind) => `${kind} ${event[kind]}: `);
 
-	return cleanText(whom.join("") + event.text);
+	return cleanText(whom.join("") + inLanguage(event.text));
 }
 
 function writeWhen(event) {
@@ -57,21 +58,21 @@ export function show(root, context, driveName) {
 	const pause = element(
 		"button",
 		{ id: "events-pause", type: "button", "aria-pressed": "false" },
-		"Pause"
+		t("Pause")
 	);
-	const save = element("button", { id: "events-save", type: "button" }, "Download as text");
+	const save = element("button", { id: "events-save", type: "button" }, t("Download as text"));
 	const level = createSelect(
 		"events-level",
-		"Level",
-		LEVELS.map((name) => [name, name === "error" ? name : `${name} and worse`]),
+		t("Level"),
+		LEVELS.map((name) => [name, name === "error" ? name : t("{name} and worse", { name })]),
 		applyFilter
 	);
 
 	level.select.value = LEVEL_FIRST;
-	const bus = createSelect("events-bus", "Bus", [], applyFilter);
+	const bus = createSelect("events-bus", t("Bus"), [], applyFilter);
 	const drive = createSelect(
 		"events-drive",
-		"Drive",
+		t("Drive"),
 		driveName ? [[driveName, driveName]] : [],
 		applyFilter
 	);
@@ -79,23 +80,23 @@ export function show(root, context, driveName) {
 	let fresh = true;
 
 	rows = createNewestList({
-		label: "Events",
+		label: t("Events"),
 		most: EVENTS_MOST,
 		kind: (event) => event.level,
 		columns: [
-			{ title: "When", text: writeWhen },
-			{ title: "Level", text: (event) => event.level },
-			{ title: "Event", text: (event) => event.name },
-			{ title: "What", text: writeWords }
+			{ title: t("When"), text: writeWhen },
+			{ title: t("Level"), text: (event) => event.level },
+			{ title: t("Event"), text: (event) => event.name },
+			{ title: t("What"), text: writeWords }
 		],
 		onDraw({ all, shown, waiting }) {
 			setText(
 				counts,
-				`${shown.length} of ${all.length} events` +
+				t("{shown} of {all} events", { shown: shown.length, all: all.length }) +
 					(waiting.length > 0
-						? `, ${waiting.length} more since the pause`
+						? t(", {count} more since the pause", { count: waiting.length })
 						: "") +
-					(leftOut > 0 ? `, ${leftOut} were left out` : "")
+					(leftOut > 0 ? t(", {leftOut} were left out", { leftOut }) : "")
 			);
 		}
 	});
@@ -127,7 +128,7 @@ export function show(root, context, driveName) {
 			const value = select.value;
 
 			select.replaceChildren(
-				element("option", { value: "" }, "all"),
+				element("option", { value: "" }, t("all")),
 				...[...known].map((name) =>
 					element("option", { value: name }, name)
 				)
@@ -164,14 +165,14 @@ export function show(root, context, driveName) {
 		saveFile(`events-${nameTime()}.txt`, rows.list.shown.map(writeLine))
 	);
 	root.append(
-		element("div", { class: "view-head" }, element("h1", {}, "Events"), counts),
+		element("div", { class: "view-head" }, element("h1", {}, t("Events")), counts),
 		element(
 			"div",
 			{ class: "panel toolbar filters" },
 			level.field,
 			bus.field,
 			drive.field,
-			createField("Text", search),
+			createField(t("Text"), search),
 			pause,
 			save
 		),

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+import { t } from "./words.js";
 /*
  * Values in words and words into values, by the service's description of a register: type, unit,
  * range, codes.
@@ -14,8 +15,8 @@ const MINUS = "−";
 /* A Map of registers by name, for the other functions. */
 export function indexByName(list) { return new Map(list.map((entry) => [entry.name, entry])); }
 
-/* "move_absolute" for people: "move absolute". */
-export function inWords(name) { return String(name ?? "").replaceAll("_", " "); }
+/* "move_absolute" for people: "move absolute", or as their language has it. */
+export function inWords(name) { return t(String(name ?? "").replaceAll("_", " ")); }
 
 /* As a label: "Move absolute". */
 export function asLabel(name) {
@@ -84,12 +85,12 @@ export function formatValue(register, value) {
 	if (value === null || value === undefined)
 		return { text: NONE, unit: "" };
 	if (typeof value === "boolean")
-		return { text: value ? "on" : "off", unit: "" };
+		return { text: value ? t("on") : t("off"), unit: "" };
 	if (typeof value === "string")
 		return { text: value, unit: "" };
 	if (hasBits(register))
 		return {
-			text: bitNames(register, value).map(inWords).join(", ") || "none",
+			text: bitNames(register, value).map(inWords).join(", ") || t("none"),
 			unit: ""
 		};
 	const name = codeName(register, value);
@@ -114,7 +115,7 @@ export function formatWithUnit(register, value) {
 /* In milliseconds; "never" for a drive that was never read. */
 export function formatAge(ms) {
 	if (typeof ms !== "number" || ms >= NEVER)
-		return "never";
+		return t("never");
 	if (ms < 1000)
 		return `${Math.round(ms)} ms`;
 	if (ms < 10000)
@@ -156,7 +157,7 @@ export function formatSince(since_us, now) {
 		return "";
 	const [time] = formatTime(since_us, new Date(now)).split(/\.\d+$/);
 
-	return `since ${time}, for ${formatSpan(Math.max(0, now / 1000 - since_us / 1e6))}`;
+	return t("since {time}, for {span}", { time, span: formatSpan(Math.max(0, now / 1000 - since_us / 1e6)) });
 }
 
 /* Microseconds: "4.2 ms" */
@@ -237,12 +238,12 @@ export function formatRange(register) {
 	const unit = register?.unit ?? "";
 	const [low, high] = [min, max].map((limit) => (typeof limit === "number" ?
 		withMinus(String(Number(limit.toPrecision(10)))) : ""));
-	let range = low ? `at least ${low}` : `at most ${high}`;
+	let range = low ? t("at least {low}", { low }) : t("at most {high}", { high });
 
 	if (!low && !high)
 		return "";
 	if (low && high)
-		range = `${low} to ${high}`;
+		range = t("{low} to {high}", { low, high });
 	return unit ? `${range} ${unit}` : range;
 }
 
@@ -259,22 +260,22 @@ export function parseValue(register, typed) {
 	if (register?.type === "text")
 		return { value: typed };
 	if (text === "")
-		return { problem: "a value is missing" };
+		return { problem: t("a value is missing") };
 	if (register?.type === "bool") {
-		const on = ["on", "true", "1", "yes"].includes(text.toLowerCase());
+		const on = ["on", "true", "1", "yes", t("on")].includes(text.toLowerCase());
 
-		return on || ["off", "false", "0", "no"].includes(text.toLowerCase()) ?
+		return on || ["off", "false", "0", "no", t("off")].includes(text.toLowerCase()) ?
 			{ value: on } :
-			{ problem: `“${text}” is neither on nor off` };
+			{ problem: t("“{text}” is neither on nor off", { text }) };
 	}
 	if (hasBits(register) && !/^\d|^0x/.test(text)) {
 		let bits = 0n;
 
-		for (const name of text === "none" ? [] : text.split(",")) {
+		for (const name of ["none", t("none")].includes(text) ? [] : text.split(",")) {
 			const found = find(name);
 
 			if (!found)
-				return { problem: `no bit is called “${name.trim()}”` };
+				return { problem: t("no bit is called “{name}”", { name: name.trim() }) };
 			bits |= 1n << BigInt(found[0]);
 		}
 		return { value: Number(bits) };
@@ -290,16 +291,16 @@ function parseNumber(register, text, named) {
 	const whole = !isReal(register);
 	const form = whole ? /^(-?\d+|0x[0-9a-f]+)$/i : /^-?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
 	const value = form.test(text) ? Number(text) : NaN;
-	const range = formatRange(register) || "any";
+	const range = formatRange(register) || t("any");
 
 	if (!Number.isFinite(value)) {
-		const kind = whole ? "whole number" : "number";
-		const names = named ? ", or a name of its codes" : "";
+		const kind = whole ? t("whole number") : t("number");
+		const names = named ? t(", or a name of its codes") : "";
 
-		return { problem: `“${text}” is no ${kind}; right is ${range}${names}` };
+		return { problem: t("“{text}” is no {kind}; right is {range}{names}", { text, kind, range, names }) };
 	}
 	if ((typeof register?.min === "number" && value < register.min) ||
 	    (typeof register?.max === "number" && value > register.max))
-		return { problem: `${withMinus(text)} is out of range, ${range}` };
+		return { problem: t("{text} is out of range, {range}", { text: withMinus(text), range }) };
 	return { value };
 }

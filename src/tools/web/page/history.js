@@ -11,6 +11,7 @@ import { element } from "./dom.js";
 import { asLabel, formatAddress, formatDuration, formatReal, formatTime, formatValue, formatWithUnit,
 	inWords } from "./format.js";
 import { hasTrait } from "./parameter_set.js";
+import { t } from "./words.js";
 
 const HISTORY_SHOWN = 12;
 /* The value of control_holder and history1_ipv4 for a client without an IPv4 address. */
@@ -86,7 +87,7 @@ export function readHistory(values, number, registers, commands, scale) {
 		time_us: value("timestamp_us"),
 		sequence: value("sequence"),
 		command: name ? inWords(name) : written ? `write ${written.register.name}` :
-			"parameter write",
+			t("parameter write"),
 		written,
 		args: written && written.value !== undefined ?
 			formatWithUnit(written.register, written.value) : args.join(", "),
@@ -99,7 +100,7 @@ export function readHistory(values, number, registers, commands, scale) {
 }
 
 /* What the tools' own users are, for people. */
-const TOOLS = { "drivebridge-web": "page", "drivebridge-opcua": "OPC UA", "drivebridge-mqtt": "MQTT" };
+const TOOLS = { "drivebridge-web": t("page"), "drivebridge-opcua": "OPC UA", "drivebridge-mqtt": "MQTT" };
 
 /* "192.168.10.5 (Modbus, port 49152)", "user anna of the gateway (session 5)", "anna (page, session
  * 5)"; "the service itself". */
@@ -107,14 +108,14 @@ export function formatClient(ipv4, port, address = "", user = "") {
 	const local = /^control, user (.+)$/.exec(address)?.[1];
 
 	if (ipv4 === 0)
-		return "the service itself";
+		return t("the service itself");
 	if (ipv4 !== NO_IPV4)
-		return `${formatAddress(ipv4)} (Modbus, port ${port})`;
+		return t("{ipv4} (Modbus, port {port})", { ipv4: formatAddress(ipv4), port });
 	if (address && !address.startsWith("control"))
-		return `${address} (Modbus, port ${port})`;
+		return t("{address} (Modbus, port {port})", { address, port });
 	if (user)
-		return `${user} (${TOOLS[local] ?? `through ${local ?? "a tool"}`}, session ${port})`;
-	return local ? `user ${local} of the gateway (session ${port})` : `control socket (session ${port})`;
+		return t("{user} ({tool}, session {port})", { user, tool: TOOLS[local] ?? t("through {tool}", { tool: local ?? t("a tool") }), port });
+	return local ? t("user {local} of the gateway (session {port})", { local, port }) : t("control socket (session {port})", { port });
 }
 
 /*
@@ -177,11 +178,11 @@ export function createHistory({ context, drive, registers, commands, scale, onEn
 	const heads = ["Time", "Command", "Values", "Result", "Took", "By"].map((head) =>
 		element("th", { scope: "col", class: head === "Took" ? "number" : null }, head));
 	const node = element("section", { id: "history", class: "panel",
-		"aria-label": "History of commands" },
-	element("div", { class: "panel-head" }, element("h2", {}, "History of commands"),
-		element("span", { class: "muted" }, "of all clients, the newest first")),
+		"aria-label": t("History of commands") },
+	element("div", { class: "panel-head" }, element("h2", {}, t("History of commands")),
+		element("span", { class: "muted" }, t("of all clients, the newest first"))),
 	element("div", { class: "table-frame", tabindex: "0", role: "region",
-		"aria-label": "Table of commands" },
+		"aria-label": t("Table of commands") },
 	element("table", { class: "history" },
 		element("thead", {}, element("tr", {}, heads)), body)));
 	const names = historyNames(registers);
@@ -243,7 +244,7 @@ export function createHistory({ context, drive, registers, commands, scale, onEn
 
 			if (rows.length === 0)
 				rows.push(element("tr", {}, element("td", { colspan: "6", class: "empty" },
-					"No commands yet.")));
+					t("No commands yet."))));
 			body.replaceChildren(...rows);
 		} catch {
 			/* Tried again with the next command. */

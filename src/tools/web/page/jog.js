@@ -7,6 +7,7 @@
 import { sendBeat, call } from "./api.js";
 import { element, icon, setAttribute, setText } from "./dom.js";
 import { formatFixed, formatReal, inWords, parseValue } from "./format.js";
+import { t } from "./words.js";
 
 const BEAT_EVERY_MS = 100;
 /* Further unanswered beats would only take connections from the stop. */
@@ -132,29 +133,29 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 	const limit = Math.max(Math.abs(max), Math.abs(min));
 	const most = limit || Math.abs(scale.show(velocity, preset));
 	const lengths = scale.isScaled(distance) ? STEPS : COUNT_STEPS;
-	const speed = createQuantity({ id: "jog-speed", label: "Speed", unit: velocityUnit,
+	const speed = createQuantity({ id: "jog-speed", label: t("Speed"), unit: velocityUnit,
 		value: most ? formatReal(most * SHARE_FIRST / 100) : "",
 		presets: most ? SHARES.map((share) => [`${share} %`, most * share / 100]) : [],
-		presetsLabel: limit ? "Part of the highest velocity" : "Part of the drive's own speed" });
-	const length = createQuantity({ id: "jog-step", label: "Step", unit: distanceUnit,
+		presetsLabel: limit ? t("Part of the highest velocity") : t("Part of the drive's own speed") });
+	const length = createQuantity({ id: "jog-step", label: t("Step"), unit: distanceUnit,
 		value: formatReal(lengths[2]), presets: lengths.map((value) => [String(value), value]),
-		presetsLabel: "Lengths of a step" });
-	const limits = limit ? `At most ${formatReal(limit)} ${velocityUnit}` :
-		"No max-velocity is configured" +
-			(most ? `; the drive's own speed is ${formatReal(most)} ${velocityUnit}` : "");
+		presetsLabel: t("Lengths of a step") });
+	const limits = limit ? t("At most {limit} {velocityUnit}", { limit: formatReal(limit), velocityUnit }) :
+		t("No max-velocity is configured") +
+			(most ? t("; the drive's own speed is {most} {velocityUnit}", { most: formatReal(most), velocityUnit }) : "");
 	const enable = element("button", { id: "jog-enable", class: "small", type: "button", hidden: true,
-		onclick: onEnable }, "Enable");
+		onclick: onEnable }, t("Enable"));
 	const said = element("p", { id: "jog-state", class: "jog-state", role: "status" });
 	const problem = element("p", { class: "problem", role: "alert" });
 	const holds = [makeHold(-1), makeHold(1)];
 	const steps = [makeStep(-1), makeStep(1)];
-	const node = element("section", { id: "jog", class: "panel jog", "aria-label": "Jog" },
-		element("div", { class: "panel-head" }, element("h2", {}, "Jog"),
+	const node = element("section", { id: "jog", class: "panel jog", "aria-label": t("Jog") },
+		element("div", { class: "panel-head" }, element("h2", {}, t("Jog")),
 			element("span", { class: "push" }), enable),
 		speed.field, speed.presets, element("small", { class: "muted" }, limits),
 		element("div", { class: "hold-pair" }, holds), said,
-		element("small", { class: "muted" }, "Hold a button, or with the focus on one an arrow key. ",
-			"Letting go stops the drive; so do Space and Escape, from anywhere."),
+		element("small", { class: "muted" }, t("Hold a button, or with the focus on one an arrow key. "),
+			t("Letting go stops the drive; so do Space and Escape, from anywhere.")),
 		commands.has("move_relative") ? element("div", { class: "step-row" }, length.field, steps,
 			length.presets) : null,
 		problem);
@@ -168,7 +169,7 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 	function makeHold(direction) {
 		const drawing = icon(direction < 0 ? "backward" : "forward");
 		const button = element("button", { class: "hold", type: "button",
-			"aria-label": `Hold to move in ${direction < 0 ? "negative" : "positive"} direction`,
+			"aria-label": direction < 0 ? t("Hold to move in negative direction") : t("Hold to move in positive direction"),
 			"data-direction": direction, "aria-keyshortcuts": "ArrowLeft ArrowRight" },
 		direction < 0 ? [drawing, "−"] : ["+", drawing]);
 
@@ -190,7 +191,7 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 
 	function makeStep(direction) {
 		return element("button", { id: `jog-step-${direction < 0 ? "backward" : "forward"}`,
-			type: "button", onclick: () => step(direction) }, direction < 0 ? "− Step" : "+ Step");
+			type: "button", onclick: () => step(direction) }, direction < 0 ? t("− Step") : t("+ Step"));
 	}
 
 	/* In the register's unit; NaN after showing the problem. */
@@ -208,7 +209,7 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 		if (Number.isNaN(wanted) || !ready)
 			return;
 		if (wanted === 0)
-			setText(problem, "Speed: 0 moves nothing");
+			setText(problem, t("Speed: 0 moves nothing"));
 		else
 			grips.press(direction * wanted);
 	}
@@ -222,7 +223,7 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 		try {
 			await call("Run", { drive, command: "move_relative",
 				arguments: { target_position: wanted, target_velocity: at } });
-			setText(said, `Step of ${formatReal(scale.show(distance, wanted))} ${distanceUnit} begun`);
+			setText(said, t("Step of {length} {distanceUnit} begun", { length: formatReal(scale.show(distance, wanted)), distanceUnit }));
 			onMoved();
 		} catch (error) {
 			setText(problem, error.message);
@@ -241,20 +242,20 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 		}
 		node.dataset.held = moving === 0 ? "no" : held ? "yes" : "asked";
 		if (moving !== 0)
-			setText(said, `${held ? "Moving" : "Asking for"} ` +
+			setText(said, `${held ? t("Moving") : t("Asking for")} ` +
 				`${formatFixed(scale.show(velocity, moving), decimals)} ${velocityUnit}`);
 		else if (why)
-			setText(said, `Ended: ${text || inWords(why)}. Let go, then press again.`);
+			setText(said, t("Ended: {why}. Let go, then press again.", { why: text || inWords(why) }));
 		else
-			setText(said, "Let go: stopped");
+			setText(said, t("Let go: stopped"));
 		if (began)
 			onMoved();
 	}
 
 	function sayWhyNot({ state, why }, old) {
 		if (old)
-			return `What you see is old (${old})`;
-		return state === "Disabled" ? "Enable the drive first" : `Not now: ${why || state}`;
+			return t("What you see is old ({old})", { old });
+		return state === "Disabled" ? t("Enable the drive first") : t("Not now: {why}", { why: why || state });
 	}
 
 	node.addEventListener("keydown", (event) => {

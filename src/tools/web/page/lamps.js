@@ -6,27 +6,28 @@
  */
 import { element, setAttribute, setText } from "./dom.js";
 import { asLabel } from "./format.js";
+import { inLanguage, t } from "./words.js";
 
 const MEANINGS = {
-	online: "The drive answers.",
-	enabled: "The motor has power.",
-	homed: "The drive has found its origin.",
-	moving: "The drive moves.",
-	at_target: "The drive is at its target.",
-	homing: "The drive looks for its origin.",
-	stopping: "The drive brakes.",
-	error_stop: "A fault has stopped the drive; it needs \"Clear fault\".",
-	warning: "The drive warns of something, and goes on.",
-	busy: "A command is under way.",
-	latched: "The watchdog has stopped the drive; motions are refused until \"Clear fault\".",
-	origin_lost: "Positions are not certain: the drive has lost its origin.",
-	params_valid: "All parameters were read from the drive.",
-	bus_up: "The port of its bus is open.",
-	refused: "The last command was refused.",
-	done: "The last command has been carried out.",
-	aborted: "The last command was ended by another one, or by a stop.",
-	params_unsaved: "Parameters were changed and not saved in the drive: they are lost at power-off.",
-	must_stand: "The drive was told to stop, and has not been seen to stand.",
+	online: t("The drive answers."),
+	enabled: t("The motor has power."),
+	homed: t("The drive has found its origin."),
+	moving: t("The drive moves."),
+	at_target: t("The drive is at its target."),
+	homing: t("The drive looks for its origin."),
+	stopping: t("The drive brakes."),
+	error_stop: t("A fault has stopped the drive; it needs \"Clear fault\"."),
+	warning: t("The drive warns of something, and goes on."),
+	busy: t("A command is under way."),
+	latched: t("The watchdog has stopped the drive; motions are refused until \"Clear fault\"."),
+	origin_lost: t("Positions are not certain: the drive has lost its origin."),
+	params_valid: t("All parameters were read from the drive."),
+	bus_up: t("The port of its bus is open."),
+	refused: t("The last command was refused."),
+	done: t("The last command has been carried out."),
+	aborted: t("The last command was ended by another one, or by a stop."),
+	params_unsaved: t("Parameters were changed and not saved in the drive: they are lost at power-off."),
+	must_stand: t("The drive was told to stop, and has not been seen to stand."),
 };
 /* What should be on; what is a trouble where it is on. */
 const USUALLY_ON = new Set(["online", "params_valid", "bus_up"]);
@@ -67,9 +68,9 @@ function listBits(registers) {
 export function createLamps(registers) {
 	const bits = listBits(registers);
 	const meaning = element("p", { id: "lamp-meaning", class: "muted", role: "status" });
-	const none = element("p", { class: "muted" }, "Nothing is unusual.");
+	const none = element("p", { class: "muted" }, t("Nothing is unusual."));
 	const all = element("button", { id: "lamps-all", class: "small", type: "button",
-		"aria-pressed": "false" }, `Show all ${bits.length}`);
+		"aria-pressed": "false" }, t("Show all {count}", { count: bits.length }));
 	const lamps = bits.map((bit) => {
 		const node = element("button", { class: "badge lamp", type: "button", "data-bit": bit.name,
 			"data-own": String(bit.own), onclick: () => tell(bit) },
@@ -79,21 +80,21 @@ export function createLamps(registers) {
 
 		return { bit, node, item, word: node.lastChild };
 	});
-	const node = element("section", { id: "status", class: "panel live", "aria-label": "Status" },
-		element("div", { class: "panel-head" }, element("h2", {}, "Status"),
+	const node = element("section", { id: "status", class: "panel live", "aria-label": t("Status") },
+		element("div", { class: "panel-head" }, element("h2", {}, t("Status")),
 			element("span", { class: "push" }), all),
 		none, element("ul", { class: "lamps" }, lamps.map(({ item }) => item)), meaning);
 	let showsAll = false;
 
 	function tell({ name, description, own }) {
-		setText(meaning, `${asLabel(name)}${own ? " (the drive's own bit)" : ""}: ` +
-			`${description || "its vendor says no more"}`);
+		setText(meaning, `${asLabel(name)}${own ? t(" (the drive's own bit)") : ""}: ` +
+			`${inLanguage(description) || t("its vendor says no more")}`);
 	}
 
 	all.addEventListener("click", () => {
 		showsAll = !showsAll;
 		setAttribute(all, "aria-pressed", String(showsAll));
-		setText(all, showsAll ? "Only the unusual" : `Show all ${bits.length}`);
+		setText(all, showsAll ? t("Only the unusual") : t("Show all {count}", { count: bits.length }));
 	});
 	return {
 		node,
@@ -109,7 +110,7 @@ export function createLamps(registers) {
 				item.hidden = !showsAll && !unusual;
 				setAttribute(lamp, "data-on", known ? String(on) : "unknown");
 				setAttribute(lamp, "data-trouble", String(unusual));
-				setText(word, known ? on ? ": yes" : ": no" : ": not known");
+				setText(word, known ? on ? t(": yes") : t(": no") : t(": not known"));
 			}
 			none.hidden = showsAll || count > 0;
 		},

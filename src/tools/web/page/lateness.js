@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+import { t } from "./words.js";
 /*
  * How old the values on the screen are because of the network. The gateway writes into each event
  * the moment of its own clock; what that clock shows now at most follows from calls that it answers
@@ -60,5 +61,5 @@ export function isLate(age, before) {
 
 /* "late by 4 s" */
 export function sayLate(age) {
-	return `late by ${age < 10000 ? (age / 1000).toFixed(age < 2000 ? 1 : 0) : Math.round(age / 1000)} s`;
+	return t("late by {seconds} s", { seconds: age < 10000 ? (age / 1000).toFixed(age < 2000 ? 1 : 0) : Math.round(age / 1000) });
 }

@@ -2,6 +2,7 @@
 /* Where a position is between the limits of the configuration. */
 import { element, setAttribute } from "./dom.js";
 import { formatReal } from "./format.js";
+import { t } from "./words.js";
 
 /* The part of the way from min to max, 0 to 1; null: it is not known. Pure. */
 export function partOf(position, min, max) {
@@ -18,7 +19,7 @@ export function createLimitBar({ min_position: min, max_position: max, unit_name
 	const [low, high] = [min, max].map(formatReal);
 	const mark = element("span", { class: "limit-mark" });
 	const node = element("span", { class: "limit-bar", role: "img",
-		title: `between ${low} and ${high} ${unit}` }, mark);
+		title: t("between {low} and {high} {unit}", { low, high, unit }) }, mark);
 
 	return {
 		node,
@@ -31,7 +32,7 @@ export function createLimitBar({ min_position: min, max_position: max, unit_name
 			mark.style.left = `${(part * 100).toFixed(1)}%`;
 			setAttribute(node, "data-end", String(part < 0.02 || part > 0.98));
 			setAttribute(node, "aria-label",
-				`${Math.round(part * 100)} % of the way from ${low} to ${high} ${unit}`);
+				t("{part} % of the way from {low} to {high} {unit}", { part: Math.round(part * 100), low, high, unit }));
 		},
 	};
 }

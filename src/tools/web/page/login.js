@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 import { logIn } from "./api.js";
 import { element, setText } from "./dom.js";
+import { t } from "./words.js";
 
-export const title = "Log in";
+export const title = t("Log in");
 
 export function show(root) {
 	const user = element("input", {
@@ -23,13 +24,13 @@ export function show(root) {
 	});
 	const problem = element("p", { id: "login-problem", class: "problem", role: "alert" });
 	const button = element(
-		"button", { id: "login-submit", class: "primary", type: "submit" }, "Log in");
+		"button", { id: "login-submit", class: "primary", type: "submit" }, t("Log in"));
 	const form = element("form", { id: "login", class: "panel login" },
-		element("h1", {}, "Log in"),
-		element("p", { class: "muted" }, "An administrator makes users: on the page, the first one with ",
+		element("h1", {}, t("Log in")),
+		element("p", { class: "muted" }, t("An administrator makes users: on the page, the first one with "),
 			element("code", {}, "sudo drivebridge-webd --add-user"), "."),
-		element("label", { class: "field", for: "login-user" }, "User", user),
-		element("label", { class: "field", for: "login-password" }, "Password", password),
+		element("label", { class: "field", for: "login-user" }, t("User"), user),
+		element("label", { class: "field", for: "login-password" }, t("Password"), password),
 		problem, button);
 
 			form.addEventListener("submit", async (event) => {
@@ -40,8 +41,7 @@ export function show(root) {
 					await logIn(user.value, password.value);
 				} catch (error) {
 					setText(problem,
-						error.retry_s ? `${error.message}; again in ${
-									error.retry_s} s` :
+						error.retry_s ? t("{message}; again in {retry_s} s", { message: error.message, retry_s: error.retry_s }) :
 								error.message);
 					password.value = "";
 					password.focus();

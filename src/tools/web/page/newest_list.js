@@ -5,6 +5,7 @@
  */
 import { element, setText } from "./dom.js";
 import { createKeptList } from "./kept_list.js";
+import { t } from "./words.js";
 
 const DRAW_EVERY_MS = 100;
 const ROWS_AT_ONCE = 200;
@@ -22,7 +23,7 @@ export function createNewestList({ label, columns, kind, most, onDraw }) {
 		element("div", { class: "panel table-frame", role: "region", tabindex: "0",
 			"aria-label": label },
 		element("table", {},
-			element("caption", { class: "hidden-label" }, `${label}, the newest first`),
+			element("caption", { class: "hidden-label" }, t("{label}, the newest first", { label })),
 			element("thead", {}, element("tr", {},
 				columns.map(({ title }) => element("th", { scope: "col" }, title)))),
 			body)),
@@ -46,7 +47,7 @@ export function createNewestList({ label, columns, kind, most, onDraw }) {
 		rows = next;
 		body.replaceChildren(...next.values());
 		older.hidden = rest === 0;
-		setText(older, `Show older ones (${rest})`);
+		setText(older, t("Show older ones ({rest})", { rest }));
 		onDraw(list);
 	}
 

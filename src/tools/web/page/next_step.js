@@ -4,6 +4,7 @@
  * itself; this only spares people a press that it would refuse.
  */
 import { inWords } from "./format.js";
+import { t } from "./words.js";
 
 /* Commands that begin a motion. */
 const MOVES = /^(move_|jog_|home$|shake_start|start_program|continue_program|single_step)/;
@@ -22,20 +23,20 @@ export function whyNotNow(command, { judgement, old = "", gone = false }) {
 	if (ENDS.test(command))
 		return "";
 	if (gone)
-		return "there is no connection";
+		return t("there is no connection");
 	if (isMotion(command) && old)
-		return `what you see is old (${old})`;
+		return t("what you see is old ({old})", { old });
 	if (state === "Offline")
-		return "the drive does not answer";
+		return t("the drive does not answer");
 	if (isMotion(command) && shape === "error")
-		return "clear the fault first";
+		return t("clear the fault first");
 	if (isMotion(command) && state === "Disabled")
-		return "enable the drive first";
+		return t("enable the drive first");
 	if (command === "enable" && ["Standstill", "DiscreteMotion", "ContinuousMotion", "Homing"]
 		.includes(state) && shape !== "error")
-		return "it is enabled already";
+		return t("it is enabled already");
 	if (command === "clear_fault" && state && shape !== "error" && !cause)
-		return "there is no fault";
+		return t("there is no fault");
 	return "";
 }
 

@@ -6,8 +6,9 @@ import { createDriveRows, STATES } from "./drive_rows.js";
 import { recall, remember } from "./kept_choice.js";
 import { NEED, readRecord } from "./plant.js";
 import { createTroubleStrip } from "./trouble_strip.js";
+import { plural, t } from "./words.js";
 
-export const title = "Overview";
+export const title = t("Overview");
 
 /* From this number of drives on there are filters. */
 const FILTER_FROM = 9;
@@ -33,14 +34,14 @@ export function show(root, context) {
 		view.filters.state.value = view.filters.state.value === "needs" ? "all" : "needs";
 		filter();
 	});
-	root.append(element("div", { class: "view-head" }, element("h1", {}, "Overview"),
+	root.append(element("div", { class: "view-head" }, element("h1", {}, t("Overview")),
 		element("span", { role: "status" }, view.summary)),
 	view.configuration, view.strip.node,
 	element("div", { class: "overview-parts" },
 		element("section", { class: "overview-buses" },
-			element("h2", { class: "hidden-label" }, "Buses"), view.buses.node),
+			element("h2", { class: "hidden-label" }, t("Buses")), view.buses.node),
 		element("section", { class: "overview-drives" },
-			element("h2", { class: "hidden-label" }, "Drives"), view.filters.node, rows.node)));
+			element("h2", { class: "hidden-label" }, t("Drives")), view.filters.node, rows.node)));
 	context.on("describe", describe);
 	context.on("session", describe);
 	context.on("plant", update);
@@ -59,13 +60,13 @@ export function hide() { view = null; }
 /* --- filters ---------------------------------------------------------------------------------- */
 
 function makeFilters(context) {
-	const words = element("input", { id: "filter", type: "search", placeholder: "Filter",
-		"aria-label": "Show only drives with this in name, bus or state", spellcheck: "false" });
-	const bus = element("select", { id: "filter-bus", "aria-label": "Show only drives of this bus" });
-	const state = element("select", { id: "filter-state", "aria-label": "Show only drives" },
+	const words = element("input", { id: "filter", type: "search", placeholder: t("Filter"),
+		"aria-label": t("Show only drives with this in name, bus or state"), spellcheck: "false" });
+	const bus = element("select", { id: "filter-bus", "aria-label": t("Show only drives of this bus") });
+	const state = element("select", { id: "filter-state", "aria-label": t("Show only drives") },
 		Object.entries(STATES).map(([value, [label]]) => element("option", { value }, label)));
 	const count = element("span", { id: "filter-count", class: "muted", role: "status" });
-	const dense = element("button", { id: "dense", class: "small", type: "button" }, "Dense rows");
+	const dense = element("button", { id: "dense", class: "small", type: "button" }, t("Dense rows"));
 	const more = [words, bus, state, count];
 	const setDense = (on) => {
 		setAttribute(dense, "aria-pressed", String(on));
@@ -92,9 +93,9 @@ function makeFilters(context) {
 		describe() {
 			const { value } = bus;
 
-			bus.replaceChildren(element("option", { value: "" }, "of any bus"),
+			bus.replaceChildren(element("option", { value: "" }, t("of any bus")),
 				...[...context.plant.buses.keys()].map((name) =>
-					element("option", { value: name }, `of ${name}`)));
+					element("option", { value: name }, t("of {name}", { name }))));
 			bus.value = context.plant.buses.has(value) ? value : "";
 			for (const one of more)
 				one.hidden = context.plant.drives.size < FILTER_FROM;
@@ -107,7 +108,8 @@ function filter() {
 	const shown = view.rows.filter({ words: words.value, bus: bus.value, state: state.value });
 	const all = view.context.plant.drives.size;
 
-	setText(count, shown === all ? `${all} drives` : `${shown} of ${all} drives`);
+	setText(count, shown === all ? plural(all, "{all} drive", "{all} drives", { all }) :
+		t("{shown} of {all} drives", { shown, all }));
 	setAttribute(view.summary, "aria-pressed", String(state.value === "needs"));
 }
 
@@ -141,7 +143,7 @@ function showConfiguration({ troubles }) {
 	view.configuration.hidden = need === NEED.nothing;
 	setAttribute(view.configuration, "data-need", String(need));
 	view.configuration.replaceChildren(icon(["fine", "hint", "warning", "error"][need]),
-		element("p", {}, element("strong", {}, `Configuration: ${why}`), ` ${advice}`),
+		element("p", {}, element("strong", {}, t("Configuration: {why}", { why })), ` ${advice}`),
 		element("pre", { hidden: !record?.errors?.length }, (record?.errors ?? []).join("\n")));
 }
 
@@ -150,20 +152,23 @@ function showSummary() {
 	const { drives, buses, configuration } = plant.countNeeds();
 	const look = drives[NEED.look] + buses[NEED.look] + configuration[NEED.look];
 	const parts = [
-		[buses[NEED.act], "bus is down", "buses are down", NEED.act],
-		[drives[NEED.act], "drive needs you", "drives need you", NEED.act],
-		[configuration[NEED.act], "configuration needs you", "", NEED.act],
-		[look, "to look at", "to look at", NEED.look],
+		[buses[NEED.act], (count) => plural(count, "{count} bus is down",
+			"{count} buses are down", { count }), NEED.act],
+		[drives[NEED.act], (count) => plural(count, "{count} drive needs you",
+			"{count} drives need you", { count }), NEED.act],
+		[configuration[NEED.act], (count) => t("{count} configuration needs you", { count }),
+			NEED.act],
+		[look, (count) => t("{count} to look at", { count }), NEED.look],
 	].filter(([count]) => count > 0);
-	const said = parts.map(([count, one, many]) => `${count} ${count === 1 ? one : many}`);
+	const said = parts.map(([count, inWords]) => inWords(count));
 	const well = plant.troubles?.well && parts.length === 0;
 	const old = view.context.sayOld();
 
 	/* The service decides whether all is well, not the values shown here; and what it said is not
 	 * known to hold without a connection. */
 	setText(view.summary, old || said.join(", ") ||
-		(well && plant.drives.size > 0 ? "all is well" : ""));
+		(well && plant.drives.size > 0 ? t("all is well") : ""));
 	setAttribute(view.summary, "data-need",
-		String(parts.length > 0 && !old ? parts[0][3] : NEED.nothing));
+		String(parts.length > 0 && !old ? parts[0][2] : NEED.nothing));
 	view.summary.disabled = old !== "" || parts.length === 0;
 }

@@ -4,6 +4,7 @@ import { ask, call } from "./api.js";
 import { createField, element, icon, setText } from "./dom.js";
 import { hasBit } from "./format.js";
 import { DEFAULTS, compare, hasTrait, isKept, takeDefaults, valueOf } from "./parameter_set.js";
+import { plural, t } from "./words.js";
 
 const ERRORS_MOST = 20;
 const FILE_MAX = 40000; /* bytes */
@@ -29,8 +30,7 @@ export async function readSet(context, name) {
 
 	if (!hasBit(known.get("status"), values.status, "params_valid"))
 		throw new Error(
-			`the parameters of ${name} are not known now; the overview says what it ` +
-				"needs"
+			t("the parameters of {name} are not known now; the overview says what it needs", { name })
 		);
 	return {
 		name,
@@ -52,20 +52,19 @@ function describeDifference(held, beside) {
 	const unknown = held.registers.filter(
 		(register) => isKept(register) && valueOf(beside, register.name) === null
 	);
-	const count = differ.length === 1 ? "1 parameter" : `${differ.length} parameters`;
 	const lines = [
 		createWords(
 			differ.length === 0
-				? `${held.name} has what ${beside.name} has.`
-				: `${count} of ${held.name} ` +
-					`differ${differ.length === 1 ? "s" : ""} from ` +
-					`${beside.name}.`
+				? t("{name} has what {other} has.", { name: held.name, other: beside.name })
+				: plural(differ.length, "1 parameter of {name} differs from {other}.",
+					"{count} parameters of {name} differ from {other}.",
+					{ count: differ.length, name: held.name, other: beside.name })
 		)
 	];
 
 	if (beside.name === DEFAULTS)
 		lines.push(
-			createWords(`Of ${unknown.length} others no default is documented.`, {
+			createWords(t("Of {count} others no default is documented.", { count: unknown.length }), {
 				class: "muted"
 			})
 		);
@@ -75,16 +74,13 @@ function describeDifference(held, beside) {
 				"p",
 				{ class: "need", "data-need": "2" },
 				icon("warning"),
-				"Another model or firmware: " +
-					`${beside.name} is of “${beside.identity}”, and ` +
-					`${held.name} is “${held.identity}”.`
+				t("Another model or firmware: {name} is of “{identity}”, and {other} is “{otherIdentity}”.", { name: beside.name, identity: beside.identity, other: held.name, otherIdentity: held.identity })
 			)
 		);
 	if (beside.isFile && unknown.length > 0)
 		lines.push(
 			createWords(
-				`The file says nothing of ${listNames(unknown)}: they stay as ` +
-					"they are.",
+				t("The file says nothing of {unknown}: they stay as they are.", { unknown: listNames(unknown) }),
 				{ class: "muted" }
 			)
 		);
@@ -107,7 +103,7 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 	const open = element(
 		"button",
 		{ id: "parameters-open", type: "button" },
-		"Compare or restore a file…"
+		t("Compare or restore a file…")
 	);
 	const problem = element("div", {
 		id: "parameters-file-problem",
@@ -130,8 +126,8 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 			(name) => name !== drive && findFamily(context, name) === held.family
 		);
 		const choices = [
-			["", "nothing"],
-			[DEFAULTS, "as delivered"],
+			["", t("nothing")],
+			[DEFAULTS, t("as delivered")],
 			...others.map((name) => [`drive ${name}`, name]),
 			...(filed ? [["file", filed.name]] : [])
 		];
@@ -175,11 +171,11 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 	/* The server reads it as drivebridgectl does. */
 	async function readFile(chosen) {
 		if (chosen.size > FILE_MAX)
-			throw new Error(`${chosen.name}: it is too long for a file of parameters`);
+			throw new Error(t("{name}: it is too long for a file of parameters", { name: chosen.name }));
 		const text = await chosen.text();
 
 		if (text.includes("\0"))
-			throw new Error(`${chosen.name}: this is no text, and no file of parameters`);
+			throw new Error(t("{name}: this is no text, and no file of parameters", { name: chosen.name }));
 		return ask("POST", "parameters/read", {
 			drive,
 			name: chosen.name.slice(0, 100),
@@ -235,9 +231,7 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 		if (context.may("engineer", drive) && addresses.length > 0)
 			next.append(
 				createWords(
-					`${listNames(addresses)} stays as it is unless it is ` +
-						"taken, too: it says where the drive " +
-						"is heard.",
+					t("{addresses} stays as it is unless it is taken, too: it says where the drive is heard.", { addresses: listNames(addresses) }),
 					{ class: "muted" }
 				)
 			);
@@ -248,13 +242,13 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 					{ class: "toolbar" },
 					createTake(
 						"take",
-						`Take ${values.length} from ${beside.name}`,
+						t("Take {count} from {name}", { count: values.length, name: beside.name }),
 						values
 					),
 					createTake(
 						"take-address",
-						"Take " +
-							`${listNames(addresses)}${values.length > 0 ? ", too" : ""}`,
+						values.length > 0 ? t("Take {addresses}, too", { addresses: listNames(addresses) }) :
+							t("Take {addresses}", { addresses: listNames(addresses) }),
 						addresses
 					)
 				)
@@ -268,7 +262,7 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 	file.addEventListener("change", openFile);
 	open.addEventListener("click", () => file.click());
 	return {
-		fields: [createField("Beside", select), open, file],
+		fields: [createField(t("Beside"), select), open, file],
 		node: element("div", { class: "view-part" }, problem, difference),
 		set: () => beside,
 		update(next) {

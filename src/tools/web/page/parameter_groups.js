@@ -5,25 +5,26 @@
  */
 import { hasBits, inWords } from "./format.js";
 import { hasTrait } from "./parameter_set.js";
+import { inLanguage, t } from "./words.js";
 
 /* In this order; the first one that fits. */
 const GROUPS = [
-	{ name: "Communication", fits: (register) => hasTrait(register, "address"),
+	{ name: t("Communication"), fits: (register) => hasTrait(register, "address"),
 		words: /\b(address|baud|bit rate|station|node)\b/i },
-	{ name: "Homing and origin", words: /\b(homing|home|origin)\b|^safe position/i },
-	{ name: "Encoder and control loop",
+	{ name: t("Homing and origin"), words: /\b(homing|home|origin)\b|^safe position/i },
+	{ name: t("Encoder and control loop"),
 		words: /\b(encoder|loop|gain|stall|filter|closed loop)\b/i },
-	{ name: "Inputs, outputs and limits",
+	{ name: t("Inputs, outputs and limits"),
 		words: /\b(sensors?|inputs?|outputs?|ports?|limit|emergency|alarm)\b/i },
-	{ name: "Current and power", fits: ({ unit }) => /^(m?A|m?V|W|°C|%)$/.test(unit),
+	{ name: t("Current and power"), fits: ({ unit }) => /^(m?A|m?V|W|°C|%)$/.test(unit),
 		words: /\b(current|voltage|power|torque|temperature|enable the motor)\b/i },
-	{ name: "Motion", fits: ({ unit }) => /pulses|counts|rpm|\/s/.test(unit ?? ""),
+	{ name: t("Motion"), fits: ({ unit }) => /pulses|counts|rpm|\/s/.test(unit ?? ""),
 		words: /\b(speed|velocity|accelerat\w*|decelerat\w*|position|microstep\w*|steps?|direction|jog)\b/i },
 ];
-const OTHER = "Other";
+const OTHER = t("Other");
 
-export const GROUP_NAMES = ["Motion", "Current and power", "Homing and origin",
-	"Inputs, outputs and limits", "Encoder and control loop", "Communication", OTHER];
+export const GROUP_NAMES = [t("Motion"), t("Current and power"), t("Homing and origin"),
+	t("Inputs, outputs and limits"), t("Encoder and control loop"), t("Communication"), OTHER];
 
 export function groupOf(register) {
 	/* What its values mean is not what it is about. */
@@ -46,7 +47,8 @@ export function readChoices(register) {
 
 	if (codes.length > 0)
 		return codes.map(([number, name]) => [Number(number), inWords(name)]);
-	const { min, max, description = "" } = register;
+	const { min, max } = register;
+	const description = inLanguage(register.description);
 	const found = new Map([...description.matchAll(/(?:^|\s)(\d+)=(.+?)(?=\s+\d+=|;|$)/g)]
 		.map(([, number, words]) => [Number(number), words.trim()]));
 

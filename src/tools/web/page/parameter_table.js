@@ -7,6 +7,7 @@ import { element, newId, setAttribute, setText } from "./dom.js";
 import { formatRange, formatValue, formatWithUnit, hasBits, inWords } from "./format.js";
 import { GROUP_NAMES, groupOf, readChoices } from "./parameter_groups.js";
 import { agree, hasTrait, isKept, valueOf } from "./parameter_set.js";
+import { inLanguage, t } from "./words.js";
 
 /* A value in the form for typing. */
 export function writeTyped(register, value) {
@@ -18,10 +19,10 @@ export function writeTyped(register, value) {
 /* Why a parameter cannot be changed here; "" when it can. */
 function explainFixed(register) {
 	if (hasTrait(register, "action"))
-		return "makes the drive do something, and is not for a table";
+		return t("makes the drive do something, and is not for a table");
 	if (hasTrait(register, "derived"))
-		return "follows from others";
-	return register.writable ? "" : "can only be read";
+		return t("follows from others");
+	return register.writable ? "" : t("can only be read");
 }
 
 /* Choices in words, with the numbers that the drive's documents have. */
@@ -33,7 +34,7 @@ function createChoice(register, about, choices) {
 			"aria-label": register.name,
 			"aria-describedby": about
 		},
-		element("option", { value: "" }, "not told"),
+		element("option", { value: "" }, t("not told")),
 		choices.map(([number, words]) =>
 			element(
 				"option",
@@ -78,7 +79,7 @@ function createInput(register, about) {
 		spellcheck: "false",
 		"aria-label": register.name,
 		"aria-describedby": about,
-		placeholder: secret ? "cannot be read" : "not told"
+		placeholder: secret ? t("cannot be read") : t("not told")
 	});
 
 	return [input, list];
@@ -99,23 +100,23 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 		element(
 			"table",
 			{ id: "parameters-table" },
-			element("caption", { class: "hidden-label" }, "Parameters"),
+			element("caption", { class: "hidden-label" }, t("Parameters")),
 			element(
 				"thead",
 				{},
 				element(
 					"tr",
 					{},
-					element("th", { scope: "col" }, "Name"),
-					element("th", { scope: "col" }, "Value"),
-					element("th", { scope: "col", class: "wide" }, "Range"),
+					element("th", { scope: "col" }, t("Name")),
+					element("th", { scope: "col" }, t("Value")),
+					element("th", { scope: "col", class: "wide" }, t("Range")),
 					element(
 						"th",
 						{ scope: "col", class: "number wide" },
-						"Default"
+						t("Default")
 					),
 					besideHead,
-					element("th", { scope: "col" }, "Written")
+					element("th", { scope: "col" }, t("Written"))
 				)
 			),
 			[...groups.values()].map(({ body }) => body)
@@ -174,12 +175,12 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 				element(
 					"small",
 					{ id: about, class: "muted" },
-					register.description,
+					inLanguage(register.description),
 					element(
 						"span",
 						{ class: "narrow" },
 						range && `; ${range}`,
-						preset && `; as delivered ${preset}`
+						preset && t("; as delivered {preset}", { preset })
 					)
 				)
 			),
@@ -224,8 +225,8 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 			edit?.problem ??
 				(edit
 					? hasTrait(register, "secret")
-						? "changed"
-						: `changed, was ${formatWithUnit(register, held)}`
+						? t("changed")
+						: t("changed, was {register}", { register: formatWithUnit(register, held) })
 					: fixed)
 		);
 		note.classList.toggle("problem", edit?.problem !== undefined);
@@ -268,7 +269,7 @@ export function createParameterTable({ registers, mayEdit, onEdit }) {
 		const { result } = rows.get(name);
 
 		result.dataset.state = state;
-		setText(result, state === "writing" ? "writing" : text);
+		setText(result, state === "writing" ? t("writing") : text);
 	}
 
 	function filter(matches) {

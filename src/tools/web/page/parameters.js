@@ -11,8 +11,9 @@ import { createBeside, listNames, readSet } from "./parameter_beside.js";
 import { agree, hasTrait, isKept, valueOf } from "./parameter_set.js";
 import { createParameterTable, writeTyped } from "./parameter_table.js";
 import { askUser } from "./question.js";
+import { inLanguage, plural, t } from "./words.js";
 
-export const title = "Parameters";
+export const title = t("Parameters");
 
 /* The service stores its drives' values: reading them causes no traffic on the bus. */
 const READ_EVERY_MS = 3000;
@@ -47,14 +48,14 @@ async function backUp(context, drive) {
 
 		saveFile(`${drive}.params`, [text]);
 		if (not_told.length > 0)
-			context.notify(`${drive} does not have or tell ${not_told.join(", ")}`);
+			context.notify(t("{drive} does not have or tell {not_told}", { drive, not_told: not_told.join(", ") }));
 		if (oldest_ms >= OLD_MS)
 			context.notify(
-				`${drive}: its values were read up to ${formatAge(oldest_ms)} ago`
+				t("{drive}: its values were read up to {oldest_ms} ago", { drive, oldest_ms: formatAge(oldest_ms) })
 			);
 		if (missing?.length > 0)
 			context.notify(
-				`${drive} should have told ${missing.join(", ")}, and did not`,
+				t("{drive} should have told {missing}, and did not", { drive, missing: missing.join(", ") }),
 				"warning"
 			);
 	} catch (error) {
@@ -72,7 +73,7 @@ function compareAfter({ before, after, wanted, written, failed }) {
 	const others = [];
 
 	for (const register of after.registers.filter(isKept)) {
-		const shows = `the drive shows ${formatWithUnit(register, valueOf(after, register.name))} now`;
+		const shows = t("the drive shows {register} now", { register: formatWithUnit(register, valueOf(after, register.name)) });
 
 		if (written.includes(register.name) && !agree(after, { values: wanted }, register))
 			failed.set(register.name, shows);
@@ -86,8 +87,8 @@ function createReport({ drive, canSave, written, failed, over, others }) {
 	const count = written.filter((name) => !failed.has(name)).length;
 	const words = `${drive}: ${count} written${failed.size > 0 ? `, ${failed.size} not` : ""}`;
 	const next = canSave
-		? "Not saved in the drive yet: Save into the drive does that."
-		: `${drive} has no save_parameters: what is written is all there is.`;
+		? t("Not saved in the drive yet: Save into the drive does that.")
+		: t("{drive} has no save_parameters: what is written is all there is.", { drive });
 
 	return {
 		words,
@@ -99,9 +100,7 @@ function createReport({ drive, canSave, written, failed, over, others }) {
 				? element(
 						"p",
 						{},
-						`It came to an end: ${over}. What is left ` +
-							"stands in the table: Write goes on " +
-							"with it."
+						t("It came to an end: {over}. What is left stands in the table: Write goes on with it.", { over })
 					)
 				: null,
 			element(
@@ -111,7 +110,7 @@ function createReport({ drive, canSave, written, failed, over, others }) {
 					element("li", { class: "problem" }, `${name}: ${reason}`)
 				),
 				others.map((text) =>
-					element("li", {}, `changed with them: ${text}`)
+					element("li", {}, t("changed with them: {text}", { text }))
 				)
 			),
 			count > 0 ? element("p", { class: "muted" }, next) : null
@@ -175,7 +174,7 @@ function createView(root, context, drive) {
 		"span",
 		{ id: "parameters-unsaved", class: "badge warning", hidden: true },
 		icon("warning"),
-		"not saved in the drive: lost at power-off"
+		t("not saved in the drive: lost at power-off")
 	);
 	const search = element("input", {
 		id: "parameters-search",
@@ -183,9 +182,9 @@ function createView(root, context, drive) {
 		autocomplete: "off"
 	});
 	const choices = [
-		["", "all"],
+		["", t("all")],
 		["changed", "changed"],
-		["differs", "that differ"]
+		["differs", t("that differ")]
 	];
 	const which = element(
 		"select",
@@ -201,18 +200,18 @@ function createView(root, context, drive) {
 	});
 	const count = element("span", { id: "parameters-count", class: "muted", role: "status" });
 	const place = element("div", { class: "place" });
-	const writeButton = createButton("write", "Write", write, {
+	const writeButton = createButton("write", t("Write"), write, {
 		class: "primary",
 		hidden: !mayAct
 	});
-	const discardButton = createButton("discard", "Discard changes", discard, {
+	const discardButton = createButton("discard", t("Discard changes"), discard, {
 		hidden: !mayAct
 	});
-	const endButton = createButton("end", "End writing", endWriting, { hidden: true });
-	const saveButton = createButton("save", "Save into the drive", saveIntoDrive, {
+	const endButton = createButton("end", t("End writing"), endWriting, { hidden: true });
+	const saveButton = createButton("save", t("Save into the drive"), saveIntoDrive, {
 		hidden: true
 	});
-	const backupButton = createButton("backup", "Back up into a file", () =>
+	const backupButton = createButton("backup", t("Back up into a file"), () =>
 		backUp(context, drive)
 	);
 	let held = null;
@@ -233,7 +232,7 @@ function createView(root, context, drive) {
 		const other = beside.set();
 		const shown = table.filter(
 			(register) =>
-				`${register.name} ${register.description} ${register.unit}`
+				`${register.name} ${register.description} ${inLanguage(register.description)} ${register.unit}`
 					.toLowerCase()
 					.includes(wanted) &&
 				(which.value !== "changed" || edits.has(register.name)) &&
@@ -247,7 +246,7 @@ function createView(root, context, drive) {
 			count,
 			shown === held.registers.length
 				? ""
-				: `${shown} of ${held.registers.length}`
+				: t("{shown} of {count}", { shown, count: held.registers.length })
 		);
 	}
 
@@ -257,7 +256,7 @@ function createView(root, context, drive) {
 		table.update({ held, beside: beside.set(), edits, busy });
 		setText(
 			writeButton,
-			edits.size === 1 ? "Write 1 change" : `Write ${edits.size} changes`
+			plural(edits.size, "Write 1 change", "Write {count} changes", { count: edits.size })
 		);
 		writeButton.disabled = discardButton.disabled = busy || edits.size === 0;
 		endButton.hidden = !busy;
@@ -292,7 +291,7 @@ function createView(root, context, drive) {
 			if (closed)
 				return;
 			setText(problem, "");
-			setText(when, `as of ${formatTime(Date.now() * 1000)}`);
+			setText(when, t("as of {formatTime}", { formatTime: formatTime(Date.now() * 1000) }));
 			await renewTable();
 			refresh();
 		} catch (error) {
@@ -360,15 +359,11 @@ function createView(root, context, drive) {
 		return (
 			addresses.length === 0 ||
 			askUser({
-				title: `Where ${drive} is heard`,
-				yes: "Write",
+				title: t("Where {drive} is heard", { drive }),
+				yes: t("Write"),
 				words: [
-					`${listNames(addresses)} says where the drive is heard. ` +
-						"When it goes by that, it is offline here until " +
-						"the " +
-						"configuration says the same.",
-					"It is written last. Scan has a way that looks first " +
-						"and afterwards."
+					t("{addresses} says where the drive is heard. When it goes by that, it is offline here until the configuration says the same.", { addresses: listNames(addresses) }),
+					t("It is written last. Scan has a way that looks first and afterwards.")
 				]
 			})
 		);
@@ -445,10 +440,10 @@ function createView(root, context, drive) {
 				until_end: true
 			});
 
-			context.notify(`${drive}: save_parameters: ${result}`, "ok");
+			context.notify(t("{drive}: save_parameters: {result}", { drive, result }), "ok");
 			report.hidden = true;
 		} catch (error) {
-			context.notify(`${drive}: save_parameters: ${error.message}`, "error");
+			context.notify(t("{drive}: save_parameters: {message}", { drive, message: error.message }), "error");
 		}
 		saveButton.disabled = false;
 	}
@@ -459,8 +454,8 @@ function createView(root, context, drive) {
 		element(
 			"div",
 			{ class: "panel toolbar filters" },
-			createField("Search", search),
-			createField("Show", which),
+			createField(t("Search"), search),
+			createField(t("Show"), which),
 			beside.fields,
 			backupButton,
 			count,
@@ -537,8 +532,8 @@ export function show(root, context, name) {
 		element(
 			"div",
 			{ class: "view-head" },
-			element("h1", {}, "Parameters"),
-			createField("Drive", select, "inline")
+			element("h1", {}, t("Parameters")),
+			createField(t("Drive"), select, "inline")
 		),
 		place
 	);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 import { element, setText } from "./dom.js";
+import { t } from "./words.js";
 
 /* A text to paste elsewhere. */
 export function createPasteText(label) {
@@ -8,7 +9,7 @@ export function createPasteText(label) {
 		"aria-label": label,
 		spellcheck: "false"
 	});
-	const copy = element("button", { class: "small", type: "button" }, "Copy");
+	const copy = element("button", { class: "small", type: "button" }, t("Copy"));
 	const node = element(
 		"div",
 		{ class: "copied", hidden: true },
@@ -24,8 +25,8 @@ export function createPasteText(label) {
 		} catch {
 			document.execCommand("copy");
 		}
-		setText(copy, "Copied");
-		setTimeout(() => setText(copy, "Copy"), 2000);
+		setText(copy, t("Copied"));
+		setTimeout(() => setText(copy, t("Copy")), 2000);
 	});
 	return {
 		node,

@@ -6,6 +6,7 @@
  * Pure; times are milliseconds of one clock.
  */
 import { bitNames, codeName, formatTime, inWords } from "./format.js";
+import { inLanguage, t } from "./words.js";
 
 /* In this order. */
 export const NEED = {
@@ -48,11 +49,11 @@ export function readRecord(record) {
 		need,
 		cause: need === NEED.nothing ? "" : cause,
 		why: need === NEED.nothing ? "" :
-			inWords(cause === "fault" && detail ? detail : cause) +
-				(cause !== "fault" && detail ? ` (${detail})` : ""),
+			inLanguage(inWords(cause === "fault" && detail ? detail : cause)) +
+				(cause !== "fault" && detail ? ` (${inLanguage(detail)})` : ""),
 		advice: [
-			advice,
-			need >= NEED.look && event ? `${formatTime(event.time_us)} ${event.text}` : ""
+			inLanguage(advice),
+			need >= NEED.look && event ? `${formatTime(event.time_us)} ${inLanguage(event.text)}` : ""
 		].filter(Boolean).join(" · ")
 	};
 }
@@ -66,24 +67,24 @@ function sayMustStand(registers, values) {
 	 * from the pointer. */
 	if (typeof ms === "number" && ms < MUST_STAND_SHOWN_MS)
 		return "";
-	return `must stand${cause ? `: ${inWords(cause)}` : ""}` +
-		(typeof ms === "number" ? `, for ${(ms / 1000).toFixed(1)} s` : "");
+	return (cause ? t("must stand: {cause}", { cause: inWords(cause) }) : t("must stand")) +
+		(typeof ms === "number" ? t(", for {seconds} s", { seconds: (ms / 1000).toFixed(1) }) : "");
 }
 
 /* The states of PLCopen in the words of those who wire and repair. */
 const STATE_WORDS = {
-	Disabled: "switched off",
+	Disabled: t("switched off"),
 	Standstill: "stands",
-	DiscreteMotion: "moves to target",
+	DiscreteMotion: t("moves to target"),
 	ContinuousMotion: "runs",
-	SynchronizedMotion: "follows another",
-	Homing: "looks for its origin",
+	SynchronizedMotion: t("follows another"),
+	Homing: t("looks for its origin"),
 	Stopping: "brakes",
 	ErrorStop: "fault",
-	Offline: "no answer",
+	Offline: t("no answer"),
 };
 
-export function stateWord(state) { return STATE_WORDS[state] ?? (state || "not known"); }
+export function stateWord(state) { return STATE_WORDS[state] ?? (state || t("not known")); }
 
 /* Drawings differ in their form, not only in colour. */
 function shapeOf(state, values) {

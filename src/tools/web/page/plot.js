@@ -7,6 +7,7 @@ import { element, newId, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
 import { formatFixed, formatSpan } from "./format.js";
 import { DASHES, createSwatch, makeAxis, padRange, readColour, writeNumbers } from "./plot_line.js";
+import { t } from "./words.js";
 
 const SERIES_MOST = DASHES.length;
 const SPANS_S = [5, 10, 30, 60, 300];
@@ -138,34 +139,34 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		role: "group",
 		tabindex: "0",
 		"aria-describedby": id,
-		"aria-label": `Plot of ${title}: arrow keys move the cursor, plus and minus zoom`
+		"aria-label": t("Plot of {title}: arrow keys move the cursor, plus and minus zoom", { title })
 	});
 	const legend = element("tbody");
-	const gap = element("p", { class: "plot-gap" }, "no data yet");
+	const gap = element("p", { class: "plot-gap" }, t("no data yet"));
 	const cursorTime = element("span", { class: "muted plot-time" });
 	const pause = element("button",
-		{ class: "small plot-pause", type: "button", "aria-pressed": "false" }, "Pause");
-	const span = element("select", { class: "plot-span", "aria-label": "Time shown" },
+		{ class: "small plot-pause", type: "button", "aria-pressed": "false" }, t("Pause"));
+	const span = element("select", { class: "plot-span", "aria-label": t("Time shown") },
 		SPANS_S.map((seconds) => element("option",
 			{ value: seconds, selected: seconds === state.span },
-			seconds < 60 ? `${seconds} s` : `${seconds / 60} min`)));
+			seconds < 60 ? `${seconds} s` : t("{count} min", { count: seconds / 60 }))));
 	const zoomIn =
-		element("button", { class: "small", type: "button", "aria-label": "Zoom in" }, "+");
+		element("button", { class: "small", type: "button", "aria-label": t("Zoom in") }, "+");
 	const zoomOut = element(
-		"button", { class: "small", type: "button", "aria-label": "Zoom out" }, "−");
-	const save = element("button", { class: "small plot-csv", type: "button" }, "CSV");
+		"button", { class: "small", type: "button", "aria-label": t("Zoom out") }, "−");
+	const save = element("button", { class: "small plot-csv", type: "button" }, t("CSV"));
 	const choices = element("fieldset", { class: "plot-choices" },
-		element("legend", { class: "hidden-label" }, "Values that are plotted"));
+		element("legend", { class: "hidden-label" }, t("Values that are plotted")));
 	const chooser = element("details", { class: "chooser" },
-		element("summary", { class: "button small" }, "Choose values"), choices);
-	const node = element("section", { class: "panel plot", "aria-label": "Plot" },
-		element("div", { class: "panel-head" }, element("h2", {}, "Plot"), cursorTime,
+		element("summary", { class: "button small" }, t("Choose values")), choices);
+	const node = element("section", { class: "panel plot", "aria-label": t("Plot") },
+		element("div", { class: "panel-head" }, element("h2", {}, t("Plot")), cursorTime,
 			element("span", { class: "push" }), chooser, span, zoomOut, zoomIn, pause,
 			save),
 		element("div", { class: "plot-frame" }, holder, gap),
 		element("table", { class: "plot-legend" },
 			element("caption", { class: "hidden-label", id },
-				"Values at the cursor, or the latest"),
+				t("Values at the cursor, or the latest")),
 			legend));
 
 	const column = (name) => signals.findIndex((signal) => signal.name === name);
@@ -205,7 +206,7 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		}
 		state.paused = { from, to };
 		pause.setAttribute("aria-pressed", "true");
-		setText(pause, "Go on");
+		setText(pause, t("Go on"));
 		state.dirty = true;
 	}
 
@@ -213,7 +214,7 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		state.frozen = null;
 		state.paused = null;
 		pause.setAttribute("aria-pressed", "false");
-		setText(pause, "Pause");
+		setText(pause, t("Pause"));
 		state.dirty = true;
 	}
 
@@ -319,8 +320,8 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		const seconds = state.paused ? 0 : silence();
 
 		node.classList.toggle("silent", seconds > 0);
-		setText(gap, ring.length === 0 ? "no data yet" :
-			seconds > 0 ? `no data for ${formatSpan(seconds)}` : "");
+		setText(gap, ring.length === 0 ? t("no data yet") :
+			seconds > 0 ? t("no data for {seconds}", { seconds: formatSpan(seconds) }) : "");
 		if (seconds === 0)
 			return;
 		const { ctx, bbox } = uplot;
@@ -410,7 +411,7 @@ export function createPlot({ title, signals, chosen, capacity }) {
 		if (under)
 			setText(cursorTime, timeOfDay(uplot.data[0][at], 3));
 		else
-			setText(cursorTime, state.paused ? "paused" : "");
+			setText(cursorTime, state.paused ? t("paused") : "");
 		state.chosen.forEach((name, index) => {
 			const signal = signals[column(name)];
 			const latest = silence() > 0 && !state.paused ? NaN : ring.last(column(name));

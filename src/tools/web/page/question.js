@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A question that the user has to confirm before an action. */
 import { element, newId } from "./dom.js";
+import { t } from "./words.js";
 
 /* Resolves with true for yes; Escape means no. */
 export function askUser({ title, words, yes }) {
@@ -13,7 +14,7 @@ export function askUser({ title, words, yes }) {
 		element(
 			"form",
 			{ method: "dialog", class: "toolbar" },
-			element("button", { value: "no", autofocus: true }, "Cancel"),
+			element("button", { value: "no", autofocus: true }, t("Cancel")),
 			element("button", { class: "primary", value: "yes" }, yes)
 		)
 	);

@@ -8,8 +8,9 @@ import { createField, element, icon, setText } from "./dom.js";
 import { createPasteText } from "./paste_text.js";
 import { cleanText } from "./plain.js";
 import { askUser } from "./question.js";
+import { t } from "./words.js";
 
-export const title = "Scan";
+export const title = t("Scan");
 
 /* Some drives need longer than this before they answer. */
 const WAIT_SHORT_US = 10000;
@@ -42,7 +43,7 @@ function runScan(parameters, onAnswer) {
 		/* Closing its stream ends a scan. */
 		running = () => {
 			stream.close();
-			reject(new Error("it was ended"));
+			reject(new Error(t("it was ended")));
 		};
 	});
 
@@ -71,7 +72,7 @@ function writePlace(find) {
 	if (find.verdict === "one")
 		return names || "new";
 	return (
-		(find.verdict === "two" ? "two drives" : "nothing readable") +
+		(find.verdict === "two" ? t("two drives") : t("nothing readable")) +
 		(names ? `: ${names}` : "")
 	);
 }
@@ -83,23 +84,16 @@ function writeAdvice(finds) {
 	for (const { address, verdict } of finds) {
 		if (verdict === "two")
 			advice.push(
-				`Address ${address}: two drives have it. Take one of them off ` +
-					"the line, give the other an address " +
-					"of its own below, and connect it again."
+				t("Address {address}: two drives have it. Take one of them off the line, give the other an address of its own below, and connect it again.", { address })
 			);
 		else if (verdict === "garbled")
 			advice.push(
-				`Address ${address}: bytes were received, but no valid ` +
-					"answer: two drives that talk at once, or a " +
-					"disturbed line. Take drives off the line one by one; " +
-					"check wires, termination and ground."
+				t("Address {address}: bytes were received, but no valid answer: two drives that talk at once, or a disturbed line. Take drives off the line one by one; check wires, termination and ground.", { address })
 			);
 	}
 	if (finds.length === 0)
 		advice.push(
-			"No drive answers: check power and wiring (A and B may be swapped), " +
-				"whether protocol and line are right, " +
-				"and the speed: a scan at all speeds tries all of them."
+			t("No drive answers: check power and wiring (A and B may be swapped), whether protocol and line are right, and the speed: a scan at all speeds tries all of them.")
 		);
 	return advice;
 }
@@ -114,18 +108,18 @@ function writeForeign({ id, extended, count }) {
 /* --- looking for drives --- */
 
 function createSearch(context, findBus, onChoose) {
-	const first = createNumber("scan-first", "Addresses from", { placeholder: "all" });
-	const last = createNumber("scan-last", "to", { placeholder: "all" });
+	const first = createNumber("scan-first", t("Addresses from"), { placeholder: t("all") });
+	const last = createNumber("scan-last", t("to"), { placeholder: t("all") });
 	const speed = element("select", { id: "scan-speed" });
 	const start = element(
 		"button",
 		{ id: "scan-start", class: "primary", type: "submit" },
-		"Scan"
+		t("Scan")
 	);
 	const cancel = element(
 		"button",
 		{ id: "scan-cancel", type: "button", hidden: true },
-		"End it"
+		t("End it")
 	);
 	const warning = element(
 		"p",
@@ -134,14 +128,12 @@ function createSearch(context, findBus, onChoose) {
 		element(
 			"span",
 			{},
-			"The bus is taken out of service for this: its drives, which must stand, are left " +
-				"as on-exit says, and are " +
-				"offline for every PLC until the scan has ended."
+			t("The bus is taken out of service for this: its drives, which must stand, are left as on-exit says, and are offline for every PLC until the scan has ended.")
 		)
 	);
 	const progress = element("progress", {
 		id: "scan-progress",
-		"aria-label": "Addresses asked",
+		"aria-label": t("Addresses asked"),
 		hidden: true
 	});
 	const said = element("p", { id: "scan-said", role: "status" });
@@ -152,7 +144,7 @@ function createSearch(context, findBus, onChoose) {
 		element(
 			"table",
 			{ id: "scan-finds" },
-			element("caption", { class: "hidden-label" }, "Drives that were found"),
+			element("caption", { class: "hidden-label" }, t("Drives that were found")),
 			element(
 				"thead",
 				{},
@@ -190,21 +182,21 @@ function createSearch(context, findBus, onChoose) {
 	const foreignBox = element(
 		"div",
 		{ hidden: true },
-		element("h3", {}, "Other frames on this bus, of nobody who is configured here"),
+		element("h3", {}, t("Other frames on this bus, of nobody who is configured here")),
 		foreign
 	);
 	const advice = element("ul", { id: "scan-advice", class: "advice" });
-	const text = createPasteText("For the configuration, then reload");
+	const text = createPasteText(t("For the configuration, then reload"));
 	const form = element(
 		"form",
 		{ id: "scan", class: "panel", "aria-labelledby": "scan-title" },
-		element("h2", { id: "scan-title" }, "Look for drives"),
+		element("h2", { id: "scan-title" }, t("Look for drives")),
 		element(
 			"div",
 			{ class: "toolbar filters" },
 			first.field,
 			last.field,
-			createField("Speed", speed),
+			createField(t("Speed"), speed),
 			start,
 			cancel
 		),
@@ -223,10 +215,10 @@ function createSearch(context, findBus, onChoose) {
 		if (!bus)
 			return;
 		speed.replaceChildren(
-			element("option", { value: "" }, `${bus.speed} bit/s, in service`),
-			element("option", { value: "all" }, "all bit rates, bus out of service"),
+			element("option", { value: "" }, t("{speed} bit/s, in service", { speed: bus.speed })),
+			element("option", { value: "all" }, t("all bit rates, bus out of service")),
 			...bus.speeds.map((one) =>
-				element("option", { value: one }, `${one} bit/s, bus out of service`)
+				element("option", { value: one }, t("{one} bit/s, bus out of service", { one }))
 			)
 		);
 		warning.hidden = true;
@@ -241,9 +233,9 @@ function createSearch(context, findBus, onChoose) {
 			{
 				class: "small",
 				type: "button",
-				"aria-label": `Give address ${find.address} another address or speed`
+				"aria-label": t("Give address {address} another address or speed", { address: find.address })
 			},
-			"Set up"
+			t("Set up")
 		);
 
 		choose.addEventListener("click", () => onChoose(find));
@@ -308,7 +300,7 @@ function createSearch(context, findBus, onChoose) {
 		if (last.input.value !== "")
 			parameters.last = Number(last.input.value);
 		if (parameters.first > parameters.last) {
-			setText(said, `${parameters.first} to ${parameters.last} are no addresses`);
+			setText(said, t("{first} to {last} are no addresses", { first: parameters.first, last: parameters.last }));
 			return null;
 		}
 		if (speed.value === "all")
@@ -341,12 +333,10 @@ function createSearch(context, findBus, onChoose) {
 		if (
 			speed.value &&
 			!(await askUser({
-				title: `Take bus ${bus.name} out of service?`,
-				yes: "Scan",
+				title: t("Take bus {name} out of service?", { name: bus.name }),
+				yes: t("Scan"),
 				words: [
-					"Its drives, which must stand, are left as on-exit " +
-						"says, and are offline for every PLC until the " +
-						"scan has ended."
+					t("Its drives, which must stand, are left as on-exit says, and are offline for every PLC until the scan has ended.")
 				]
 			}))
 		)
@@ -361,8 +351,7 @@ function createSearch(context, findBus, onChoose) {
 				finds.push(...answer.finds);
 				setText(
 					said,
-					`${answer.asked} of ${answer.total} addresses asked, ` +
-						`${finds.length} found; at ${answer.speed} bit/s`
+					t("{asked} of {total} addresses asked, {count} found; at {speed} bit/s", { asked: answer.asked, total: answer.total, count: finds.length, speed: answer.speed })
 				);
 				answer.finds.forEach((find) => addFind(bus, find));
 				foreign.append(
@@ -380,20 +369,13 @@ function createSearch(context, findBus, onChoose) {
 					element(
 						"li",
 						{ class: "muted" },
-						"Each address was given " +
-							`${(waitUs / 1000).toFixed(1)} ms to ` +
-							"begin " +
-							"its answer, as much as the cycle " +
-							"leaves: a slower drive is found with a " +
-							"longer cycle-ms, or with the bus out " +
-							"of service."
+						t("Each address was given {count} ms to begin its answer, as much as the cycle leaves: a slower drive is found with a longer cycle-ms, or with the bus out of service.", { count: (waitUs / 1000).toFixed(1) })
 					)
 				);
 		} catch (error) {
 			setText(
 				said,
-				`The scan did not come to its end: ${error.message}; ` +
-					`${finds.length} found until then`
+				t("The scan did not come to its end: {message}; {count} found until then", { message: error.message, count: finds.length })
 			);
 		}
 		text.show(configuration);
@@ -414,48 +396,46 @@ function createSearch(context, findBus, onChoose) {
 /* --- setting one up --- */
 
 function createSetUp(context, findBus) {
-	const address = createNumber("setup-address", "Drive at address", { required: true });
+	const address = createNumber("setup-address", t("Drive at address"), { required: true });
 	const what = element(
 		"select",
 		{ id: "setup-what" },
-		element("option", { value: "address" }, "another address"),
-		element("option", { value: "speed" }, "another speed")
+		element("option", { value: "address" }, t("another address")),
+		element("option", { value: "speed" }, t("another speed"))
 	);
-	const to = createNumber("setup-to", "New address", { required: true });
+	const to = createNumber("setup-to", t("New address"), { required: true });
 	const toSpeed = element("select", { id: "setup-to-speed" });
-	const toSpeedField = createField("New speed", toSpeed);
+	const toSpeedField = createField(t("New speed"), toSpeed);
 	const at = element("select", { id: "setup-at" });
-	const start = element("button", { id: "setup-start", type: "submit" }, "Look, then ask");
+	const start = element("button", { id: "setup-start", type: "submit" }, t("Look, then ask"));
 	const cancel = element(
 		"button",
 		{ id: "setup-cancel", type: "button", hidden: true },
-		"End it"
+		t("End it")
 	);
 	const steps = element("ol", { id: "setup-steps", class: "advice" });
-	const text = createPasteText("For the configuration, then reload");
+	const text = createPasteText(t("For the configuration, then reload"));
 	const form = element(
 		"form",
 		{ id: "setup", class: "panel", "aria-labelledby": "setup-title" },
-		element("h2", { id: "setup-title" }, "Give a drive another address or speed"),
+		element("h2", { id: "setup-title" }, t("Give a drive another address or speed")),
 		element(
 			"p",
 			{ class: "muted" },
-			"It is looked at first: one drive must answer at its address, nobody at " +
-				"the new one, and it " +
-				"must stand. Nothing is told before you said so."
+			t("It is looked at first: one drive must answer at its address, nobody at the new one, and it must stand. Nothing is told before you said so.")
 		),
 		element(
 			"div",
 			{ class: "toolbar filters" },
 			address.field,
-			createField("Gets", what),
+			createField(t("Gets"), what),
 			to.field,
 			toSpeedField,
-			createField("Spoken to at", at),
+			createField(t("Spoken to at"), at),
 			start,
 			cancel
 		),
-		element("div", { role: "log", "aria-label": "What was done" }, steps),
+		element("div", { role: "log", "aria-label": t("What was done") }, steps),
 		text.node
 	);
 	let stream = null;
@@ -466,14 +446,14 @@ function createSetUp(context, findBus) {
 		if (!bus)
 			return;
 		at.replaceChildren(
-			element("option", { value: 0 }, `${bus.speed} bit/s, in service`),
+			element("option", { value: 0 }, t("{speed} bit/s, in service", { speed: bus.speed })),
 			...bus.speeds.map((one) =>
-				element("option", { value: one }, `${one} bit/s, bus out of service`)
+				element("option", { value: one }, t("{one} bit/s, bus out of service", { one }))
 			)
 		);
 		toSpeed.replaceChildren(
 			...bus.speeds.map((one) =>
-				element("option", { value: one }, `${one} bit/s`)
+				element("option", { value: one }, t("{one} bit/s", { one }))
 			)
 		);
 		toSpeed.value = bus.speed;
@@ -499,7 +479,7 @@ function createSetUp(context, findBus) {
 
 	async function answer(bus, move, { question, text: words, yes }) {
 		const agreed = await askUser({
-			title: `Bus ${bus.name}, address ${move.from}`,
+			title: t("Bus {name}, address {from}", { name: bus.name, from: move.from }),
 			words: words.trim().split("\n").map((line) => line.trim()),
 			yes: yes.charAt(0).toUpperCase() + yes.slice(1).replace("?", "")
 		});
@@ -581,8 +561,8 @@ export function show(root, context, busName) {
 		element(
 			"div",
 			{ class: "view-head" },
-			element("h1", {}, "Scan"),
-			createField("Bus", select, "inline")
+			element("h1", {}, t("Scan")),
+			createField(t("Bus"), select, "inline")
 		)
 	);
 	if (!context.may("manage")) {
@@ -590,8 +570,8 @@ export function show(root, context, busName) {
 			element(
 				"p",
 				{ class: "panel" },
-				"A scan asks every address of a bus, and setting up a drive " +
-					"changes it. " +
+				t("A scan asks every address of a bus, and setting up a drive ") +
+					t("changes it. ") +
 					context.whyNot("manage")
 			)
 		);

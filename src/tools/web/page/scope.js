@@ -9,16 +9,17 @@ import { CHANNELS_MOST, createCapturePlot } from "./capture_plot.js";
 import { createField, element, icon, newId, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
 import { createScale, hasBits, inWords, parseValue } from "./format.js";
+import { t } from "./words.js";
 
-export const title = "Oscilloscope";
+export const title = t("Oscilloscope");
 
 const MODES = {
-	single: "single: one and then stop",
-	normal: "normal: each trigger",
-	auto: "auto: also without"
+	single: t("single: one and then stop"),
+	normal: t("normal: each trigger"),
+	auto: t("auto: also without")
 };
 /* Of a condition, as in drivebridgectl record --trigger. */
-const RELATION_WORDS = ["is", "is not", "rises above", "falls below"];
+const RELATION_WORDS = ["is", t("is not"), t("rises above"), t("falls below")];
 const RELATIONS = ["=", "!=", ">", "<"];
 const FIRST_NAMES = ["position", "velocity"];
 const SECONDS_MOST = 600;
@@ -135,22 +136,22 @@ function createView(root, context, driveName) {
 	const channels = [];
 	const add = createChooser(context, {
 		prefix: "scope-add",
-		words: ["Drive", "Value"],
+		words: [t("Drive"), t("Value")],
 		none: "",
 		onChange() {}
 	});
 	const source = createChooser(context, {
 		prefix: "scope-trigger",
-		words: ["Trigger", "Value"],
-		none: "none: at once",
+		words: [t("Trigger"), t("Value")],
+		none: t("none: at once"),
 		onChange: () => showCondition()
 	});
 	const list = element("ul", {
 		id: "scope-channels",
 		class: "chips",
-		"aria-label": "Values that are captured"
+		"aria-label": t("Values that are captured")
 	});
-	const addButton = element("button", { id: "scope-add", type: "button" }, "Add");
+	const addButton = element("button", { id: "scope-add", type: "button" }, t("Add"));
 	const relation = element(
 		"select",
 		{ id: "scope-relation" },
@@ -173,7 +174,7 @@ function createView(root, context, driveName) {
 	const move = element(
 		"button",
 		{ id: "scope-move", type: "button" },
-		"Wait for the next move"
+		t("Wait for the next move")
 	);
 	const mode = element(
 		"select",
@@ -199,42 +200,42 @@ function createView(root, context, driveName) {
 	const start = element(
 		"button",
 		{ id: "scope-start", class: "primary", type: "submit" },
-		"Start"
+		t("Start")
 	);
-	const stop = element("button", { id: "scope-stop", type: "button", hidden: true }, "Stop");
+	const stop = element("button", { id: "scope-stop", type: "button", hidden: true }, t("Stop"));
 	const save = element(
 		"button",
 		{ id: "scope-save", type: "button", disabled: true },
-		"Download as CSV"
+		t("Download as CSV")
 	);
 	const problem = element("p", { id: "scope-problem", class: "problem", role: "alert" });
 	const said = element(
 		"p",
 		{ id: "scope-said", role: "status" },
-		"Choose values, and perhaps a trigger; then start."
+		t("Choose values, and perhaps a trigger; then start.")
 	);
 	const place = element("div");
 	const conditions = [
 		source.fields[1],
-		createField("Condition", relation),
+		createField(t("Condition"), relation),
 		element(
 			"label",
 			{ class: "field", for: limit.id },
-			"Value it waits for",
+			t("Value it waits for"),
 			element("span", { class: "with-unit" }, limit, unit)
 		)
 	];
 	const form = element(
 		"form",
-		{ class: "panel scope-settings", "aria-label": "What is captured" },
+		{ class: "panel scope-settings", "aria-label": t("What is captured") },
 		element("div", { class: "toolbar filters" }, add.fields, addButton, list),
 		element("div", { class: "toolbar filters" }, source.fields[0], conditions, codes),
 		element(
 			"div",
 			{ class: "toolbar filters" },
-			createField("Mode", mode),
-			createField("Before, s", before),
-			createField("After, s", duration),
+			createField(t("Mode"), mode),
+			createField(t("Before, s"), before),
+			createField(t("After, s"), duration),
 			start,
 			move,
 			stop,
@@ -262,7 +263,7 @@ function createView(root, context, driveName) {
 					{
 						class: "quiet small",
 						type: "button",
-						"aria-label": `Leave out ${name}`
+						"aria-label": t("Leave out {name}", { name })
 					},
 					icon("close")
 				);
@@ -378,7 +379,7 @@ function createView(root, context, driveName) {
 		if (!form.reportValidity())
 			return;
 		if (channels.length === 0) {
-			setText(problem, "no value is chosen: add one");
+			setText(problem, t("no value is chosen: add one"));
 			return;
 		}
 		end("");
@@ -396,7 +397,7 @@ function createView(root, context, driveName) {
 			beforeUs: triggered ? Number(before.value) * 1e6 : 0,
 			durationUs: Number(duration.value) * 1e6
 		});
-		capture.waitsFor = trigger?.said ?? "the first sample";
+		capture.waitsFor = trigger?.said ?? t("the first sample");
 		plot?.destroy();
 		plot = createCapturePlot(captured, trigger?.level ?? null);
 		place.replaceChildren(plot.node);
@@ -417,7 +418,7 @@ function createView(root, context, driveName) {
 				onData: take,
 				onState(state, error) {
 					if (state === "failed")
-						end(showProblem(error) ? "Stopped." : `It came to an end: ${error.message}.`);
+						end(showProblem(error) ? t("Stopped.") : t("It came to an end: {message}.", { message: error.message }));
 				}
 			}
 		);
@@ -468,13 +469,13 @@ function createView(root, context, driveName) {
 			return;
 		const { shown, count, lost, state } = capture;
 		const words = {
-			waiting: `Waits for ${capture.waitsFor}.`,
+			waiting: t("Waits for {waitsFor}.", { waitsFor: capture.waitsFor }),
 			triggered: `${capture.waitsFor} came.`,
 			stopped:
 				ending ||
 				(count === 0
-					? `Stopped; ${capture.waitsFor} did not come.`
-					: "Stopped.")
+					? t("Stopped; {waitsFor} did not come.", { waitsFor: capture.waitsFor })
+					: t("Stopped."))
 		}[state];
 
 		start.hidden = state !== "stopped";
@@ -482,10 +483,10 @@ function createView(root, context, driveName) {
 		stop.hidden = !start.hidden;
 		const parts = shown
 			? [
-					count > 1 ? `Capture ${count}: ` : "",
+					count > 1 ? t("Capture {count}: ", { count }) : "",
 					`${shown.rows.length} samples`,
-					shown.triggered ? "" : " without a trigger",
-					shown.cut ? ", more were cut off" : "",
+					shown.triggered ? "" : t(" without a trigger"),
+					shown.cut ? t(", more were cut off") : "",
 					`, ${lost} lost.`
 				]
 			: [];
@@ -513,10 +514,10 @@ function createView(root, context, driveName) {
 		begin().catch(context.report);
 	});
 	root.append(
-		element("div", { class: "view-head" }, element("h1", {}, "Oscilloscope")),
+		element("div", { class: "view-head" }, element("h1", {}, t("Oscilloscope"))),
 		form,
 		problem,
-		element("section", { class: "panel", "aria-label": "Capture" }, said, place)
+		element("section", { class: "panel", "aria-label": t("Capture") }, said, place)
 	);
 	context.on("frame", frame);
 

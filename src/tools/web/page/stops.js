@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+import { t } from "./words.js";
 /*
  * Stops, each repeated until it is confirmed. The person who presses Stop looks at the machine: so
  * a stop without confirmation is shown shortly after the press, and stays visible until it is
@@ -58,7 +59,7 @@ export function createStops({ send, onChange, clock = () => performance.now(), t
 
 			if (answer.result !== "pending")
 				return answer;
-			stop.why = "it is not confirmed yet";
+			stop.why = t("it is not confirmed yet");
 		} catch (error) {
 			stop.why = error.message;
 			if (NOBODY_ANSWERS.has(error.name))

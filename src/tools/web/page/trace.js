@@ -10,8 +10,9 @@ import { formatTime } from "./format.js";
 import { createLongList } from "./long_list.js";
 import { createIntake, writeHead, writeLine, writeSign } from "./trace_text.js";
 import { writeClock } from "./plain.js";
+import { t } from "./words.js";
 
-export const title = "Trace";
+export const title = t("Trace");
 
 /* In the order of the interface. */
 const KINDS = {
@@ -56,11 +57,11 @@ function createOptions(names) {
 export function show(root, context, busName, keptNumber) {
 	const counts = element("p", { id: "trace-counts", class: "muted" });
 	const problem = element("p", { class: "problem", role: "alert" });
-	const bus = createChoice("trace-bus", "Bus", []);
-	const source = createChoice("trace-source", "From", []);
-	const drive = createChoice("trace-drive", "Drive", []);
-	const kind = createChoice("trace-kind", "Kind", [
-		element("option", { value: "" }, "all"),
+	const bus = createChoice("trace-bus", t("Bus"), []);
+	const source = createChoice("trace-source", t("From"), []);
+	const drive = createChoice("trace-drive", t("Drive"), []);
+	const kind = createChoice("trace-kind", t("Kind"), [
+		element("option", { value: "" }, t("all")),
 		...Object.entries(KINDS).map(([group, names]) =>
 			element("optgroup", { label: group }, createOptions(names))
 		)
@@ -73,20 +74,20 @@ export function show(root, context, busName, keptNumber) {
 	const pause = element(
 		"button",
 		{ id: "trace-pause", type: "button", "aria-pressed": "false" },
-		"Pause"
+		t("Pause")
 	);
-	const clear = element("button", { id: "trace-clear", type: "button" }, "Clear");
-	const save = element("button", { id: "trace-save", type: "button" }, "Download as text");
+	const clear = element("button", { id: "trace-clear", type: "button" }, t("Clear"));
+	const save = element("button", { id: "trace-save", type: "button" }, t("Download as text"));
 	const savePcapng = element(
 		"button",
 		{ id: "trace-save-pcapng", type: "button" },
-		"Download as pcapng"
+		t("Download as pcapng")
 	);
 	const keptBody = element("tbody");
 	const keptPanel = element(
 		"section",
 		{ class: "panel", "aria-labelledby": "trace-kept-title" },
-		element("h2", { id: "trace-kept-title" }, "Kept when there was trouble"),
+		element("h2", { id: "trace-kept-title" }, t("Kept when there was trouble")),
 		element(
 			"div",
 			{ class: "table-frame" },
@@ -115,35 +116,35 @@ export function show(root, context, busName, keptNumber) {
 	let asked = keptNumber ?? ""; /* the kept trace in this page's address */
 
 	rows = createLongList({
-		label: "Trace",
+		label: t("Trace"),
 		monospace: true,
 		most: RECORDS_MOST,
 		kind: (entry) => entry.kind,
 		columns: [
-			{ title: "Time", text: (entry) => writeClock(entry.time_us, 6) },
+			{ title: t("Time"), text: (entry) => writeClock(entry.time_us, 6) },
 			{
-				title: element("span", { class: "hidden-label" }, "Direction"),
+				title: element("span", { class: "hidden-label" }, t("Direction")),
 				text: (entry) => (entry.record ? writeSign(entry.record) : "")
 			},
-			{ title: "Kind", text: (entry) => entry.kind },
+			{ title: t("Kind"), text: (entry) => entry.kind },
 			{
-				title: "Words",
+				title: t("Words"),
 				text: (entry) =>
-					entry.words ?? `${entry.missing} records are missing here`
+					entry.words ?? t("{missing} records are missing here", { missing: entry.missing })
 			},
 			{
-				title: "Bytes",
+				title: t("Bytes"),
 				text: (entry) => (entry.record ? entry.record.bytes ?? "" : "")
 			}
 		],
 		onDraw({ all, shown, waiting }) {
 			setText(
 				counts,
-				`${shown.length} of ${all.length} records` +
+				t("{shown} of {all} records", { shown: shown.length, all: all.length }) +
 					(waiting.length > 0
-						? `, ${waiting.length} more since the pause`
+						? t(", {count} more since the pause", { count: waiting.length })
 						: "") +
-					(ended ? "; all that was kept" : "")
+					(ended ? t("; all that was kept") : "")
 			);
 		}
 	});
@@ -186,7 +187,7 @@ export function show(root, context, busName, keptNumber) {
 
 		savePcapng.hidden = !description.can;
 		drive.select.replaceChildren(
-			element("option", { value: "" }, "all"),
+			element("option", { value: "" }, t("all")),
 			...createOptions(description.drives)
 		);
 		applyFilter();
@@ -223,21 +224,20 @@ export function show(root, context, busName, keptNumber) {
 		const own = kept.filter((one) => one.bus === bus.select.value);
 
 		source.select.replaceChildren(
-			element("option", { value: "past" }, "the last seconds on"),
-			element("option", { value: "live" }, "now on"),
+			element("option", { value: "past" }, t("the last seconds on")),
+			element("option", { value: "live" }, t("now on")),
 			...own.map((one) =>
 				element(
 					"option",
 					{ value: one.number },
-					`kept ${one.number}: ` +
-						`${one.drive ? `${one.drive}, ` : ""}${one.event}`
+					t("kept {number}: {what}", { number: one.number, what: (one.drive ? `${one.drive}, ` : "") + one.event })
 				)
 			)
 		);
 		source.select.value = value;
 		if (source.select.selectedIndex < 0) {
 			source.select.append(
-				element("option", { value }, `kept ${value}, not any more`)
+				element("option", { value }, t("kept {value}, not any more", { value }))
 			);
 			source.select.value = value;
 		}
@@ -269,10 +269,10 @@ export function show(root, context, busName, keptNumber) {
 					{
 						class: "small",
 						type: "button",
-						"aria-label": `Show trace ${one.number}`,
+						"aria-label": t("Show trace {number}", { number: one.number }),
 						disabled: !context.plant.buses.has(one.bus)
 					},
-					"Show"
+					t("Show")
 				);
 
 				button.addEventListener("click", () => chooseKept(one));
@@ -310,7 +310,7 @@ export function show(root, context, busName, keptNumber) {
 			if (found)
 				chooseKept(found);
 			else
-				setText(problem, `trace ${asked} is not kept any more`);
+				setText(problem, t("trace {asked} is not kept any more", { asked }));
 			asked = "";
 		}
 		timer = setTimeout(loadKept, LOOK_FOR_KEPT_MS);
@@ -345,7 +345,7 @@ export function show(root, context, busName, keptNumber) {
 		)
 	);
 	root.append(
-		element("div", { class: "view-head" }, element("h1", {}, "Trace"), counts),
+		element("div", { class: "view-head" }, element("h1", {}, t("Trace")), counts),
 		element(
 			"div",
 			{ class: "panel toolbar filters" },
@@ -353,7 +353,7 @@ export function show(root, context, busName, keptNumber) {
 			source.field,
 			drive.field,
 			kind.field,
-			createField("Text", search),
+			createField(t("Text"), search),
 			pause,
 			clear,
 			save,

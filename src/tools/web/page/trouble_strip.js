@@ -7,6 +7,7 @@
 import { element, icon, setAttribute, setText } from "./dom.js";
 import { formatSince } from "./format.js";
 import { NEED, readRecord } from "./plant.js";
+import { t } from "./words.js";
 
 /* Without a move of the pointer for this time it rests. */
 const RESTS_MS = 1000;
@@ -40,7 +41,7 @@ export function createTroubleStrip(context, guarded) {
 	const list = element("ul", { class: "troubles-list" });
 	const more = element("button", { class: "small", type: "button", hidden: true });
 	const node = element("section", { id: "troubles", class: "panel troubles live", hidden: true,
-		role: "status", "aria-label": "What needs somebody" }, list, more);
+		role: "status", "aria-label": t("What needs somebody") }, list, more);
 	let shown = "";
 	let wanted = [];
 	let all = false;
@@ -60,7 +61,7 @@ export function createTroubleStrip(context, guarded) {
 	function makeItem({ kind, name, need, why, advice, since_us, href }) {
 		return element("li", { "data-need": String(need), "data-of": `${kind} ${name}` },
 			icon(need === NEED.act ? "error" : "warning"),
-			element("a", { href }, kind === "bus" ? `Bus ${name}` : name),
+			element("a", { href }, kind === "bus" ? t("Bus {name}", { name }) : name),
 			element("strong", {}, why),
 			element("span", { class: "since muted", "data-since": since_us }),
 			element("span", { class: "troubles-advice" }, advice));
@@ -73,8 +74,8 @@ export function createTroubleStrip(context, guarded) {
 		node.hidden = wanted.length === 0;
 		list.replaceChildren(...part.map(makeItem));
 		more.hidden = wanted.length <= SHOWN_FIRST;
-		setText(more, all ? `Only the first ${SHOWN_FIRST}` :
-			`${wanted.length - SHOWN_FIRST} more`);
+		setText(more, all ? t("Only the first {SHOWN_FIRST}", { SHOWN_FIRST }) :
+			t("{count} more", { count: wanted.length - SHOWN_FIRST }));
 		saySince(Date.now());
 	}
 

@@ -3,14 +3,15 @@
 import { listUsers, putUser, removeUser } from "./api.js";
 import { createField, element, setText } from "./dom.js";
 import { askUser } from "./question.js";
+import { t } from "./words.js";
 
-export const title = "Users";
+export const title = t("Users");
 
 const ROLES = {
-	observer: "observer: sees, and stops",
-	operator: "operator: moves",
-	engineer: "engineer: parameters and configuration, too",
-	administrator: "administrator: makes users, moves nothing"
+	observer: t("observer: sees, and stops"),
+	operator: t("operator: moves"),
+	engineer: t("engineer: parameters and configuration, too"),
+	administrator: t("administrator: makes users, moves nothing")
 };
 
 let view = null;
@@ -26,7 +27,7 @@ function createForm(mine) {
 		autocomplete: "new-password" });
 	const pam = element("input", { id: "user-pam", type: "checkbox" });
 	const problem = element("p", { id: "user-problem", class: "problem", role: "alert" });
-	const button = element("button", { id: "user-submit", class: "primary", type: "submit" }, "Save");
+	const button = element("button", { id: "user-submit", class: "primary", type: "submit" }, t("Save"));
 
 	pam.addEventListener("change", () => { password.disabled = pam.checked; });
 	mine.fill = (one) => {
@@ -39,10 +40,10 @@ function createForm(mine) {
 		user.focus();
 	};
 	const form = element("form", { id: "user-form", class: "panel login" },
-		element("h2", {}, "Add or change"), createField("User", user), createField("Role", role),
-		createField("Drives to move: * for all, or names with commas", drives),
-		createField("Password; empty: it stays", password),
-		element("label", { for: pam.id }, pam, " PAM checks the password"), problem, button);
+		element("h2", {}, t("Add or change")), createField(t("User"), user), createField(t("Role"), role),
+		createField(t("Drives to move: * for all, or names with commas"), drives),
+		createField(t("Password; empty: it stays"), password),
+		element("label", { for: pam.id }, pam, t(" PAM checks the password")), problem, button);
 
 	form.addEventListener("submit", async (event) => {
 		event.preventDefault();
@@ -52,7 +53,7 @@ function createForm(mine) {
 			await putUser({ user: user.value, role: role.value,
 				drives: drives.value.replaceAll(" ", ""), pam: pam.checked,
 				...(password.value && !pam.checked ? { password: password.value } : {}) });
-			mine.context.notify(`${user.value}: saved`, "ok");
+			mine.context.notify(t("{user}: saved", { user: user.value }), "ok");
 			form.reset();
 			password.disabled = false;
 			await refresh(mine);
@@ -65,13 +66,13 @@ function createForm(mine) {
 }
 
 async function remove(mine, user) {
-	if (!await askUser({ title: `Remove ${user}?`,
-		words: ["Sessions of this user end at once; what they move ends like a lost connection."],
-		yes: "Remove" }))
+	if (!await askUser({ title: t("Remove {user}?", { user }),
+		words: [t("Sessions of this user end at once; what they move ends like a lost connection.")],
+		yes: t("Remove") }))
 		return;
 	try {
 		await removeUser(user);
-		mine.context.notify(`${user}: removed`, "ok");
+		mine.context.notify(t("{user}: removed", { user }), "ok");
 		await refresh(mine);
 	} catch (error) {
 		mine.context.report(error);
@@ -80,14 +81,14 @@ async function remove(mine, user) {
 
 function makeRow(mine, one) {
 	return element("tr", { "data-user": one.user }, element("th", { scope: "row" }, one.user),
-		element("td", {}, one.role), element("td", {}, one.drives === "*" ? "all" : one.drives),
-		element("td", {}, one.pam ? "by PAM" : "here",
-			one.former ? element("small", { class: "muted" }, " in the file of before") : null),
+		element("td", {}, t(one.role)), element("td", {}, one.drives === "*" ? t("all") : one.drives),
+		element("td", {}, one.pam ? t("by PAM") : t("here"),
+			one.former ? element("small", { class: "muted" }, t(" in the file of before")) : null),
 		element("td", {}, element("div", { class: "toolbar" },
 			element("button", { class: "small", type: "button", "data-change": one.user,
-				onclick: () => mine.fill(one) }, "Change"),
+				onclick: () => mine.fill(one) }, t("Change")),
 			element("button", { class: "small", type: "button", "data-remove": one.user,
-				onclick: () => remove(mine, one.user) }, "Remove"))));
+				onclick: () => remove(mine, one.user) }, t("Remove")))));
 }
 
 async function refresh(mine) {
@@ -106,8 +107,8 @@ export async function show(root, context) {
 		return;
 	}
 	root.append(
-		element("div", { class: "view-head" }, element("h1", {}, "Users")),
-		element("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": "Users" },
+		element("div", { class: "view-head" }, element("h1", {}, t("Users"))),
+		element("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": t("Users") },
 			element("table", { id: "users" },
 				element("thead", {}, element("tr", {}, ["User", "Role", "Drives", "Password", ""].map(
 					(words) => element("th", { scope: "col" }, words)))),

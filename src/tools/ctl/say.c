@@ -1,0 +1,55 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "ctl/say.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* As the C library keeps the one of gettext(): it is set once, while there is one thread. */
+static struct db_words_language *language;
+
+void db_ctl_open_language(void)
+{
+	/* Also the variable of gettext(1): for tests, and for translators. */
+	const char *folder = getenv("TEXTDOMAINDIR");
+	char name[DB_WORDS_LANGUAGE_MAX];
+
+	if (!folder || !folder[0])
+		folder = DB_LOCALE_FOLDER;
+	/* A file that cannot be read leaves English, which is better than no program. */
+	if (db_words_choose_language(folder, getenv, name))
+		language = db_words_open_language(folder, name);
+}
+
+void db_ctl_close_language(void)
+{
+	db_words_close_language(language);
+	language = NULL;
+}
+
+const char *db_ctl_say(const char *english)
+{
+	return db_words_find_text(language, english);
+}
+
+const char *db_ctl_say_count(size_t count, const char *one, const char *several)
+{
+	return db_words_find_count(language, count, one, several);
+}
+
+const char *db_ctl_say_name(const char *name)
+{
+	char words[128];
+	const char *found;
+
+	if (strlen(name) >= sizeof(words))
+		return name;
+	for (size_t i = 0; i <= strlen(name); i++)
+		words[i] = name[i] == '_' ? ' ' : name[i];
+	found = db_words_find_text(language, words);
+	return found == words ? name : found;
+}
+
+const char *db_ctl_translate(const char *english, char room[DB_WORDS_TEXT_MAX])
+{
+	return db_words_in(language, english, room);
+}

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Other languages: what people see is in theirs, what programs read stays English."""
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+from bridgelib import build_directory, find_program
+from browserlib import PHONE, expect, findings
+from test_browser import VIEWS, chromium, make_site, site, visit  # noqa: F401 (fixtures)
+
+TABLET = {"width": 768, "height": 1024}
+SHOWN = {
+    "de": {"locale": "de-DE", "tag": "de", "overview": "Übersicht", "stands": "Stillstand", "well": "alles in Ordnung",
+           "advice": "Versorgung, Kabel und Adresse prüfen", "stop": "Alle anhalten", "none": "kein Antrieb heißt „x“"},
+    "zh_CN": {"locale": "zh-CN", "tag": "zh-CN", "overview": "总览", "stands": "静止", "well": "一切正常",
+              "advice": "检查电源、电缆和从站地址", "stop": "全部停止", "none": "没有名为“x”的驱动器"},
+}
+
+
+def run_ctl(bridge, *words, **environment):
+    plain = {name: value for name, value in os.environ.items() if not name.startswith(("LC_", "LANG"))}
+    return subprocess.run([find_program("drivebridgectl"), "--socket", bridge.control_path, *words], text=True, check=False,
+                          capture_output=True, timeout=30,
+                          env={**plain, "TEXTDOMAINDIR": str(build_directory() / "locale"), **environment})
+
+
+def keep_picture(page, name):
+    folder = os.environ.get("DRIVEBRIDGE_PICTURES")
+    if folder:
+        page.screenshot(path=Path(folder) / name, full_page=True)
+
+
+@pytest.mark.parametrize("language", SHOWN)
+def test_the_page_is_in_the_browsers_language(site, visit, language):  # noqa: F811
+    words = SHOWN[language]
+    visitor = visit(site, locale=words["locale"])
+    page = visitor.page
+    assert page.evaluate("document.documentElement.lang") == words["tag"]
+    expect(page.locator("h1")).to_have_text(words["overview"])
+    expect(page.locator("#stop-all")).to_have_text(words["stop"])
+    expect(page.locator("#summary")).to_have_text(words["well"])
+    site.bridge.sim.fault("silence on", "drive2")
+    expect(page.locator("#troubles .troubles-advice")).to_contain_text(words["advice"])
+    # Nothing is cut off or too wide, and everything is for everybody.
+    for size, views in ((PHONE, VIEWS), (TABLET, ["", "drive/drive1", "parameters/drive1"])):
+        page.set_viewport_size(size)
+        for view in views:
+            expect(visitor.go(view).locator(".panel, .view-head").first).to_be_visible()
+            keep_picture(page, f"{language}-{size['width']}-{view.split('/')[0] or 'overview'}.png")
+            wide = page.evaluate("""() => [...document.querySelectorAll("body *")].filter((node) =>
+                node.getBoundingClientRect().right > innerWidth + 1 && !node.closest(".table-frame, nav, .editor"))
+                .map((node) => `${node.tagName} ${node.className} ${node.textContent.slice(0, 60)}`)""")
+            assert page.evaluate("document.documentElement.scrollWidth") <= size["width"], (view, size, wide)
+            if size is PHONE:
+                assert findings(page) == [], view
+    site.bridge.sim.fault("silence off", "drive2")
+    # The choice on the page is kept, whatever the browser asks for.
+    with page.expect_navigation():
+        page.locator("#language").select_option("en")
+    visitor.go("")
+    expect(page.locator("#summary")).to_have_text("all is well")
+    page.reload()
+    expect(page.locator("h1")).to_have_text("Overview")
+    assert page.evaluate("document.documentElement.lang") == "en"
+
+
+def test_people_read_their_language_and_programs_english(bridge):
+    english = run_ctl(bridge, "status", LANG="C")
+    for language, words in SHOWN.items():
+        said = run_ctl(bridge, "status", LANG=f"{language}.UTF-8")
+        assert words["well"] in said.stdout and words["stands"] in said.stdout
+        assert said.returncode == english.returncode == 0
+        assert words["none"] in run_ctl(bridge, "show", "x", LANG=f"{language}.UTF-8").stderr
+        # What programs read is the same, byte for byte where no value changes.
+        told = json.loads(run_ctl(bridge, "status", "--json", LANG=f"{language}.UTF-8").stdout)
+        plain = json.loads(run_ctl(bridge, "status", "--json", LANG="C").stdout)
+        assert [drive["state"] for drive in told["drives"]] == [drive["state"] for drive in plain["drives"]]
+        for command in (["show", "x", "--json"], ["params", "save", "drive1", "-"], ["export", "--for", "notation"]):
+            assert run_ctl(bridge, *command, LANG=f"{language}.UTF-8").stdout == run_ctl(bridge, *command, LANG="C").stdout
+    for environment in ({"LANG": "C", "LANGUAGE": "de"}, {"LC_ALL": "POSIX", "LANG": "de_DE.UTF-8"},
+                        {"LANG": "de_DE.ISO-8859-1"}, {"LANG": "en_GB.UTF-8"}, {}):
+        assert run_ctl(bridge, "help", **environment).stdout == run_ctl(bridge, "help", LANG="C").stdout
