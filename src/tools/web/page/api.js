@@ -174,6 +174,9 @@ export async function verifyAudit() {
 	return ask("POST", "audit/verify", {}, { timeout: VERIFY_TIMEOUT_MS });
 }
 
+/* { version, configuration, users (null: not for this user), certificates } */
+export async function askGateway() { return ask("POST", "gateway", {}); }
+
 /* { for_s, step_s } promises { times, rows, step_s, now_us, on, kept, trouble } of all drives. */
 export async function askHealthRows(parameters) { return ask("POST", "health/rows", parameters); }
 

@@ -55,6 +55,7 @@ const VIEWS = {
 	health: { nav: "Health", load: () => import("./health.js") },
 	events: { nav: "Events", load: () => import("./events.js") },
 	config: { nav: "Config", needs: "manage", load: () => import("./config.js") },
+	gateway: { load: () => import("./gateway.js") },
 	audit: { nav: "Audit", needs: "audit", load: () => import("./audit.js") },
 	users: { nav: "Users", needs: "appoint", load: () => import("./users.js") },
 	account: { load: () => import("./account.js") },
