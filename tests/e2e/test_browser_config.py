@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """The configuration in a browser: a drive is added, shown what that does, and taken out by a button."""
 
+import gzip
+import io
+import re
+import tarfile
+
 from bridgelib import CONTINUOUS, eventually
 from browserlib import expect, findings, picture
+from test_audit import find, state  # noqa: F401 (a fixture)
 from test_browser import chromium, make_site, visit  # noqa: F401 (fixtures)
-from weblib import READER
+from test_web import refused
+from weblib import OPERATOR, READER, Page
 
 ADDED = ("drive feeder {\n\tbus = line\n\taddress = 2\n\tunit = 2\n\tcounts-per-unit = 320\n"
          "\tunit-name = mm\n\twatchdog-ms = 0\n}\n")
@@ -98,3 +105,96 @@ def test_who_may_not_is_not_offered_it(make_site, visit):  # noqa: F811
     view = visitor.go("config")
     expect(view.locator("#config-state")).to_contain_text("not changed")
     expect(view.locator("#config-save")).to_be_disabled()
+
+
+# --- the whole gateway as one file --------------------------------------------------------------------------------
+
+ADA = ("ada", "makes the users")
+OLAF = ("olaf", "the word of olaf")
+OLD, NEW = "/dev/serial/by-id/usb-old", "/dev/serial/by-id/usb-new"
+ELSEWHERE = ADDED + (f'bus press {{\n\tprotocol = vsmd-serial\n\tdevice = "{OLD}"\n\tbaud = 115200\n}}\n'
+                     "drive ram {\n\tbus = press\n\taddress = 1\n\tunit = 9\n}\n")
+
+
+def texts(path):
+    """Of a file of a gateway, by name: as any tar reads it."""
+    with tarfile.open(path) as archive:
+        return {member.name: archive.extractfile(member).read().decode() for member in archive if member.isfile()}
+
+
+def write_texts(path, files):
+    with tarfile.open(path, "w:gz") as archive:
+        for name, text in files.items():
+            member = tarfile.TarInfo(f"./{name}")
+            member.size = len(text.encode())
+            archive.addfile(member, io.BytesIO(text.encode()))
+    return path
+
+
+def test_the_gateway_is_one_file_and_comes_back(state, make_site, visit, tmp_path):  # noqa: F811
+    site = make_site(drives=1, sim_drives=2, control={"edit": "on"})
+    site.add_user(*ADA, "administrator")
+    edited = site.bridge.place / "edited" / "edited.conf"
+    visitor = visit(site)
+    page = visitor.page
+    visitor.go("config").get_by_role("link", name="Back up or restore").click()
+    expect(page.locator("#gateway-save")).to_be_visible()
+    assert findings(page) == []
+    with page.expect_download() as download:
+        page.locator("#gateway-save").click()
+    saved = tmp_path / "saved.tar.gz"
+    download.value.save_as(saved)
+    expect(page.locator("#gateway-said")).to_contain_text("the parameters of 1 drives")
+    files = texts(saved)
+    assert files["gateway"].startswith("drivebridge-backup of the page 1\n")
+    assert files["configuration/edited/edited.conf"] == "" and "drive drive1 {" in files["running.conf"]
+    # Users are an administrator's, and no password leaves the gateway.
+    assert "configuration/access/users" not in files and "$y$" not in "".join(files.values())
+    (record,) = eventually(lambda: find(site.bridge, kind="users", what="backup"), what="the record of it")
+    assert record["user"] == OPERATOR[0]
+
+    # Onto another gateway, with a drive more, another port, another speed and a user more.
+    files["configuration/edited/edited.conf"] = ELSEWHERE
+    params = files["parameters/drive1.params"]
+    files["parameters/drive1.params"] = re.sub(r"(?m)^(\s*spd\s*=\s*)\S+", r"\g<1>1234", params)
+    assert files["parameters/drive1.params"] != params
+    files["configuration/access/users"] = f"{OLAF[0]}:operator:*:$y$hash\n{ADA[0]}:administrator:*:x\n"
+    files["configuration/web.conf"] = "root's"
+    other = write_texts(tmp_path / "other.tar.gz", files)
+    page.locator("#gateway-file").set_input_files(other)
+    box = page.locator("#gateway-configuration")
+    expect(box).to_contain_text("feeder: it is added")
+    expect(page.locator("#gateway-users")).to_contain_text("needs the role administrator")
+    expect(page.locator("#gateway-roots")).to_contain_text("sudo drivebridgectl restore other.tar.gz")
+    assert not edited.exists()
+    assert findings(page) == []
+    port = box.get_by_label(OLD)
+    port.fill(NEW)
+    port.press("Tab")
+    expect(box.locator("#gateway-apply")).to_be_enabled()
+    box.locator("#gateway-apply").click()
+    answer(page, "ram: it is added")
+    expect(box).to_contain_text("This is what the gateway has.")
+    assert edited.read_text(encoding="utf-8") == ELSEWHERE.replace(OLD, NEW)
+    page.locator('#gateway-parameters [data-drive="drive1"]').click()
+    expect(page.locator("#parameters-difference")).to_contain_text("1 parameter of drive1 differs from")
+    expect(page.locator("#parameters-take")).to_contain_text("Take 1 from")
+
+    # An administrator makes the users; what is no such file says so, and nobody else gets one.
+    boss = visit(site, user=ADA)
+    boss.go("users").get_by_role("link", name="Back up or restore").click()
+    boss.page.locator("#gateway-file").set_input_files(other)
+    expect(boss.page.locator("#gateway-configuration")).to_contain_text("needs the role engineer")
+    users = boss.page.locator("#gateway-users")
+    expect(users).to_contain_text("ada: administrator, drives all. Here: administrator")
+    users.locator('[data-user="olaf"]').fill(OLAF[1])
+    users.get_by_role("button", name="Make olaf").click()
+    expect(users).to_contain_text("made")
+    Page(site, OLAF).close()
+    for damaged in saved.read_bytes()[:200], gzip.compress(b"x" * 4000):
+        (tmp_path / "bad.tar.gz").write_bytes(damaged)
+        boss.page.locator("#gateway-file").set_input_files(tmp_path / "bad.tar.gz")
+        expect(boss.page.locator("#gateway-problem")).to_contain_text("bad.tar.gz: it is damaged, or no file of a gateway")
+        boss.page.locator("#gateway-file").set_input_files([])
+    refused(403, Page(site, OLAF).ask, "POST", "/api/gateway", {})
+    assert [user["user"] for user in Page(site, ADA).ask("POST", "/api/gateway", {})["users"]].count("olaf") == 1

@@ -14,6 +14,7 @@ static const struct {
 	{ DB_CLIENT_SERVICE "NoSuchRegister", "{drive} has no register \"{name}\"" },
 	{ DB_CLIENT_SERVICE "NoSuchBus", "no bus is called \"{bus}\"" },
 	{ DB_CLIENT_SERVICE "NoSuchTrace", "this trace is not kept any more" },
+	{ DB_CLIENT_SERVICE "NoSuchAlarm", "no such alarm of this drive is kept" },
 	{ DB_CLIENT_SERVICE "NoSuchCommand", "{drive} has no command \"{command}\"" },
 	{ DB_CLIENT_SERVICE "NoSuchBus", "no bus is called \"{bus}\"" },
 	{ DB_CLIENT_SERVICE "ScanFailed", "{text}" },

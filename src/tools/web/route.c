@@ -67,6 +67,7 @@ static const struct {
 	  { DB_WEB_TRAIL_VERIFY, "audit/verify", DB_MAY_AUDIT, false } },
 	{ "/api/audit.jsonl", "GET", { DB_WEB_TRAIL_FILE, "audit.jsonl", DB_MAY_AUDIT, false } },
 	{ "/api/audit.cef", "GET", { DB_WEB_TRAIL_FILE, "audit.cef", DB_MAY_AUDIT, false } },
+	{ "/api/gateway", "POST", { DB_WEB_GATEWAY, "gateway", DB_MAY_LOOK, false } },
 	{ "/api/health", "POST", { DB_WEB_HEALTH, "Health", DB_MAY_LOOK, false } },
 	{ "/api/health/rows", "POST", { DB_WEB_HEALTH, "HealthRows", DB_MAY_LOOK, false } },
 	{ "/api/alarms", "POST", { DB_WEB_ALARMS, "Alarms", DB_MAY_LOOK, false } },

@@ -41,6 +41,7 @@ enum db_web_kind {
 	DB_WEB_TRAIL_SEARCH,     /* records of the audit trail, newest first */
 	DB_WEB_TRAIL_VERIFY,     /* whether its chain is whole */
 	DB_WEB_TRAIL_FILE,       /* its records as a file, in the form that `name` says */
+	DB_WEB_GATEWAY,          /* what is in a file of the whole gateway */
 	DB_WEB_HEALTH,           /* how drives have been */
 	DB_WEB_ALARMS,           /* alarms that have changed */
 	DB_WEB_ACKNOWLEDGE,      /* one of them was seen */

@@ -6,6 +6,7 @@
 #include "web/call.h"
 #include "web/commission.h"
 #include "web/door.h"
+#include "web/gateway.h"
 #include "web/health.h"
 #include "web/login.h"
 #include "web/metrics.h"
@@ -164,6 +165,7 @@ static void dispatch(struct db_web_request *request)
 		[DB_WEB_TRAIL_SEARCH] = db_web_trail_search,
 		[DB_WEB_TRAIL_VERIFY] = db_web_trail_verify,
 		[DB_WEB_TRAIL_FILE] = db_web_trail_file,
+		[DB_WEB_GATEWAY] = db_web_gateway,
 		[DB_WEB_HEALTH] = db_web_health,
 		[DB_WEB_ALARMS] = db_web_alarms,
 		[DB_WEB_ACKNOWLEDGE] = db_web_acknowledge,

@@ -93,7 +93,7 @@ static void change_own(struct db_web_request *request, const struct db_user *use
 
 /* --- users ------------------------------------------------------------------------------------ */
 
-static void list(struct db_web_request *request, const struct db_users *users)
+static json_t *describe(const struct db_users *users)
 {
 	json_t *made = json_array();
 
@@ -106,9 +106,33 @@ static void list(struct db_web_request *request, const struct db_users *users)
 		                                            "drives", user->grant.drives, "pam",
 		                                            user->pam, "former", user->former));
 	}
-	db_web_request_answer(request, MHD_HTTP_OK,
-	                      json_pack("{s:o, s:i}", "users", made, "min_length",
-	                                (int)request->server->config->password_min_length));
+	return made;
+}
+
+/* False: the file cannot be used, and the request is answered with that. */
+static bool load(struct db_web_request *request, struct db_users *users)
+{
+	char *said = NULL;
+	size_t size = 0;
+	FILE *out = open_memstream(&said, &size);
+	bool good = db_users_load(users, request->server->config->users_file, &db_web_keeper, out);
+
+	if (out)
+		(void)fclose(out);
+	if (!good)
+		db_web_request_refuse(request, MHD_HTTP_CONFLICT, "BadFile",
+		                      "the file of users cannot be used: %s", said ? said : "");
+	free(said);
+	return good;
+}
+
+json_t *db_web_users_list(struct db_web_request *request)
+{
+	struct db_users users;
+	json_t *made = load(request, &users) ? describe(&users) : NULL;
+
+	db_users_clear(&users);
+	return made;
 }
 
 /* The user as he is to be, from the request. False: it is answered with the mistake. */
@@ -180,22 +204,19 @@ static void remove_user(struct db_web_request *request, const struct db_users *u
 
 void db_web_users_take(struct db_web_request *request)
 {
-	const struct db_web_config *config = request->server->config;
 	struct db_users users;
 	const struct db_user *own;
-	char *said = NULL;
-	size_t size = 0;
-	FILE *out = open_memstream(&said, &size);
-	bool good = db_users_load(&users, config->users_file, &db_web_keeper, out);
 
-	if (out)
-		(void)fclose(out);
+	if (!load(request, &users)) {
+		db_users_clear(&users);
+		return;
+	}
 	own = db_users_find(&users, request->user);
-	if (!good)
-		db_web_request_refuse(request, MHD_HTTP_CONFLICT, "BadFile",
-		                      "the file of users cannot be used: %s", said ? said : "");
-	else if (request->route.kind == DB_WEB_USERS)
-		list(request, &users);
+	if (request->route.kind == DB_WEB_USERS)
+		db_web_request_answer(request, MHD_HTTP_OK,
+		                      json_pack("{s:o, s:i}", "users", describe(&users),
+		                                "min_length",
+		                                (int)request->server->config->password_min_length));
 	else if (request->route.kind == DB_WEB_USERS_PUT)
 		put(request, &users);
 	else if (request->route.kind == DB_WEB_USERS_REMOVE)
@@ -206,7 +227,6 @@ void db_web_users_take(struct db_web_request *request)
 		db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginRequired",
 		                      "this needs a login");
 	db_users_clear(&users);
-	free(said);
 }
 
 /* --- the end of a change ---------------------------------------------------------------------- */

@@ -10,6 +10,10 @@
 /* Answers when the hasher has compared and written. */
 void db_web_users_take(struct db_web_request *request);
 
+/* All users without their passwords, as an array; NULL: the request is answered with what is wrong
+ * with their file. */
+json_t *db_web_users_list(struct db_web_request *request);
+
 /* A change has ended; `request` is NULL if it has been answered or is gone. */
 void db_web_users_end(struct db_web_server *server, struct db_web_request *request,
                       const struct db_web_work *work);

@@ -31,7 +31,7 @@ const CLOCK_FIRST_MS = 250;
 const EVENT_MOST = 4 * 1024 * 1024;
 /* Methods of the control socket that act; they name their tab, which then sends keep-alives. */
 const ACTING = new Set(["Write", "Run", "Reload", "SetUp", "Scan", "commission",
-	"parameters", "setup", "Configuration", "CheckConfiguration", "SetConfiguration"]);
+	"parameters", "setup", "AcknowledgeAlarm", "Configuration", "CheckConfiguration", "SetConfiguration"]);
 
 /* An error in place of an answer: name and parameters as in the interface, the message for
  * people. */
@@ -101,6 +101,14 @@ export function whyNot(what, drive) {
 		{ drive: drive || t("This"), user, drives: drives.join(", ") });
 }
 
+/* Why the health of a drive is not shown to the user; "": it is. */
+export function whyNotSee(drive) {
+	const { drives, user } = session;
+
+	return !drives || drives.includes(drive) ? "" :
+		`${drive} is not among the drives of ${user}: ${drives.join(", ")}.`;
+}
+
 export function may(what, drive) { return whyNot(what, drive) === ""; }
 
 /* The same for a command. */
@@ -167,6 +175,22 @@ export async function askAudit(parameters) {
 /* Promises { checked, broken, more_broken, trail }. */
 export async function verifyAudit() {
 	return ask("POST", "audit/verify", {}, { timeout: VERIFY_TIMEOUT_MS });
+}
+
+/* { version, configuration, users (null: not for this user), certificates } */
+export async function askGateway() { return ask("POST", "gateway", {}); }
+
+/* { for_s, step_s } promises { times, rows, step_s, now_us, on, kept, trouble } of all drives. */
+export async function askHealthRows(parameters) { return ask("POST", "health/rows", parameters); }
+
+/* The same with `drive` promises { values, running ... } of one. */
+export async function askHealth(parameters) { return ask("POST", "health", parameters); }
+
+/* Alarms that changed after this change: { alarms, change, over, on, kept, trouble }. */
+export async function askAlarms(after) { return ask("POST", "alarms", { after }); }
+
+export async function acknowledgeAlarm({ id, kind, name }) {
+	return call("AcknowledgeAlarm", { id, drive: kind === "drive" ? name : "" });
 }
 
 export async function logOut() { return takeSession(await ask("POST", "logout", {})); }

@@ -14,6 +14,7 @@
  *   may(what, drive)      whether the user may stop, move, engineer (a drive), manage (the gateway)
  *                         or appoint (users), or read the audit trail; whyNot(what, drive) is the reason in words, or ""
  *   whyNotRun(command, drive)  the same for a command
+ *   whyNotSee(drive)      the same for its health
  *   link()                live; late, hung, silent, lost, down (drivebridged) or connecting: the
  *                         values are old
  *   lateness()            how old the overview's values are at most because of the network, ms
@@ -52,8 +53,10 @@ const VIEWS = {
 	scan: { nav: t("Scan"), load: () => import("./scan.js") },
 	scope: { nav: t("Oscilloscope"), load: () => import("./scope.js") },
 	trace: { nav: t("Trace"), load: () => import("./trace.js") },
+	health: { nav: t("Health"), load: () => import("./health.js") },
 	events: { nav: t("Events"), load: () => import("./events.js") },
 	config: { nav: t("Config"), needs: "manage", load: () => import("./config.js") },
+	gateway: { load: () => import("./gateway.js") },
 	audit: { nav: t("Audit"), needs: "audit", load: () => import("./audit.js") },
 	users: { nav: t("Users"), needs: "appoint", load: () => import("./users.js") },
 	account: { load: () => import("./account.js") },
@@ -111,6 +114,7 @@ const context = {
 	commands: (drive) => askOnce(commandsByDrive, drive, "Commands", "commands"),
 	may: api.may,
 	whyNot: api.whyNot,
+	whyNotSee: api.whyNotSee,
 	whyNotRun: api.whyNotRun,
 	link: () => link,
 	lateness: () => stream?.age() ?? 0,

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-# Leaves out the comments that have lines of their own, a sixth of what a browser loads. The first line stays: the licence.
+# Leaves out the comments that have lines of their own, a sixth of what a browser loads, indentation and empty lines. The
+# first line stays: the licence. No text of a script goes over several lines.
 1b
 /^[[:space:]]*\/\*.*\*\/[[:space:]]*$/d
 /^[[:space:]]*\/\*/,/\*\/[[:space:]]*$/d
 /^[[:space:]]*\/\//d
+s/^\t*//
+/^$/d

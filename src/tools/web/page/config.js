@@ -276,7 +276,8 @@ export async function show(root, context) {
 	view = mine;
 	mine.editor.text.addEventListener("input", () => checkLater(mine));
 	root.append(
-		element("div", { class: "view-head" }, element("h1", {}, t("Configuration"))),
+		element("div", { class: "view-head" }, element("h1", {}, t("Configuration")),
+			element("a", { href: "#/gateway" }, t("Back up or restore the gateway"))),
 		element("div", { class: "panel", id: "config" },
 			element("label", { class: "field", for: mine.editor.text.id },
 				t("Buses and drives that are edited here")),

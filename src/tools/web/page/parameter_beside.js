@@ -2,6 +2,7 @@
 /* Compares a drive's parameters with another drive, a file, or the vendor's delivery state. */
 import { ask, call } from "./api.js";
 import { createField, element, icon, setText } from "./dom.js";
+import { takeHanded } from "./file_transfer.js";
 import { hasBit } from "./format.js";
 import { DEFAULTS, compare, hasTrait, isKept, takeDefaults, valueOf } from "./parameter_set.js";
 import { plural, t } from "./words.js";
@@ -183,8 +184,7 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 		});
 	}
 
-	async function openFile() {
-		const [chosen] = file.files;
+	async function openFile(chosen) {
 		let mistakes = [];
 
 		if (!chosen)
@@ -259,7 +259,7 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 	}
 
 	select.addEventListener("change", choose);
-	file.addEventListener("change", openFile);
+	file.addEventListener("change", () => openFile(file.files[0]));
 	open.addEventListener("click", () => file.click());
 	return {
 		fields: [createField(t("Beside"), select), open, file],
@@ -269,6 +269,7 @@ export function createBeside({ context, drive, onChange, takeOver }) {
 			held = next;
 			fill();
 			show();
+			openFile(takeHanded(drive));
 		},
 		close() {
 			closed = true;

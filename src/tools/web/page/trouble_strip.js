@@ -41,7 +41,8 @@ export function createTroubleStrip(context, guarded) {
 	const list = element("ul", { class: "troubles-list" });
 	const more = element("button", { class: "small", type: "button", hidden: true });
 	const node = element("section", { id: "troubles", class: "panel troubles live", hidden: true,
-		role: "status", "aria-label": t("What needs somebody") }, list, more);
+		role: "status", "aria-label": t("What needs somebody") }, list,
+		element("div", { class: "toolbar" }, more, element("a", { href: "#/health" }, t("All alarms"))));
 	let shown = "";
 	let wanted = [];
 	let all = false;

@@ -107,7 +107,8 @@ export async function show(root, context) {
 		return;
 	}
 	root.append(
-		element("div", { class: "view-head" }, element("h1", {}, t("Users"))),
+		element("div", { class: "view-head" }, element("h1", {}, t("Users")),
+			element("a", { href: "#/gateway" }, t("Back up or restore the gateway"))),
 		element("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": t("Users") },
 			element("table", { id: "users" },
 				element("thead", {}, element("tr", {}, ["User", "Role", "Drives", "Password", ""].map(
