@@ -48,6 +48,7 @@ const VIEWS = {
 	drive: { load: () => import("./drive.js") },
 	commission: { load: () => import("./commission.js") },
 	parameters: { nav: "Parameters", load: () => import("./parameters.js") },
+	positions: { nav: "Positions", load: () => import("./positions.js") },
 	scan: { nav: "Scan", load: () => import("./scan.js") },
 	scope: { nav: "Oscilloscope", load: () => import("./scope.js") },
 	trace: { nav: "Trace", load: () => import("./trace.js") },

@@ -16,6 +16,7 @@ import {
 	inWords,
 	labelOf
 } from "./format.js";
+import { releaseWithPage } from "./hold_button.js";
 import { createHistory } from "./history.js";
 import { createJog } from "./jog.js";
 import { createLamps } from "./lamps.js";
@@ -219,6 +220,7 @@ function makeHead(mine) {
 		[element("a", { href: `#/parameters/${encodeURIComponent(name)}` }, "Parameters")];
 	const place = [];
 
+	links.push(element("a", { href: `#/positions/${encodeURIComponent(name)}` }, "Positions"));
 	if (context.may("engineer", name))
 		links.push(element("a", { href: `#/commission/${encodeURIComponent(name)}` }, "Commission"));
 	const quantity = (label, node, register, bar) => element("div", { class: "quantity live" },
@@ -397,9 +399,7 @@ function watchKeys(mine) {
 		if (event.key === " ")
 			event.preventDefault();
 	}, true);
-	listen(window, "blur", release);
-	listen(window, "pagehide", release);
-	listen(document, "visibilitychange", release);
+	mine.parts.push(releaseWithPage(release));
 }
 
 /* --- streamed data
