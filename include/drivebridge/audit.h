@@ -35,6 +35,7 @@ enum db_audit_kind {
 	DB_AUDIT_LOST,     /* so many are missing here */
 	DB_AUDIT_TRAIL,    /* the files themselves: something was cut off, another key */
 	DB_AUDIT_ALARM,    /* somebody has acknowledged it */
+	DB_AUDIT_POSITION, /* a named position was taught, forgotten, or not gone to */
 	DB_AUDIT_KIND_COUNT
 };
 const char *db_audit_kind_name(enum db_audit_kind kind); /* "command" ... */

@@ -278,6 +278,14 @@ struct db_write_answer db_commander_start_staged(struct db_commander *commander,
                                                  const struct db_client *client, uint32_t group,
                                                  struct db_write_token token, db_time now);
 
+/* What may have changed the origin of the drive's position since the commander was made: how many
+ * commands, whatever became of them, and the last of these; NONE. */
+struct db_origin_changes {
+	uint32_t count;
+	enum db_command last;
+};
+struct db_origin_changes db_commander_origin(const struct db_commander *commander);
+
 /* Ticket of the newest command that was submitted; 0: none yet. */
 uint32_t db_commander_newest(const struct db_commander *commander);
 

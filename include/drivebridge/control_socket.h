@@ -21,6 +21,7 @@ struct db_control_socket;
 struct db_edit_answer;
 struct db_edit_request;
 struct db_health;
+struct db_positions;
 struct db_registers;
 struct db_scan_find;
 struct db_scan_foreign;
@@ -65,6 +66,12 @@ struct db_control_socket_ops {
 	                       const struct db_audit_entry *entry);
 	/* Values of the drives, and alarms; null: there are none (yet). */
 	struct db_health *(*health)(void *context);
+	/* The named positions; null: there are none (yet). */
+	struct db_positions *(*positions)(void *context);
+	/* They were changed, and are to be written to the disk soon. */
+	void (*positions_changed)(void *context);
+	/* Why they cannot be written; "": they can. Valid until the next event. */
+	const char *(*positions_trouble)(void *context);
 };
 
 /* Maximum number of sessions, more than drivebridge-mqtt, -opcua and -webd use together, so that

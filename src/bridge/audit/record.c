@@ -23,6 +23,7 @@ static const char *const kinds[DB_AUDIT_KIND_COUNT] = {
 	[DB_AUDIT_USERS] = "users",       [DB_AUDIT_SERVICE] = "service",
 	[DB_AUDIT_REPEATED] = "repeated", [DB_AUDIT_LOST] = "lost",
 	[DB_AUDIT_TRAIL] = "trail",       [DB_AUDIT_ALARM] = "alarm",
+	[DB_AUDIT_POSITION] = "position",
 };
 
 const char *db_audit_kind_name(enum db_audit_kind kind)

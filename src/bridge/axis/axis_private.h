@@ -524,6 +524,7 @@ struct db_commander {
 	uint32_t newest;            /* ticket of the latest command or write */
 	uint32_t submitted;         /* requests so far */
 	unsigned waiting;           /* waiters of all requests */
+	struct db_origin_changes origin;
 	db_time stopped; /* arrival of the latest stop; motions that arrived before it are over */
 
 	struct db_settle settle; /* parameter writes without proof */

@@ -189,6 +189,11 @@ uint32_t db_commander_newest(const struct db_commander *commander)
 	return commander->newest;
 }
 
+struct db_origin_changes db_commander_origin(const struct db_commander *commander)
+{
+	return commander->origin;
+}
+
 bool db_commander_history(const struct db_commander *commander, size_t age,
                           struct db_history_entry *entry)
 {

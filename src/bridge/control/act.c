@@ -465,6 +465,9 @@ void db_act_run(const struct db_call *call)
 		                json_pack("{s:s, s:s}", "drive", drive_name, "command", command));
 		return;
 	}
+	if (!db_positions_resolve(call, row, &drive))
+		return;
+	arguments = json_object_get(call->parameters, "arguments");
 	/* A stop has no arguments, and is not refused for lack of memory for their names. */
 	list = db_command_is_stop(row->code) ? NULL : db_named_registers(registers, drive.number);
 	if (!list && !db_command_is_stop(row->code)) {
@@ -475,7 +478,8 @@ void db_act_run(const struct db_call *call)
 	    !db_held_span(call, row, &hold_ms) ||
 	    !begin_run(call, drive_name, db_command_is_stop(row->code)))
 		return;
-	if (db_command_may_move(row->code) && !db_held_is_young(call)) {
+	if ((db_command_may_move(row->code) && !db_held_is_young(call)) ||
+	    !db_positions_allow(call, row, &drive)) {
 		db_once_drop(session);
 		return;
 	}

@@ -75,7 +75,8 @@ static const struct method {
 	{ CONTROL ".Clock", db_held_clock, " ", false },
 	{ CONTROL ".Write", db_act_write, " drive values token id within_ms sent_us ", false },
 	{ CONTROL ".Run", db_act_run,
-	  " drive command arguments until_end hold_ms token id within_ms sent_us ", false },
+	  " drive command arguments position until_end hold_ms token id within_ms sent_us ",
+	  false },
 	{ BEAT, db_held_beat, " drive token ", false },
 	{ CONTROL ".Stop", db_stops_call, " drives command wait_ms ", false },
 	{ CONTROL ".Subscribe", db_streams_subscribe, " drives names interval_ms changes ", true },
@@ -96,6 +97,9 @@ static const struct method {
 	{ CONTROL ".HealthRows", db_health_rows_call, " since_us step_s ", false },
 	{ CONTROL ".Alarms", db_alarms_call, " after ", false },
 	{ CONTROL ".AcknowledgeAlarm", db_alarms_acknowledge_call, " id drive ", false },
+	{ CONTROL ".Positions", db_positions_call, " drive ", false },
+	{ CONTROL ".Teach", db_positions_teach, " drive name keep ", false },
+	{ CONTROL ".Forget", db_positions_forget, " drive name ", false },
 	{ CONTROL ".Note", db_audit_note, " kind what user from text refused drive ", false },
 };
 

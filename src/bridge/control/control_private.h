@@ -197,6 +197,23 @@ void db_alarms_acknowledge_call(const struct db_call *call);
 /* Called when it is due (DB_WAITS_FOR_ALARMS). */
 void db_alarms_look(struct db_session *session, db_time now);
 
+/* --- positions.c ------------------------------------------------------------------------------ */
+
+/* The calls Positions, Teach and Forget, and how Run goes to a position by its name. */
+
+void db_positions_call(const struct db_call *call);
+void db_positions_teach(const struct db_call *call);
+void db_positions_forget(const struct db_call *call);
+
+/* Run with `position`: puts its target among the arguments of the call. True without `position`.
+ * False: the call was answered. */
+bool db_positions_resolve(const struct db_call *call, const struct db_command_row *row,
+                          const struct db_named_drive *drive);
+/* Whether the drive still counts from where it was taught; also without `position`. False: the call
+ * was answered, and is not to be carried out. */
+bool db_positions_allow(const struct db_call *call, const struct db_command_row *row,
+                        const struct db_named_drive *drive);
+
 /* --- metrics.c -------------------------------------------------------------------------------- */
 
 /* All counters and measurements, in the text format of Prometheus. */

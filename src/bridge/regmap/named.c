@@ -132,6 +132,45 @@ bool db_named_trouble(const struct db_registers *registers, uint16_t number,
 	return true;
 }
 
+bool db_named_place(const struct db_registers *registers, uint16_t number,
+                    struct db_named_place *place)
+{
+	const struct db_view_drive *drive = find_drive(registers, number);
+	struct db_nameplate_copy plate;
+	struct db_origin_changes changes;
+	struct db_snapshot snapshot;
+	const struct db_feedback *feedback = &snapshot.feedback;
+
+	if (!drive)
+		return false;
+	db_axis_read(drive->axis, &snapshot);
+	/* Read after the snapshot: when that says that it is valid, this is. */
+	db_axis_read_nameplate(drive->axis, &plate);
+	changes = db_commander_origin(drive->commander);
+	*place = (struct db_named_place){
+		.online = (feedback->status & DB_STATUS_ONLINE) != 0,
+		.identified = (feedback->status & DB_STATUS_PARAMS_VALID) != 0,
+		.stands = !(feedback->status &
+		            (DB_STATUS_MOVING | DB_STATUS_HOMING | DB_STATUS_STOPPING)),
+		.homed = (feedback->status & DB_STATUS_HOMED) != 0,
+		.lost = (feedback->status & DB_STATUS_ORIGIN_LOST) != 0 ||
+		        feedback->doubt != DB_DOUBT_NONE,
+		.position = feedback->position,
+		.counts_per_unit = db_scale_is_open(drive->driver, drive->config, feedback) ?
+		                           0.0 :
+		                           db_scale_counts(drive->config, feedback),
+		.unit = drive->config->counts_given || feedback->counts_per_unit > 0.0f ?
+		                db_scale_unit(drive->driver, drive->config) :
+		                "",
+		.commands = changes.count,
+		.restarts = feedback->restarts,
+		.doubts = feedback->doubts,
+	};
+	place->homed_here = place->homed && changes.last == DB_CMD_HOME;
+	memcpy(place->identity, plate.plate.identity, DB_IDENTITY_MAX);
+	return true;
+}
+
 void db_named_bus_stats(const struct db_registers *registers, size_t place,
                         struct db_bus_stats *stats)
 {

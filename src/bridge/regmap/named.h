@@ -93,6 +93,27 @@ const char *db_named_name(const struct db_registers *registers, uint16_t number)
 bool db_named_trouble(const struct db_registers *registers, uint16_t number,
                       struct db_trouble *trouble, uint16_t *error);
 
+/* Where a drive stands, and from what that is counted; all of one moment. */
+struct db_named_place {
+	bool online;
+	bool identified; /* its identity and parameters are valid */
+	bool stands;
+	bool homed;
+	bool homed_here; /* and homing was the last command that may have changed the origin */
+	bool lost;       /* its origin, or it may have been */
+	int32_t position;
+	double counts_per_unit; /* 0: not known yet */
+	const char *unit;       /* "": counts only */
+	char identity[DB_IDENTITY_MAX + 1];
+	/* Changes with everything that may have changed the origin, as far as it is known. */
+	uint32_t commands;
+	uint32_t restarts;
+	uint32_t doubts;
+};
+/* False: there is no such drive. */
+bool db_named_place(const struct db_registers *registers, uint16_t number,
+                    struct db_named_place *place);
+
 /* As in the registers' ops; the bus must exist. */
 void db_named_bus_stats(const struct db_registers *registers, size_t place,
                         struct db_bus_stats *stats);

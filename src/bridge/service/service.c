@@ -142,6 +142,21 @@ static struct db_health *health_of(void *context)
 	return service->health;
 }
 
+static struct db_positions *positions_of(void *context)
+{
+	return positions_list(context);
+}
+
+static void change_positions(void *context)
+{
+	positions_changed(context);
+}
+
+static const char *trouble_of_positions(void *context)
+{
+	return positions_trouble(context);
+}
+
 static uint32_t post_record(void *context, const struct db_client *client,
                             const struct db_audit_entry *entry)
 {
@@ -182,6 +197,9 @@ static int listen_for_tools(struct service *service)
 		.audit = audit_of,
 		.audit_post = post_record,
 		.health = health_of,
+		.positions = positions_of,
+		.positions_changed = change_positions,
+		.positions_trouble = trouble_of_positions,
 	};
 	const struct db_control_socket_setup setup = {
 		.loop = service->loop,
@@ -226,6 +244,8 @@ static int set_up(struct service *service, struct configuration_start *start)
 	if (error == 0)
 		error = health_begin(service);
 	if (error == 0)
+		error = positions_begin(service);
+	if (error == 0)
 		error = configuration_begin(service, start);
 	/* A program that waits for this line finds everything ready. */
 	if (error == 0)
@@ -252,6 +272,7 @@ static void tear_down(struct service *service)
 	reload_abandon(service);
 	configuration_end(service);
 	edit_end(service);
+	positions_end(service);
 	must_stand_end(service);
 	audit_end(service);
 	health_end(service);

@@ -22,9 +22,11 @@
 struct configuration;
 struct edit;
 struct must_stand;
+struct positions;
 struct reload;
 struct service;
 struct status;
+struct writing;
 
 /* --- state.c ---------------------------------------------------------------------------------- */
 
@@ -55,6 +57,8 @@ struct service {
 	struct configuration *configuration; /* compared with its files */
 	struct edit *edit;                   /* in progress; null */
 	struct must_stand *must_stand;       /* drives that must stand, across a restart */
+	struct positions *positions;         /* named ones */
+	struct writing *writing;             /* of them, in progress; null */
 	struct db_audit *audit;
 	struct db_health *health;
 	sd_event_source *health_timer;
@@ -167,6 +171,25 @@ void must_stand_look(struct service *service);
 void must_stand_look_soon(struct service *service);
 /* The buses have ended: writes the file for drives that still must stand. */
 void must_stand_end(struct service *service);
+
+/* --- positions.c ------------------------------------------------------------------------------ */
+
+/*
+ * The named positions of the drives, in a file of systemd's StateDirectory, which is replaced as a
+ * whole shortly after each change; without that folder in memory only.
+ */
+
+/* Reads the file. 0 or a negative errno; a file that cannot be understood is logged and kept under
+ * another name. */
+int positions_begin(struct service *service);
+/* Null before the beginning. */
+struct db_positions *positions_list(const struct service *service);
+/* Has them written soon. */
+void positions_changed(struct service *service);
+/* Why they cannot be written; "": they can, or there is no folder for them. */
+const char *positions_trouble(const struct service *service);
+/* Writes what is still to be written. The disk's thread has ended. */
+void positions_end(struct service *service);
 
 /* --- traces.c --------------------------------------------------------------------------------- */
 

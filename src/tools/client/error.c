@@ -19,6 +19,8 @@ static const struct {
 	{ DB_CLIENT_SERVICE "NoSuchBus", "no bus is called \"{bus}\"" },
 	{ DB_CLIENT_SERVICE "ScanFailed", "{text}" },
 	{ DB_CLIENT_SERVICE "EditFailed", "{text}" },
+	{ DB_CLIENT_SERVICE "NoSuchPosition", "{drive} has no position \"{name}\"" },
+	{ DB_CLIENT_SERVICE "PositionRefused", "{text}" },
 	{ DB_CLIENT_SERVICE "BadValue", "{name}: {reason}" },
 	{ DB_CLIENT_SERVICE "NotAllowed", "not allowed: {reason}" },
 	{ DB_CLIENT_SERVICE "Refused", "{result}: {reason}" },

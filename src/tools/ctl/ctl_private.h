@@ -47,6 +47,7 @@ enum db_ctl_status db_ctl_params_diff(struct db_ctl *ctl, int count, char **argu
 enum db_ctl_status db_ctl_params_list(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_params_restore(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_params_save(struct db_ctl *ctl, int count, char **arguments);
+enum db_ctl_status db_ctl_position(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_record(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_reload(struct db_ctl *ctl, int count, char **arguments);
 enum db_ctl_status db_ctl_replace(struct db_ctl *ctl, int count, char **arguments);
@@ -197,6 +198,9 @@ void db_ctl_ports_find(const char *text, json_t *ports);
 char *db_ctl_ports_replace(const char *text, const json_t *others);
 
 /* --- run -------------------------------------------------------------------------------------- */
+
+/* Goes to a named position, as run DRIVE move_absolute does to another. */
+enum db_ctl_status db_ctl_go(struct db_ctl *ctl, const char *drive, const char *position);
 
 /* Commands with words of their own: move, enable, disable, home, clear. */
 enum db_ctl_status db_ctl_run_short(struct db_ctl *ctl, int count, char **arguments);

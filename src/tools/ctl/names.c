@@ -63,6 +63,12 @@ enum db_ctl_status db_ctl_names(struct db_ctl *ctl, int count, char **arguments)
 	} else if (strcmp(kind, "registers") == 0 || strcmp(kind, "writable") == 0) {
 		answer = db_ctl_read_registers(ctl, drive, &status);
 		print_names(answer, kind[0] == 'w', kind[0] == 'w' ? "=" : "");
+	} else if (strcmp(kind, "deeds") == 0) {
+		(void)puts("teach\ngo\nforget\nkeep");
+	} else if (strcmp(kind, "positions") == 0) {
+		answer = db_ctl_call(ctl, "Positions", json_pack("{s:s}", "drive", drive),
+		                     DB_CTL_TIMEOUT_MS, &status);
+		print_names(json_object_get(answer, "positions"), false, "");
 	} else {
 		answer = db_ctl_call(ctl, "Commands", json_pack("{s:s}", "drive", drive),
 		                     DB_CTL_TIMEOUT_MS, &status);

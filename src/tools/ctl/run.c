@@ -234,6 +234,32 @@ static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, con
 	return status;
 }
 
+enum db_ctl_status db_ctl_go(struct db_ctl *ctl, const char *drive, const char *position)
+{
+	struct running running = { .ctl = ctl, .drive = drive, .command = position };
+	enum db_ctl_status status = DB_CTL_OK;
+	json_t *registers;
+
+	if (db_client_send(ctl->client, "Run",
+	                   json_pack("{s:s, s:s, s:s, s:b}", "drive", drive, "command",
+	                             "move_absolute", "position", position, "until_end",
+	                             !ctl->no_wait),
+	                   false, take_result, &running) != 0)
+		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
+		                       "the service has closed the connection");
+	status = wait_for_end(ctl, &running);
+	if (running.refused) {
+		enum db_ctl_status read = DB_CTL_OK;
+
+		running.command = "move_absolute";
+		registers = db_ctl_read_registers(ctl, drive, &read);
+		if (registers)
+			say_that_it_is_disabled(ctl, &running, registers);
+		json_decref(registers);
+	}
+	return status;
+}
+
 enum db_ctl_status db_ctl_run(struct db_ctl *ctl, int count, char **arguments)
 {
 	if (count == 1)

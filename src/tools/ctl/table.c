@@ -55,6 +55,12 @@ const struct db_ctl_command db_ctl_commands[] = {
 	{ "jog", "DRIVE", "drives", 1, 1, true, DB_CTL_TASK_MOVE,
 	  "Move while an arrow key is held",
 	  db_ctl_jog },
+	{ "position", "DRIVE [teach|go|forget|keep NAME]", "drives deeds positions -", 1, 3, true, DB_CTL_TASK_MOVE,
+	  "Named positions of a drive; lists them, teaches where the drive stands, goes there and waits "
+	  "for the end of the motion (Ctrl-C stops the drive), forgets one. A drive does not go to a position "
+	  "after its origin, its counts per unit or the drive itself has changed; keep says that the "
+	  "origin is still the one of then",
+	  db_ctl_position },
 	{ "run", "DRIVE [COMMAND [VALUE...]]", "drives commands arguments", 1, -1, true, DB_CTL_TASK_MOVE,
 	  "Run any command of the drive; without COMMAND lists what there is. Waits for its end, "
 	  "that of its motion too; values of its arguments in their order or by name, such as 10mm; "
@@ -194,7 +200,7 @@ const struct db_ctl_option db_ctl_options[] = {
 	{ "json", NULL, NULL, "Objects for programs instead of text; one a line for what goes on" },
 	{ "all", NULL, " show ", "The registers of results, diagnostics and history as well" },
 	{ "relative", NULL, " move ", "By this distance from where the drive is, as run DRIVE move_relative does" },
-	{ "no-wait", NULL, " run move home ", "Do not wait for the end of a motion" },
+	{ "no-wait", NULL, " run move home position ", "Do not wait for the end of a motion" },
 	{ "quick", NULL, " stop ", "The fastest stop that the drives have" },
 	{ "disable", NULL, " stop ", "Take the power off the motors; a load may drop" },
 	{ "velocity", "V", " jog commission ",

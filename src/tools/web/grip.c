@@ -5,7 +5,7 @@
 const char *db_web_grip_end_name(enum db_web_grip_end end)
 {
 	static const char *const names[] = { "",       "released", "late",   "refused", "stopped",
-		                             "logout", "lost",     "ending", "old" };
+		                             "logout", "lost",     "ending", "old",     "done" };
 
 	return names[end];
 }

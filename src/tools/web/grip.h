@@ -29,9 +29,11 @@ enum db_web_grip_end {
 	DB_WEB_GRIP_LOST,   /* the connection to the service was lost */
 	DB_WEB_GRIP_ENDING, /* this program is ending */
 	DB_WEB_GRIP_OLD,    /* its first beat was too old to begin anything */
+	DB_WEB_GRIP_DONE,   /* a sequence has come to its end */
 };
 
-/* "", "released", "late", "refused", "stopped", "logout", "lost", "ending", "old". */
+/* "", "released", "late", "refused", "stopped", "logout", "lost", "ending", "old",
+ * "done". */
 const char *db_web_grip_end_name(enum db_web_grip_end end);
 
 struct db_web_grip {

@@ -46,6 +46,8 @@ static const struct {
 	{ DB_CLIENT_SERVICE "NoSuchTrace", "NoSuchTrace", MHD_HTTP_NOT_FOUND },
 	{ DB_CLIENT_SERVICE "NoSuchAlarm", "NoSuchAlarm", MHD_HTTP_NOT_FOUND },
 	{ DB_CLIENT_SERVICE "NoSuchCommand", "NoSuchCommand", MHD_HTTP_NOT_FOUND },
+	{ DB_CLIENT_SERVICE "NoSuchPosition", "NoSuchPosition", MHD_HTTP_NOT_FOUND },
+	{ DB_CLIENT_SERVICE "PositionRefused", "PositionRefused", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "Refused", "Refused", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "ScanFailed", "ScanFailed", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "EditFailed", "EditFailed", MHD_HTTP_CONFLICT },

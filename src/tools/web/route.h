@@ -25,6 +25,7 @@ enum db_web_kind {
 	DB_WEB_ALIVE,
 	DB_WEB_CLOCK, /* the moment of this program's clock */
 	DB_WEB_JOG,
+	DB_WEB_SEQUENCE,         /* a beat of a sequence of named positions */
 	DB_WEB_COMMISSION,       /* the stream of a commissioning */
 	DB_WEB_COMMISSION_SAY,   /* a message to it */
 	DB_WEB_COMMISSION_STEPS, /* the list of its steps */

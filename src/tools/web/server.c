@@ -149,6 +149,7 @@ static void dispatch(struct db_web_request *request)
 		[DB_WEB_ALIVE] = db_web_tabs_keep_alive,
 		[DB_WEB_CLOCK] = tell_moment,
 		[DB_WEB_JOG] = db_web_tabs_jog,
+		[DB_WEB_SEQUENCE] = db_web_tabs_sequence,
 		[DB_WEB_COMMISSION] = db_web_commission_take,
 		[DB_WEB_COMMISSION_SAY] = db_web_commission_take,
 		[DB_WEB_COMMISSION_STEPS] = db_web_commission_take,

@@ -24,6 +24,10 @@ bool db_web_stops_call(struct db_web_stops *stops, struct db_web_request *reques
 bool db_web_stops_drive(struct db_web_stops *stops, const struct db_web_caller *caller,
                         const char *drive, db_client_answer_fn *answer, void *data);
 
+/* Stops these drives, a list of at least one, with one call, Stop; takes it over. As above. */
+bool db_web_stops_drives(struct db_web_stops *stops, const struct db_web_caller *caller,
+                         json_t *drives, db_client_answer_fn *answer, void *data);
+
 /* The receiver of these answers no longer exists. */
 void db_web_stops_forget(struct db_web_stops *stops, const void *data);
 

@@ -4,6 +4,7 @@
 #include "web/commission.h"
 #include "web/jog.h"
 #include "web/order.h"
+#include "web/sequence.h"
 #include "web/service.h"
 #include "web/stops.h"
 #include "web/stream.h"
@@ -42,6 +43,7 @@ struct db_web_tab {
 	char session[DB_WEB_SECRET_TEXT];
 	struct db_link *act;
 	struct db_web_jog *jog;
+	struct db_web_sequence *sequence;
 	struct db_web_order order;
 	bool lost;
 	bool leaves; /* no more calls are taken from it */
@@ -80,8 +82,11 @@ static void free_tab(struct db_web_tab *tab)
 	}
 	if (tab->jog)
 		db_web_jog_lose(tab->jog);
+	if (tab->sequence)
+		db_web_sequence_lose(tab->sequence);
 	tab->act = NULL;
 	db_link_close(act);
+	db_web_sequence_free(tab->sequence);
 	db_web_jog_free(tab->jog);
 	free(tab);
 }
@@ -136,8 +141,9 @@ static struct db_web_tab *open_tab(const struct db_web_request *request,
 
 		db_link_introduce(tab->act, caller.user, caller.from, NULL, NULL);
 		tab->jog = db_web_jog_new(tab->server, tab->act);
+		tab->sequence = db_web_sequence_new(tab->server, tab->act);
 	}
-	if (tab->jog)
+	if (tab->jog && tab->sequence)
 		return tab;
 	if (error->name[0] == '\0')
 		db_client_error_set(error, DB_CLIENT_NO_MEMORY, "no memory");
@@ -242,8 +248,10 @@ static void stop(struct db_web_request *request, const char *drive)
 
 	if (waits && is_new)
 		(void)db_link_tell(tab->act, request->route.name, json_incref(request->parameters));
-	if (tab)
+	if (tab) {
 		db_web_jog_yield(tab->jog, drive);
+		db_web_sequence_yield(tab->sequence, drive);
+	}
 	db_web_commission_yield(request->server, drive);
 	/* Calls that the page sent before the stop and that arrive after it are not carried out,
 	 * even if one of them is the page's first. */
@@ -361,8 +369,37 @@ void db_web_tabs_jog(struct db_web_request *request)
 		db_web_request_answer(request, MHD_HTTP_OK,
 		                      json_pack("{s:b, s:s, s:s, s:s}", "held", 0, "why", "stopped",
 		                                "text", "", "result", ""));
+	else if (json_number_value(json_object_get(request->parameters, "velocity")) != 0.0 &&
+	         !db_web_sequence_is_over(tab->sequence, db_client_now()))
+		db_web_request_answer(request, MHD_HTTP_OK,
+		                      json_pack("{s:b, s:s, s:s, s:s}", "held", 0, "why", "refused",
+		                                "text", "a sequence is held, or is being stopped",
+		                                "result", ""));
 	else if (db_web_jog_take(tab->jog, request))
 		remember_drive(tab, drive, NULL);
+}
+
+void db_web_tabs_sequence(struct db_web_request *request)
+{
+	struct db_web_tab *tab = require_tab(request);
+	bool held = json_is_true(json_object_get(request->parameters, "held"));
+	const char *drive;
+
+	if (!tab)
+		return;
+	if (held && db_web_order_is_overtaken(&tab->order, request->call)) {
+		db_web_request_answer(
+			request, MHD_HTTP_OK,
+			json_pack("{s:b, s:s, s:s}", "held", 0, "why", "stopped", "text", ""));
+	} else if (held && !db_web_jog_is_over(tab->jog, db_client_now())) {
+		db_web_request_answer(request, MHD_HTTP_OK,
+		                      json_pack("{s:b, s:s, s:s}", "held", 0, "why", "refused",
+		                                "text", "a drive is jogged, or is being stopped"));
+	} else if (db_web_sequence_take(tab->sequence, request)) {
+		drive = db_web_sequence_drive(tab->sequence);
+		if (drive)
+			remember_drive(tab, drive, NULL);
+	}
 }
 
 void db_web_tabs_keep_alive(struct db_web_request *request)
@@ -382,6 +419,7 @@ static void leave(struct db_web_tab *tab, enum db_web_grip_end end)
 {
 	tab->leaves = true;
 	db_web_jog_end(tab->jog, end);
+	db_web_sequence_end(tab->sequence, end);
 }
 
 void db_web_tabs_tick(struct db_web_server *server, db_time now)
@@ -395,7 +433,9 @@ void db_web_tabs_tick(struct db_web_server *server, db_time now)
 		else if (!tab->leaves && now - tab->heard >= DB_WEB_TAB_SILENT)
 			leave(tab, DB_WEB_GRIP_OVERDUE);
 		db_web_jog_tick(tab->jog, now);
-		if (tab->lost || (tab->leaves && db_web_jog_is_over(tab->jog, now)))
+		db_web_sequence_tick(tab->sequence, now);
+		if (tab->lost || (tab->leaves && db_web_jog_is_over(tab->jog, now) &&
+		                  db_web_sequence_is_over(tab->sequence, now)))
 			free_tab(tab);
 		else if (!tab->leaves)
 			feed(tab, now);

@@ -39,6 +39,9 @@ struct db_link *db_web_tabs_link(const struct db_web_request *request, const cha
 /* A beat of the dead man's rule. */
 void db_web_tabs_jog(struct db_web_request *request);
 
+/* The same for a sequence of named positions. */
+void db_web_tabs_sequence(struct db_web_request *request);
+
 /* A keep-alive of the page. */
 void db_web_tabs_keep_alive(struct db_web_request *request);
 

@@ -30,7 +30,7 @@ const CLOCK_EVERY_MS = 2000;
 const CLOCK_FIRST_MS = 250;
 const EVENT_MOST = 4 * 1024 * 1024;
 /* Methods of the control socket that act; they name their tab, which then sends keep-alives. */
-const ACTING = new Set(["Write", "Run", "Reload", "SetUp", "Scan", "commission",
+const ACTING = new Set(["Write", "Run", "Teach", "Forget", "Reload", "SetUp", "Scan", "commission",
 	"parameters", "setup", "AcknowledgeAlarm", "Configuration", "CheckConfiguration", "SetConfiguration"]);
 
 /* An error in place of an answer: name and parameters as in the interface, the message for
@@ -337,6 +337,14 @@ export function sendBeat(drive, grip, beat, velocity) {
 	beginToAct();
 	return ask("POST", "jog", { drive, grip, beat, velocity, token: newestToken },
 		{ named: true, keepalive: velocity === 0, timeout: 2000, number: ++calls });
+}
+
+/* The same for a sequence: { grip, beat, held, steps }, held false releases it. Resolves with { held, why,
+ * text, step, moves, wait_ms }. */
+export function sendSequenceBeat(beat) {
+	beginToAct();
+	return ask("POST", "sequence", { ...beat, token: newestToken },
+		{ named: true, keepalive: !beat.held, timeout: 2000, number: ++calls });
 }
 
 /*

@@ -50,6 +50,7 @@ const VIEWS = {
 	drive: { load: () => import("./drive.js") },
 	commission: { load: () => import("./commission.js") },
 	parameters: { nav: t("Parameters"), load: () => import("./parameters.js") },
+	positions: { nav: t("Positions"), load: () => import("./positions.js") },
 	scan: { nav: t("Scan"), load: () => import("./scan.js") },
 	scope: { nav: t("Oscilloscope"), load: () => import("./scope.js") },
 	trace: { nav: t("Trace"), load: () => import("./trace.js") },

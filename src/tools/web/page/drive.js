@@ -16,6 +16,7 @@ import {
 	inWords,
 	labelOf
 } from "./format.js";
+import { releaseWithPage } from "./hold_button.js";
 import { createHistory } from "./history.js";
 import { createJog } from "./jog.js";
 import { createLamps } from "./lamps.js";
@@ -220,6 +221,7 @@ function makeHead(mine) {
 		[element("a", { href: `#/parameters/${encodeURIComponent(name)}` }, t("Parameters"))];
 	const place = [];
 
+	links.push(element("a", { href: `#/positions/${encodeURIComponent(name)}` }, "Positions"));
 	if (context.may("engineer", name))
 		links.push(element("a", { href: `#/commission/${encodeURIComponent(name)}` }, t("Commission")));
 	const quantity = (label, node, register, bar) => element("div", { class: "quantity live" },
@@ -398,9 +400,7 @@ function watchKeys(mine) {
 		if (event.key === " ")
 			event.preventDefault();
 	}, true);
-	listen(window, "blur", release);
-	listen(window, "pagehide", release);
-	listen(document, "visibilitychange", release);
+	mine.parts.push(releaseWithPage(release));
 }
 
 /* --- streamed data

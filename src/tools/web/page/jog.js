@@ -6,6 +6,7 @@
  */
 import { sendBeat, call } from "./api.js";
 import { element, icon, setAttribute, setText } from "./dom.js";
+import { listenToHold } from "./hold_button.js";
 import { formatFixed, formatReal, inWords, parseValue } from "./format.js";
 import { t } from "./words.js";
 
@@ -173,19 +174,7 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 			"data-direction": direction, "aria-keyshortcuts": "ArrowLeft ArrowRight" },
 		direction < 0 ? [drawing, "−"] : ["+", drawing]);
 
-		button.addEventListener("pointerdown", (event) => {
-			if (event.button !== 0 || !event.isPrimary)
-				return;
-			/* A finger that leaves the button has released it. */
-			if (button.hasPointerCapture(event.pointerId))
-				button.releasePointerCapture(event.pointerId);
-			event.preventDefault();
-			button.focus();
-			press(direction);
-		});
-		for (const end of ["pointerup", "pointercancel", "pointerleave", "blur"])
-			button.addEventListener(end, () => grips.release());
-		button.addEventListener("contextmenu", (event) => event.preventDefault());
+		listenToHold(button, { press: () => press(direction), release: () => grips.release() });
 		return button;
 	}
 
