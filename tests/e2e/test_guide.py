@@ -16,7 +16,7 @@ from bridgelib import DISCRETE, HOMING, ROOT, STOPPING, eventually, find_program
 
 GUIDE = ROOT / "docs" / "guide"
 # Tables that the guide leads to, and that are as long as a book.
-REFERENCE = [ROOT / "docs" / "exchanges.md", ROOT / "docs" / "temperaments.md"]
+REFERENCE = [ROOT / "docs" / name for name in ("exchanges.md", "temperaments.md", "evidence.md", "mqtt-sparkplug.md")]
 PAGES = sorted(GUIDE.glob("*.md")) + sorted((GUIDE / "zh").glob("*.md")) + REFERENCE
 README = ROOT / "README.md"
 READMES = [README, ROOT / "README.zh-CN.md"]
