@@ -72,6 +72,8 @@ struct db_audit_entry {
 	const char *login;
 	const char *user; /* for whom the session says it acts, or role of the certificate */
 	const char *from; /* from where */
+	/* the endpoint in whose units the client speaks; "" or null: the first one's, or no client */
+	const char *endpoint;
 
 	/* What. */
 	const char *drive;

@@ -34,6 +34,9 @@ struct db_client {
 	 * serial line: db_client_address_of_line() */
 	uint8_t address[16];
 	uint16_t port; /* not 0; for a session a number of its own, within 16 bits */
+	/* The number of its endpoint, in whose units its requests are meant: see
+	 * db_endpoint_number(). Sessions name drives and see those of all endpoints. */
+	uint32_t endpoint;
 	bool may_write;
 	/* What the role of its certificate allows; null: it has none, and no limits of that kind.
 	 * Not to be kept longer than the call. */

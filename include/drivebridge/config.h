@@ -76,6 +76,49 @@ struct db_role_config {
 	bool control;
 };
 
+/*
+ * Endpoints have unit spaces of their own: unit 5 of one is another drive than unit 5 of the other.
+ * Each has a number that follows from its name and so is the same after each reload: what waits
+ * while a reload replaces the configuration never means another endpoint. The section modbus is the
+ * first endpoint.
+ */
+#define DB_ENDPOINT_FIRST UINT32_C(0)
+#define DB_ENDPOINTS_MAX 16 /* sections endpoint */
+/* No endpoint's number: for programs that name drives, the drives of all. */
+#define DB_ENDPOINT_ALL UINT32_MAX
+
+/* FNV-1a of the name; null or "" is the first endpoint. The check of a configuration refuses two
+ * names with one number. */
+static inline uint32_t db_endpoint_number(const char *name)
+{
+	uint32_t number = UINT32_C(2166136261);
+
+	if (!name || !*name)
+		return DB_ENDPOINT_FIRST;
+	for (; *name; name++)
+		number = (number ^ (uint8_t)*name) * UINT32_C(16777619);
+	return number == DB_ENDPOINT_FIRST || number == DB_ENDPOINT_ALL ? 1 : number;
+}
+
+/* A further TCP endpoint, beside the one of the section modbus, whose other settings hold here
+ * too. */
+struct db_endpoint_config {
+	char *name;
+	uint32_t number;               /* db_endpoint_number() of the name */
+	unsigned source_line;          /* while the configuration is read */
+	char *listen;                  /* as of the section modbus, and given */
+	struct db_network *allow_read; /* these two as of the section modbus when not given */
+	size_t allow_read_count;
+	struct db_network *allow_write;
+	size_t allow_write_count;
+	char *secure_socket;   /* as of the section modbus; default DB_NO_SOCKET */
+	unsigned gateway_unit; /* 1..254, 0 (default) = none in addition to 0 and 255 */
+	/* max-clients, 1..1024, default: as of the section modbus. They are this endpoint's own:
+	 * clients of other endpoints take none of them. */
+	unsigned max_clients;
+	unsigned reserved_writers; /* as of the section modbus, but below max_clients */
+};
+
 /* A serial line on which a PLC reaches drives over Modbus RTU. */
 struct db_rtu_config {
 	char *name;
@@ -88,6 +131,8 @@ struct db_rtu_config {
 	enum db_direction direction; /* as of a bus */
 	unsigned rts_before_ms;
 	unsigned rts_after_ms;
+	char *endpoint_name; /* endpoint: whose units these are; null: the first one's */
+	uint32_t endpoint;   /* its number */
 	/* Units that are answered here, a bit each; all others belong to other devices. */
 	uint8_t units[32];
 	bool may_write;  /* allow = read (default) or write */
@@ -125,6 +170,8 @@ struct db_modbus_config {
 	enum db_require_secure require_secure; /* require-secure, default no */
 	struct db_role_config *roles;
 	size_t role_count;
+	struct db_endpoint_config *endpoints; /* the further ones */
+	size_t endpoint_count;
 	struct db_rtu_config *lines;
 	size_t line_count;
 	bool low_word_first; /* word-order = high-first (default) or low-first */
@@ -148,6 +195,53 @@ struct db_modbus_config {
 	unsigned control_timeout_ms;       /* control-timeout-ms, 100..600000, default 5000 */
 	enum db_log_level log;             /* default info */
 };
+
+/* The endpoints in one form: the section modbus is the first one, at index 0, with the name "". */
+static inline size_t db_modbus_endpoint_count(const struct db_modbus_config *modbus)
+{
+	return 1 + modbus->endpoint_count;
+}
+
+/* Its texts and lists are those of the configuration. */
+static inline struct db_endpoint_config db_modbus_endpoint_at(const struct db_modbus_config *modbus,
+                                                              size_t index)
+{
+	if (index > 0)
+		return modbus->endpoints[index - 1];
+	return (struct db_endpoint_config){
+		.number = DB_ENDPOINT_FIRST,
+		.listen = modbus->listen,
+		.allow_read = modbus->allow_read,
+		.allow_read_count = modbus->allow_read_count,
+		.allow_write = modbus->allow_write,
+		.allow_write_count = modbus->allow_write_count,
+		.secure_socket = modbus->secure_socket,
+		.gateway_unit = modbus->gateway_unit,
+		.max_clients = modbus->max_clients,
+		.reserved_writers = modbus->reserved_writers,
+	};
+}
+
+/* The one with this number. False: there is none. */
+static inline bool db_modbus_endpoint_find(const struct db_modbus_config *modbus, uint32_t number,
+                                           struct db_endpoint_config *endpoint)
+{
+	for (size_t i = 0; i < db_modbus_endpoint_count(modbus); i++) {
+		*endpoint = db_modbus_endpoint_at(modbus, i);
+		if (endpoint->number == number)
+			return true;
+	}
+	return false;
+}
+
+/* The name of the one with this number; "" for the first one, and where there is none. */
+static inline const char *db_modbus_endpoint_name(const struct db_modbus_config *modbus,
+                                                  uint32_t number)
+{
+	struct db_endpoint_config found;
+
+	return db_modbus_endpoint_find(modbus, number, &found) && found.name ? found.name : "";
+}
 
 /* The socket for tools on this machine, see control_socket.h. */
 struct db_control_config {
@@ -215,6 +309,8 @@ struct db_drive_config {
 	size_t bus;             /* index into buses */
 	unsigned address;       /* on the bus; range is the family's; 0 on RS232 */
 	unsigned axis;          /* axis, of a controller with several: 0 = x, 1 = y ...; else 0 */
+	char *endpoint_name;    /* endpoint: in whose units it is; null: in the first one's */
+	uint32_t endpoint;      /* its number */
 	unsigned unit;          /* Modbus unit 1..247 */
 	double counts_per_unit; /* counts-per-unit, > 0, default 1.0 */
 	/* set in the file; otherwise the drive's own value is used if known */

@@ -45,10 +45,10 @@ enum db_refusal {
 /* Answers are Modbus exception codes; 0 is success. Addresses are 0-based. */
 struct db_backend {
 	/*
-	 * Whether this unit id exists: 0, or exception 0A. Called before all checks but that of a
+	 * Units are those of the client's endpoint, here and below. Whether this one exists: 0, or exception 0A. Called before all checks but that of a
 	 * request's form.
 	 */
-	uint8_t (*unit)(void *context, uint8_t unit);
+	uint8_t (*unit)(void *context, const struct db_client *client, uint8_t unit);
 
 	/* Whether the client's role allows it anything with this unit, which exists: 0, or exception
 	 * 01. Only called for clients that have one. */
@@ -75,8 +75,8 @@ struct db_backend {
 	                  uint16_t address, uint16_t value, struct db_write_token token);
 
 	/* True if this write of holding registers is a stop of the unit's drive. */
-	bool (*stops)(void *context, uint8_t unit, uint16_t address, uint16_t count,
-	              const uint16_t *values);
+	bool (*stops)(void *context, const struct db_client *client, uint8_t unit, uint16_t address,
+	              uint16_t count, const uint16_t *values);
 
 	/*
 	 * A write of holding registers to all of these units (a bit each), as if to each drive's
@@ -88,12 +88,14 @@ struct db_backend {
 
 	/* FC 17: server id text and run indicator of a unit. Returns the text's length (<=
 	 * size). */
-	size_t (*server_id)(void *context, uint8_t unit, char *text, size_t size, bool *running);
+	size_t (*server_id)(void *context, const struct db_client *client, uint8_t unit, char *text,
+	                    size_t size, bool *running);
 
 	/* FC 43/14 objects 0..6 (vendor name, product code, revision, vendor URL, product name,
 	 * model name, user application name): static text, or null when the unit has no such
 	 * object. */
-	const char *(*device_id)(void *context, uint8_t unit, uint8_t object);
+	const char *(*device_id)(void *context, const struct db_client *client, uint8_t unit,
+	                         uint8_t object);
 
 	/* A client connected (connected = true) or disconnected. For logs and counters. May be
 	 * null. */
@@ -141,14 +143,14 @@ struct db_server_client {
 };
 
 /*
- * Listens and serves on the loop's thread. The backend must outlive the server, as must the log of
+ * Listens on all endpoints and serves on the loop's thread. The backend must outlive the server, as must the log of
  * the source, which is copied; so must the configuration, or the time until another one takes its
  * place. 0, or a negative errno (EADDRINUSE, EACCES, EINVAL for an address that cannot be read
- * ...).
+ * ...); *where is then the address, or null when it was something else.
  */
 int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
                   const struct db_backend *backend, void *context, const struct db_log_source *log,
-                  struct db_server **result);
+                  struct db_server **result, const char **where);
 
 /* Closes every connection; pending tokens become void. */
 void db_server_free(struct db_server *server);
@@ -156,14 +158,14 @@ void db_server_free(struct db_server *server);
 /*
  * Other settings, in two steps. Preparing does all that can fail, such as listening on another
  * address in addition to the old one; it changes nothing that a client could notice. 0 or a
- * negative errno. Then db_server_apply() lets them take effect, or db_server_change_free() forgets
+ * negative errno, and *where as above. Then db_server_apply() lets them take effect, or db_server_change_free() forgets
  * them; no event is to be served in between. Connections stay, except those of clients that may not
  * connect any more. The former configuration is not used afterwards.
  */
 struct db_server_change;
 
 int db_server_prepare(struct db_server *server, const struct db_modbus_config *config,
-                      struct db_server_change **change);
+                      struct db_server_change **change, const char **where);
 void db_server_apply(struct db_server *server, struct db_server_change *change);
 void db_server_change_free(struct db_server_change *change);
 
@@ -187,7 +189,8 @@ void db_server_set_rights(struct db_server *server, const struct db_rights *righ
 bool db_server_certificate(const struct db_server *server, const uint8_t address[16],
                            const char **name, const char **role);
 
-/* How drivebridge-tls is, which hands clients with certificates over. False: it is not connected. */
+/* How drivebridge-tls is, which hands clients with certificates over; with several of them, on several
+ * endpoints, the first dates and the sums. False: none is connected. */
 struct db_secure_status;
 bool db_server_secure_status(const struct db_server *server, struct db_secure_status *status);
 
@@ -195,11 +198,12 @@ bool db_server_secure_status(const struct db_server *server, struct db_secure_st
  * such as a bus that opens its port again, always find them. 0, the default, keeps none. */
 void db_server_keep_descriptors(struct db_server *server, unsigned count);
 
-/* True if it listens on an address that the machine did not have at the beginning. */
-bool db_server_is_early(const struct db_server *server);
+/* True if the endpoint with this number, which is there, listens on an address that the machine did
+ * not have at the beginning. */
+bool db_server_is_early(const struct db_server *server, uint32_t endpoint);
 
 /* The port it listens on (for port 0 in the configuration). */
-uint16_t db_server_port(const struct db_server *server);
+uint16_t db_server_port(const struct db_server *server, uint32_t endpoint);
 
 void db_server_stats(const struct db_server *server, struct db_server_stats *stats);
 

@@ -48,8 +48,9 @@ static double seconds(void)
 
 /* This server. */
 
-static uint8_t any_unit(void *context, uint8_t unit)
+static uint8_t any_unit(void *context, const struct db_client *client, uint8_t unit)
 {
+	(void)client;
 	(void)context;
 	(void)unit;
 	return 0;
@@ -87,12 +88,13 @@ static _Noreturn void serve_ours(int pipe)
 		.frame_timeout_ms = 1000,
 	};
 	struct db_server *server;
+	const char *where;
 	sd_event *loop;
 
 	if (sd_event_new(&loop) < 0 ||
-	    db_server_new(loop, &config, &backend, registers, &quiet, &server) < 0)
+	    db_server_new(loop, &config, &backend, registers, &quiet, &server, &where) < 0)
 		fail("server");
-	report(pipe, db_server_port(server));
+	report(pipe, db_server_port(server, DB_ENDPOINT_FIRST));
 	(void)sd_event_loop(loop);
 	exit(EXIT_FAILURE);
 }

@@ -124,6 +124,7 @@ static void make_registers(struct front *front, const struct db_config *config)
 
 static void open_front(struct front *front)
 {
+	const char *where;
 	static const struct db_log_source quiet = { 0 };
 	const struct db_config *config = read_config(FAMILY_VSMD_SERIAL);
 	struct sockaddr_in address = { .sin_family = AF_INET };
@@ -132,9 +133,9 @@ static void open_front(struct front *front)
 	make_registers(front, config);
 	must(sd_event_new(&front->loop) >= 0);
 	must(db_server_new(front->loop, &config->modbus, &db_registers_backend, front->registers,
-	                   &quiet, &front->server) == 0);
+	                   &quiet, &front->server, &where) == 0);
 	address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-	address.sin_port = htons(db_server_port(front->server));
+	address.sin_port = htons(db_server_port(front->server, DB_ENDPOINT_FIRST));
 	front->client = socket(AF_INET, SOCK_STREAM, 0);
 	must(front->client >= 0);
 	must(connect(front->client, (struct sockaddr *)&address, sizeof address) == 0);

@@ -576,7 +576,7 @@ class Bridge:
     def __init__(self, place, register_map, commands, *, drives=1, modbus=None, bus=None,
                  drive=None, per_drive=None, sim_bus=None, sim_drive=None, sim_per_drive=None,
                  faults=None, line="rs485", baud=115200, start_sim=True, wait_online=True,
-                 text=None, sim_drives=None, launcher=(), control=None):
+                 text=None, sim_drives=None, launcher=(), control=None, endpoints=None):
         self.launcher = list(launcher)
         self.place = place
         self.map = register_map
@@ -592,11 +592,14 @@ class Bridge:
         self.control_path = place / "tools"
         self.process = None
         self.port = None
+        self.ports = {}  # of further endpoints, by their names
         self.units = {}
         self.ended = False
 
         keys = {"listen": "127.0.0.1:0", "confirm-ms": 2000, **(modbus or {})}
         self.sections = {"modbus": keys, "control": {"socket": self.control_path, **(control or {})}}
+        for name, more in (endpoints or {}).items():
+            self.sections[f"endpoint {name}"] = {"listen": "127.0.0.1:0", **more}
         # Twice the default latency: many tests side by side keep a machine busy.
         keys = {"protocol": "vsmd-serial", "device": self.link, "baud": baud, "line": line,
                 "cycle-ms": 20, "drive-latency-ms": 60, **(bus or {})}
@@ -642,17 +645,24 @@ class Bridge:
                                             preexec_fn=go_first)
 
         def listening():
-            text = self.log_path.read_text(errors="replace")[offset:]
-            assert self.process.poll() is None, text
-            for line in text.splitlines():
-                if "listening on " in line:
-                    return int(line.rsplit(":", 1)[1])
-            return None
+            assert self.process.poll() is None, self.log_since(offset)
+            self.find_ports(offset)
+            further = sum(title.startswith("endpoint ") for title in self.sections)
+            return self.port and len(self.ports) >= further
 
-        self.port = eventually(listening, what="the bridge to listen")
+        self.port = None
+        eventually(listening, what="the bridge to listen")
         if self.start_sim and self.wait_online:
             for number in range(1, self.drive_count + 1):
                 self.wait_ready(number)
+
+    def find_ports(self, offset=0):
+        """Where it listens, as its log says."""
+        for port, name in re.findall(r"listening on .*:(\d+)(?: for endpoint (\S+))?$", self.log_since(offset), re.M):
+            if name:
+                self.ports[name] = int(port)
+            else:
+                self.port = int(port)
 
     def wait_ready(self, number=1, timeout=10.0):
         drive = self.drive(number)
@@ -735,10 +745,16 @@ class Bridge:
     # --- speaking to it
 
     def drive(self, number=1):
-        """A connection of its own for each drive."""
+        """A connection of its own for each drive; one of an endpoint has the unit of its section there."""
         if number not in self.units:
-            self.units[number] = Unit(self, number, "drive")
+            keys = self.sections.get(f"drive drive{number}", {})
+            endpoint = keys.get("endpoint")
+            self.units[number] = self.at(endpoint, keys["unit"]) if endpoint else Unit(self, number, "drive")
         return self.units[number]
+
+    def at(self, endpoint, unit=255, view="drive"):
+        """One more connection to a unit of an endpoint; None is the first one. The caller closes it."""
+        return Unit(self, unit, view, self.ports[endpoint] if endpoint else self.port)
 
     def connect(self, number=1):
         """One more connection to a drive's unit; the caller closes it."""

@@ -255,7 +255,7 @@ static void read_all(struct db_registers *registers)
 	uint16_t values[4];
 
 	for (unsigned unit = 0; unit < 256; unit++) {
-		uint8_t there = db_registers_backend.unit(registers, (uint8_t)unit);
+		uint8_t there = db_registers_backend.unit(registers, &client, (uint8_t)unit);
 		uint8_t read = db_registers_backend.read(registers, &client, (uint8_t)unit,
 		                                         DB_TABLE_HOLDING, 46, 4, values);
 

@@ -407,7 +407,7 @@ static void come(struct world *world, struct peer *peer, uint8_t last)
 	address.sin_addr.s_addr = htonl(INADDR_LOOPBACK + last % 4u);
 	must(bind(peer->fd, (struct sockaddr *)&address, sizeof address) == 0);
 	address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-	address.sin_port = htons(db_server_port(world->server));
+	address.sin_port = htons(db_server_port(world->server, DB_ENDPOINT_FIRST));
 	if (connect(peer->fd, (struct sockaddr *)&address, sizeof address) < 0 &&
 	    errno != EINPROGRESS)
 		forget(peer);
@@ -850,11 +850,12 @@ static void reload(struct world *world, struct input *input)
 	const struct db_config *next = config_of(input_below(input, VARIANTS));
 	struct db_registers_change *registers;
 	struct db_server_change *server;
+	const char *where;
 	struct sheet sheet;
 
 	write_sheet(world, next, &sheet);
 	must(db_registers_prepare(world->registers, &sheet.roster, &registers) == 0);
-	must(db_server_prepare(world->server, &next->modbus, &server) == 0);
+	must(db_server_prepare(world->server, &next->modbus, &server, &where) == 0);
 	db_registers_retire(world->registers, registers);
 	db_server_apply(world->server, server);
 	db_registers_apply(world->registers, registers);
@@ -866,6 +867,7 @@ static void reload(struct world *world, struct input *input)
 
 static void open_world(struct world *world, struct input *input)
 {
+	const char *where;
 	static const struct db_log_source quiet = { 0 };
 	static struct db_backend backend;
 	struct db_nameplate_copy room;
@@ -894,7 +896,7 @@ static void open_world(struct world *world, struct input *input)
 	write_sheet(world, world->modbus, &sheet);
 	must(db_registers_new(&sheet.roster, &ops, world, &world->registers) == 0);
 	must(db_server_new(world->loop, &world->modbus->modbus, &backend, world->registers, &quiet,
-	                   &world->server) == 0);
+	                   &world->server, &where) == 0);
 }
 
 static bool all_answered(struct world *world)

@@ -50,6 +50,7 @@ static uint64_t subject_of_kind(const struct db_audit_entry *entry, uint64_t cli
 
 	value = hash_text(value, entry->drive);
 	value = hash_text(value, entry->what);
+	value = hash_text(value, entry->endpoint);
 	return entry->value_count > 0 ? hash_text(value, entry->values[0].name) : value;
 }
 

@@ -14,7 +14,7 @@ static const size_t texts[] = {
 	offsetof(struct db_audit_entry, login), offsetof(struct db_audit_entry, user),
 	offsetof(struct db_audit_entry, from),  offsetof(struct db_audit_entry, drive),
 	offsetof(struct db_audit_entry, bus),   offsetof(struct db_audit_entry, what),
-	offsetof(struct db_audit_entry, text),
+	offsetof(struct db_audit_entry, text),  offsetof(struct db_audit_entry, endpoint),
 };
 
 #define TEXTS (sizeof(texts) / sizeof(texts[0]))

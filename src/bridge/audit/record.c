@@ -180,6 +180,7 @@ json_t *db_record_write(const struct db_audit_entry *entry)
 	set_number(object, "node", entry->node);
 	set_number(object, "axis", entry->axis);
 	set_number(object, "unit", entry->unit);
+	set_text(object, "endpoint", entry->endpoint);
 	set_text(object, "what",
 	         entry->command != DB_CMD_NONE ? db_command_name(entry->command) : entry->what);
 	if (entry->kind == DB_AUDIT_COMMAND)
@@ -295,6 +296,7 @@ bool db_record_read(const json_t *object, struct db_audit_entry *entry,
 		.login = text_of(object, "login"),
 		.user = text_of(object, "user"),
 		.from = text_of(object, "from"),
+		.endpoint = text_of(object, "endpoint"),
 		.drive = text_of(object, "drive"),
 		.bus = text_of(object, "bus"),
 		.node = (uint16_t)number_of(object, "node"),

@@ -94,12 +94,23 @@ static void check_line_device(struct db_load *load, size_t index)
 		                      db_messages_name_line(&load->messages, place).text);
 }
 
-static bool is_there(const struct db_config *config, unsigned unit)
+/* The gateway's further unit among those of an endpoint; 0: it has none there. */
+static unsigned gateway_unit_of(const struct db_config *config, uint32_t endpoint)
 {
-	if (unit == config->modbus.gateway_unit)
+	struct db_endpoint_config found;
+
+	return db_modbus_endpoint_find(&config->modbus, endpoint, &found) ? found.gateway_unit : 0;
+}
+
+static bool is_there(const struct db_config *config, uint32_t endpoint, unsigned unit)
+{
+	if (unit == gateway_unit_of(config, endpoint))
 		return true;
 	for (size_t i = 0; i < config->drive_count; i++) {
-		if (config->drives[i].unit == unit || config->drives[i].vendor_unit == unit)
+		const struct db_drive_config *drive = &config->drives[i];
+
+		if (drive->endpoint == endpoint &&
+		    (drive->unit == unit || drive->vendor_unit == unit))
 			return true;
 	}
 	return false;
@@ -125,7 +136,7 @@ static void check_line(struct db_load *load, const struct db_rtu_config *line)
 		/* All of them, or those of drives. */
 		if (db_section_find_line(load, "modbus-rtu", line->name, 0, "units") == 0)
 			return;
-		if (!db_rtu_has_unit(line, unit) || is_there(load->config, unit))
+		if (!db_rtu_has_unit(line, unit) || is_there(load->config, line->endpoint, unit))
 			continue;
 		db_messages_add_warning(
 			&load->messages,
@@ -137,14 +148,61 @@ static void check_line(struct db_load *load, const struct db_rtu_config *line)
 	}
 }
 
+/* An endpoint against those before it, of which the section modbus is the first. */
+static void check_endpoint(struct db_load *load, size_t index)
+{
+	const struct db_modbus_config *modbus = &load->config->modbus;
+	const struct db_endpoint_config *endpoint = &modbus->endpoints[index];
+	const char *name = endpoint->name;
+	unsigned head = endpoint->source_line;
+	size_t drives = 0;
+
+	for (size_t i = 0; i < load->config->drive_count; i++)
+		drives += load->config->drives[i].endpoint == endpoint->number;
+	if (drives == 0)
+		db_messages_add_warning(
+			&load->messages, head,
+			"endpoint '%s' has no drive: only the gateway's own unit "
+			"answers there; endpoint = %s in a section drive gives it one",
+			name, name);
+	for (size_t i = 0; i <= index; i++) {
+		const struct db_endpoint_config other = db_modbus_endpoint_at(modbus, i);
+		const char *where = other.name ? other.name : "modbus";
+		const char *listen = other.listen;
+		const char *secure = other.secure_socket;
+
+		if (listen && endpoint->listen && strcmp(listen, endpoint->listen) == 0 &&
+		    strcmp(strrchr(listen, ':'), ":0") != 0)
+			db_messages_add_error(
+				&load->messages,
+				db_section_find_line(load, "endpoint", name, head, "listen"),
+				"listen = %s is where %s listens already; another port or address",
+				listen, where);
+		if (secure && endpoint->secure_socket && strcmp(secure, DB_NO_SOCKET) != 0 &&
+		    strcmp(secure, endpoint->secure_socket) == 0)
+			db_messages_add_error(
+				&load->messages,
+				db_section_find_line(load, "endpoint", name, head, "secure-socket"),
+				"secure-socket = %s is that of %s already; another path", secure,
+				where);
+		if (other.number == endpoint->number)
+			db_messages_add_error(
+				&load->messages, head,
+				"the names '%s' and '%s' have the same internal number; choose "
+				"another name for one of them",
+				name, where);
+	}
+}
+
 /* Checks the second unit of this drive against all units of the other one. */
 static void check_vendor_unit(struct db_load *load, const struct db_drive_config *drive,
                               const struct db_drive_config *other)
 {
 	bool own = drive == other;
 
-	if (drive->vendor_unit == 0 || !(drive->vendor_unit == other->unit ||
-	                                 (!own && drive->vendor_unit == other->vendor_unit)))
+	if (drive->vendor_unit == 0 || drive->endpoint != other->endpoint ||
+	    !(drive->vendor_unit == other->unit ||
+	      (!own && drive->vendor_unit == other->vendor_unit)))
 		return;
 	db_messages_add_error(&load->messages, drive_line(load, drive, "vendor-unit"),
 	                      "vendor-unit = %u belongs to drive '%s' on %s already; a unit that "
@@ -222,13 +280,14 @@ static void check_drive(struct db_load *load, size_t index)
 	const struct db_config *config = load->config;
 	const struct db_drive_config *drive = &config->drives[index];
 	size_t errors = load->messages.errors;
+	unsigned gateway_unit = gateway_unit_of(config, drive->endpoint);
 
-	if (drive->unit != 0 && drive->unit == config->modbus.gateway_unit)
+	if (drive->unit != 0 && drive->unit == gateway_unit)
 		db_messages_add_error(&load->messages, drive_line(load, drive, "unit"),
 		                      "unit = %u is the gateway's own unit (gateway-unit); another "
 		                      "unit for one of them",
 		                      drive->unit);
-	if (drive->vendor_unit != 0 && drive->vendor_unit == config->modbus.gateway_unit)
+	if (drive->vendor_unit != 0 && drive->vendor_unit == gateway_unit)
 		db_messages_add_error(&load->messages, drive_line(load, drive, "vendor-unit"),
 		                      "vendor-unit = %u is the gateway's own unit (gateway-unit); "
 		                      "another unit for one of them",
@@ -240,13 +299,16 @@ static void check_drive(struct db_load *load, size_t index)
 	for (size_t i = 0; i < index && load->messages.errors == errors; i++) {
 		const struct db_drive_config *other = &config->drives[i];
 
-		if (drive->unit != 0 && drive->unit == other->unit)
+		if (drive->unit != 0 && drive->unit == other->unit &&
+		    drive->endpoint == other->endpoint)
 			db_messages_add_error(
 				&load->messages, drive_line(load, drive, "unit"),
 				"unit = %u belongs to drive '%s' on %s already; a unit of its own "
-				"for each drive",
+				"for each drive%s%s",
 				drive->unit, other->name,
-				db_messages_name_line(&load->messages, other->source_line).text);
+				db_messages_name_line(&load->messages, other->source_line).text,
+				drive->endpoint_name ? " of endpoint " : "",
+				drive->endpoint_name ? drive->endpoint_name : "");
 		check_vendor_unit(load, drive, other);
 		/* The later drive's unit against the second unit of an earlier one. */
 		if (drive->vendor_unit != other->vendor_unit)
@@ -423,6 +485,13 @@ void db_check(struct db_load *load)
 	check_devices(load);
 	for (size_t i = 0; i < load->config->modbus.line_count; i++)
 		check_line_device(load, i);
+	for (size_t i = 0; i < load->config->modbus.endpoint_count; i++)
+		check_endpoint(load, i);
+	if (load->config->modbus.endpoint_count > DB_ENDPOINTS_MAX)
+		db_messages_add_error(&load->messages,
+		                      load->config->modbus.endpoints[DB_ENDPOINTS_MAX].source_line,
+		                      "there are %zu sections endpoint; at most %d",
+		                      load->config->modbus.endpoint_count, DB_ENDPOINTS_MAX);
 	db_doors_check(load);
 	for (size_t i = 0; i < load->config->drive_count; i++)
 		check_drive(load, i);

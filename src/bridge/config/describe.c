@@ -144,6 +144,20 @@ static void describe_modbus(const struct db_config *config, FILE *out)
 		fprintf(out, "never\n");
 }
 
+static void describe_endpoint(const struct db_endpoint_config *endpoint, FILE *out)
+{
+	fprintf(out, "endpoint %s\n  %-14s%s\n", endpoint->name, "listen", endpoint->listen);
+	put_networks(out, "allow-read", endpoint->allow_read, endpoint->allow_read_count);
+	put_networks(out, "allow-write", endpoint->allow_write, endpoint->allow_write_count);
+	if (strcmp(endpoint->secure_socket, DB_NO_SOCKET) != 0)
+		fprintf(out, "  %-14s%s\n", "certificates", endpoint->secure_socket);
+	fprintf(out, "  %-14s0, 255", "gateway unit");
+	if (endpoint->gateway_unit > 0)
+		fprintf(out, ", %u", endpoint->gateway_unit);
+	fprintf(out, "\n  %-14s%u clients of its own (%u of them only writers)\n", "limits",
+	        endpoint->max_clients, endpoint->reserved_writers);
+}
+
 static void put_option(FILE *out, const struct db_option *option, double value)
 {
 	fprintf(out, "%s ", option->name);
@@ -251,7 +265,10 @@ static void describe_drive(const struct db_config *config, size_t index, FILE *o
 	const struct db_bus_config *bus = &config->buses[drive->bus];
 	const struct db_profile_use *profile = db_config_find_profile(config, true, index);
 
-	fprintf(out, "  drive %s: unit %u", drive->name, drive->unit);
+	fprintf(out, "  drive %s: ", drive->name);
+	if (drive->endpoint_name)
+		fprintf(out, "endpoint %s, ", drive->endpoint_name);
+	fprintf(out, "unit %u", drive->unit);
 	if (drive->address > 0)
 		fprintf(out, ", address %u", drive->address);
 	if (bus->driver->axes > 0) {
@@ -369,8 +386,10 @@ static void describe_plc(const struct db_config *config, const struct db_rtu_con
 	if (line->direction != DB_DIRECTION_ADAPTER)
 		fprintf(out, " (%u ms before, %u ms after)", line->rts_before_ms,
 		        line->rts_after_ms);
-	fprintf(out, "\n  %-14s%s\n", "units",
-	        strcmp(units, DB_UNITS_ALL) == 0 ? "of every drive, and gateway-unit" : units);
+	fprintf(out, "\n  %-14s%s%s%s\n", "units",
+	        strcmp(units, DB_UNITS_ALL) == 0 ? "of every drive, and gateway-unit" : units,
+	        line->endpoint_name ? ", of endpoint " : "",
+	        line->endpoint_name ? line->endpoint_name : "");
 	fprintf(out, "  %-14s%s%s%s\n", "its PLC",
 	        line->may_write ? "reads and writes" : "only reads", line->role ? ", as role " : "",
 	        line->role ? line->role->name : "");
@@ -386,6 +405,8 @@ static void describe_plc(const struct db_config *config, const struct db_rtu_con
 void db_config_describe(const struct db_config *config, FILE *out)
 {
 	describe_modbus(config, out);
+	for (size_t i = 0; i < config->modbus.endpoint_count; i++)
+		describe_endpoint(&config->modbus.endpoints[i], out);
 	fprintf(out, "control\n  %-14s%s\n", "socket", config->control.socket);
 	if (strcmp(config->control.socket, DB_NO_SOCKET) != 0) {
 		fprintf(out, "  %-14s%s%s\n", "read",

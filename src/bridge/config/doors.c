@@ -24,19 +24,41 @@ static bool is_loopback(const char *listen)
 	       strncmp(listen, "localhost:", 10) == 0;
 }
 
+static bool has_everybody(const struct db_network *networks, size_t count)
+{
+	for (size_t i = 0; i < count; i++) {
+		if (is_everybody(&networks[i]))
+			return true;
+	}
+	return false;
+}
+
+/* `section` and `title` have the key allow-write; `head` is their line. */
+static void warn_of_everybody(struct db_load *load, const char *section, const char *title,
+                              unsigned head, const char *listen)
+{
+	if (listen && !is_loopback(listen))
+		db_messages_add_warning(
+			&load->messages,
+			db_section_find_line(load, section, title, head, "allow-write"),
+			"allow-write has everybody: whoever reaches %s moves the drives; give the "
+			"addresses of the PLCs",
+			listen);
+}
+
 static void check_writers(struct db_load *load)
 {
 	const struct db_modbus_config *modbus = &load->config->modbus;
-	bool everybody = false;
 
-	for (size_t i = 0; i < modbus->allow_write_count; i++)
-		everybody = everybody || is_everybody(&modbus->allow_write[i]);
-	if (everybody && modbus->listen && !is_loopback(modbus->listen))
-		db_messages_add_warning(
-			&load->messages, db_section_find_line(load, "modbus", "", 0, "allow-write"),
-			"allow-write has everybody: whoever reaches %s moves the drives; give the "
-			"addresses of the PLCs",
-			modbus->listen);
+	if (has_everybody(modbus->allow_write, modbus->allow_write_count))
+		warn_of_everybody(load, "modbus", "", 0, modbus->listen);
+	for (size_t i = 0; i < modbus->endpoint_count; i++) {
+		const struct db_endpoint_config *endpoint = &modbus->endpoints[i];
+
+		if (has_everybody(endpoint->allow_write, endpoint->allow_write_count))
+			warn_of_everybody(load, "endpoint", endpoint->name, endpoint->source_line,
+			                  endpoint->listen);
+	}
 }
 
 static void check_file(struct db_load *load, const char *path)

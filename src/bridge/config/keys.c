@@ -127,6 +127,29 @@ static const struct db_config_key KEYS[] = {
 	       "at most; drivebridgectl health and drivebridgectl alarms show them"),
 	  AT(control, health_off) },
 
+	{ OTHER(DB_KEY_LISTEN, "endpoint", "listen", NULL, 0, 0,
+	        "Address and port of this endpoint, which has units of its own, such as \"0.0.0.0:503\"; port 0 takes "
+	        "any free one"),
+	  AT(endpoint, listen) },
+	{ OTHER(DB_KEY_NETWORKS, "endpoint", "allow-read", "", 0, 0,
+	        "As of modbus, for clients of this endpoint; those of modbus when not given"),
+	  AT(endpoint, allow_read) },
+	{ OTHER(DB_KEY_NETWORKS, "endpoint", "allow-write", "", 0, 0,
+	        "As of modbus, for clients of this endpoint, whose group_stop reaches the drives of all endpoints; "
+	        "those of modbus when not given"),
+	  AT(endpoint, allow_write) },
+	{ OTHER(DB_KEY_TEXT, "endpoint", "secure-socket", "off", 1, 107,
+	        "Path of a Unix socket for a drivebridge-tls of its own, whose clients have the units of this endpoint; off: "
+	        "there is none"),
+	  AT(endpoint, secure_socket) },
+	{ NUMBER("endpoint", "gateway-unit", "0", 0, 254, "",
+	         "Unit id of the gateway's own registers on this endpoint beside 0 and 255; 0 means no further one"),
+	  AT(endpoint, gateway_unit) },
+	{ NUMBER("endpoint", "max-clients", "", 1, 1024, "",
+	         "Connections served at the same time on this endpoint, which clients of other endpoints do not take; as "
+	         "many as max-clients of modbus when not given"),
+	  AT(endpoint, max_clients) },
+
 	{ .section = "role", .name = "read", .kind = DB_KEY_DRIVES, .preset = "all", .unit = "",
 	  .words = "all none",
 	  .description =
@@ -167,6 +190,9 @@ static const struct db_config_key KEYS[] = {
 	{ NUMBER("modbus-rtu", "rts-after-ms", "0", 0, 100, "ms",
 	         "With direction = rts: from the last byte to switching RTS back"),
 	  AT(rtu, rts_after_ms) },
+	{ OTHER(DB_KEY_TEXT, "modbus-rtu", "endpoint", "", 1, 31,
+	        "Name of the section endpoint whose units are meant on this line; those of modbus when not given"),
+	  AT(rtu, endpoint_name) },
 	{ .section = "modbus-rtu", .name = "units", .kind = DB_KEY_UNITS, .preset = "all", .unit = "",
 	  .words = "all",
 	  .description =
@@ -284,6 +310,9 @@ static const struct db_config_key KEYS[] = {
 	{ WORD("drive", "axis", "x", "x y z a",
 	       "Axis of the controller at this address; must be given when it has several drives"),
 	  .scope = DB_KEY_FOR_AXES, AT(drive, axis) },
+	{ OTHER(DB_KEY_TEXT, "drive", "endpoint", "", 1, 31,
+	        "Name of the section endpoint where the drive has its unit; modbus when not given"),
+	  AT(drive, endpoint_name) },
 	{ NUMBER("drive", "unit", NULL, 1, 247, "",
 	         "Modbus unit id under which the drive answers"),
 	  AT(drive, unit) },

@@ -41,8 +41,8 @@ enum db_config_scope {
 };
 
 struct db_config_key {
-	const char *section; /* "modbus", "control", "role", "modbus-rtu", "bus" or
-			       * "drive" */
+	/* "modbus", "control", "endpoint", "role", "modbus-rtu", "bus" or "drive" */
+	const char *section;
 	const char *name;
 	enum db_config_kind kind;
 	/* As written in a file (lists: separated by spaces). Null: the key must be given; "": the

@@ -19,9 +19,11 @@ static void refuse_reserved(struct db_load *load)
 		const struct db_source *source = db_messages_find_source(&load->messages,
 		                                                         section->line);
 
-		if (source->edited &&
-		    (strcmp(section->name, "modbus") == 0 ||
-		     strcmp(section->name, "control") == 0 || strcmp(section->name, "role") == 0))
+		if (source->edited && (strcmp(section->name, "modbus") == 0 ||
+		                       strcmp(section->name, "control") == 0 ||
+		                       strcmp(section->name, "endpoint") == 0 ||
+		                       strcmp(section->name, "modbus-rtu") == 0 ||
+		                       strcmp(section->name, "role") == 0))
 			db_messages_add_error(
 				&load->messages, section->line,
 				"section %s is reserved to the files of root; a file that is "
@@ -34,7 +36,8 @@ static void refuse_reserved(struct db_load *load)
 static void read_sources(struct db_load *load)
 {
 	static const struct db_reader_rules rules = {
-		.sections = "modbus, control, role NAME, bus NAME, drive NAME or modbus-rtu NAME",
+		.sections = "modbus, control, role NAME, bus NAME, drive NAME, modbus-rtu NAME or "
+			    "endpoint NAME",
 	};
 
 	if (!db_reader_read(&load->reader, &rules, &load->messages))
@@ -220,7 +223,16 @@ void db_config_free(struct db_config *config)
 		free(config->modbus.roles[i].write.names);
 	}
 	free(config->modbus.roles);
+	for (size_t i = 0; config->modbus.endpoints && i < config->modbus.endpoint_count; i++) {
+		free(config->modbus.endpoints[i].name);
+		free(config->modbus.endpoints[i].listen);
+		free(config->modbus.endpoints[i].allow_read);
+		free(config->modbus.endpoints[i].allow_write);
+		free(config->modbus.endpoints[i].secure_socket);
+	}
+	free(config->modbus.endpoints);
 	for (size_t i = 0; config->modbus.lines && i < config->modbus.line_count; i++) {
+		free(config->modbus.lines[i].endpoint_name);
 		free(config->modbus.lines[i].name);
 		free(config->modbus.lines[i].device);
 		free(config->modbus.lines[i].role_name);
@@ -237,6 +249,7 @@ void db_config_free(struct db_config *config)
 	}
 	for (size_t i = 0; config->drives && i < config->drive_count; i++) {
 		free(config->drives[i].name);
+		free(config->drives[i].endpoint_name);
 		free(config->drives[i].unit_name);
 		free(config->drives[i].options);
 	}

@@ -10,10 +10,12 @@
 
 #define NAME_MAX_COMPARED 63
 
-static const char *const SECTIONS[] = { "modbus", "control", "role", "bus", "drive", "modbus-rtu" };
+static const char *const SECTIONS[] = { "modbus", "control",    "role",    "bus",
+	                                "drive",  "modbus-rtu", "endpoint" };
 
 #define SECTION_COUNT (sizeof(SECTIONS) / sizeof(SECTIONS[0]))
-#define SECTION_TEXT "modbus, control, role NAME, bus NAME, drive NAME and modbus-rtu NAME"
+#define SECTION_TEXT \
+	"modbus, control, role NAME, bus NAME, drive NAME, modbus-rtu NAME and endpoint NAME"
 
 /* --- which families -------------------------------------------------------------------------- */
 
@@ -243,7 +245,8 @@ static bool check_section(const struct db_reader *reader, size_t index,
 	const struct db_reader_section *section = &reader->sections[index];
 	bool titled = strcmp(section->name, "bus") == 0 || strcmp(section->name, "drive") == 0 ||
 	              strcmp(section->name, "role") == 0 ||
-	              strcmp(section->name, "modbus-rtu") == 0;
+	              strcmp(section->name, "modbus-rtu") == 0 ||
+	              strcmp(section->name, "endpoint") == 0;
 
 	if (!is_known_section(section->name)) {
 		db_messages_add_error(messages, section->line,

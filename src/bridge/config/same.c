@@ -135,6 +135,22 @@ static bool same_options(const char *section, const struct db_driver *driver, co
 	return true;
 }
 
+/* In any order: lists of the same length without two of one name. */
+static bool same_endpoints(const struct db_modbus_config *a, const struct db_modbus_config *b)
+{
+	size_t same = 0;
+
+	for (size_t i = 0; i < a->endpoint_count; i++) {
+		for (size_t j = 0; j < b->endpoint_count; j++) {
+			const struct pair pair = { .a = &a->endpoints[i], .b = &b->endpoints[j] };
+
+			same += same_text(a->endpoints[i].name, b->endpoints[j].name) &&
+			        same_section("endpoint", &pair);
+		}
+	}
+	return a->endpoint_count == b->endpoint_count && same == a->endpoint_count;
+}
+
 static bool same_line(const struct db_rtu_config *a, const struct db_rtu_config *b)
 {
 	const struct pair pair = { .a = a, .b = b };
@@ -169,7 +185,8 @@ bool db_config_same_modbus(const struct db_config *a, const struct db_config *b)
 		}
 	}
 	return a->modbus.role_count == b->modbus.role_count && same == a->modbus.role_count &&
-	       same_lines(&a->modbus, &b->modbus) && same_section("modbus", &pair);
+	       same_lines(&a->modbus, &b->modbus) && same_endpoints(&a->modbus, &b->modbus) &&
+	       same_section("modbus", &pair);
 }
 
 bool db_config_same_control(const struct db_config *a, const struct db_config *b)

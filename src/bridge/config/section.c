@@ -292,9 +292,13 @@ static void read_networks(const struct db_section *section, const struct db_conf
 	const struct db_reader_key *given = find_key(section, key->name);
 	const char *text = given ? given->values : key->preset;
 	size_t size = given ? given->count : 2; /* a preset has at most this number */
-	struct db_network *networks = calloc(size + 1, sizeof(*networks));
+	struct db_network *networks;
 	size_t count = 0;
 
+	/* Its default is not one list, and is filled in by the reader of the section. */
+	if (!given && *text == '\0')
+		return;
+	networks = calloc(size + 1, sizeof(*networks));
 	if (!networks) {
 		db_messages_add_error(&section->load->messages, 0, OUT_OF_MEMORY);
 		return;

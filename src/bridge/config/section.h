@@ -32,7 +32,8 @@ struct db_load {
 
 struct db_section {
 	struct db_load *load;
-	const char *name;  /* "modbus", "control", "role", "modbus-rtu", "bus" or "drive" */
+	const char
+		*name; /* "modbus", "control", "endpoint", "role", "modbus-rtu", "bus", "drive" */
 	const char *title; /* "" for modbus and control */
 	size_t index;      /* index in the reader, or DB_READER_NO_SECTION */
 	unsigned line;     /* line of its head; 0 when the file has none */
@@ -65,7 +66,7 @@ bool db_section_word(const struct db_section *section, const char *name, unsigne
 
 /*
  * Reads all keys into the section's struct (db_modbus_config, db_control_config, db_role_config,
- * db_rtu_config, db_bus_config or db_drive_config), except those that name something else
+ * db_endpoint_config, db_rtu_config, db_bus_config or db_drive_config), except those that name something else
  * (db_keys_is_reference()). Keys that are not in the file, or are for families of another kind,
  * have their preset, without one 0, null or NAN. Invalid ones are errors, and 0 or null.
  */

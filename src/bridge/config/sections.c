@@ -60,6 +60,65 @@ static void read_modbus(struct db_load *load)
 	modbus->reserved_writers = modbus->max_clients - 1;
 }
 
+/* --- endpoints -------------------------------------------------------------------------------- */
+
+/* A copy, to be freed; null when out of memory. */
+static struct db_network *copy_networks(const struct db_network *networks, size_t count)
+{
+	struct db_network *copy = calloc(count + 1, sizeof(*copy));
+
+	if (copy && count > 0)
+		memcpy(copy, networks, count * sizeof(*copy));
+	return copy;
+}
+
+/* After the section modbus. False when out of memory. */
+static bool read_endpoint(struct db_load *load, size_t index, struct db_endpoint_config *endpoint)
+{
+	const struct db_modbus_config *modbus = &load->config->modbus;
+	struct db_section section = db_section_open(load, index);
+
+	endpoint->name = strdup(section.title);
+	endpoint->number = db_endpoint_number(section.title);
+	endpoint->source_line = section.line;
+	db_section_read(&section, endpoint);
+	check_socket_path(&section, "secure-socket", endpoint->secure_socket,
+	                  "/run/drivebridge/modbus");
+	if (!db_section_has(&section, "allow-read")) {
+		endpoint->allow_read_count = modbus->allow_read_count;
+		endpoint->allow_read = copy_networks(modbus->allow_read, modbus->allow_read_count);
+	}
+	if (!db_section_has(&section, "allow-write")) {
+		endpoint->allow_write_count = modbus->allow_write_count;
+		endpoint->allow_write = copy_networks(modbus->allow_write,
+		                                      modbus->allow_write_count);
+	}
+	if (!db_section_has(&section, "max-clients"))
+		endpoint->max_clients = modbus->max_clients;
+	endpoint->reserved_writers = modbus->reserved_writers;
+	if (endpoint->max_clients > 0 && endpoint->reserved_writers >= endpoint->max_clients)
+		endpoint->reserved_writers = endpoint->max_clients - 1;
+	return endpoint->name && endpoint->allow_read && endpoint->allow_write;
+}
+
+/* The number of the endpoint that the key names; the first one's when it is not given. */
+static uint32_t find_endpoint(const struct db_section *section, const char *name)
+{
+	const struct db_modbus_config *modbus = &section->load->config->modbus;
+
+	for (size_t i = 0; name && i < modbus->endpoint_count; i++) {
+		if (strcmp(modbus->endpoints[i].name, name) == 0)
+			return modbus->endpoints[i].number;
+	}
+	if (name)
+		db_messages_add_error(
+			&section->load->messages, db_section_line(section, "endpoint"),
+			"there is no endpoint '%s'; the name of a section \"endpoint %s { ... }\" "
+			"of this file, or no key endpoint for the units of modbus",
+			name, name);
+	return DB_ENDPOINT_FIRST;
+}
+
 /* --- control ---------------------------------------------------------------------------------- */
 
 static void read_control(struct db_load *load)
@@ -116,6 +175,7 @@ static bool read_line(struct db_load *load, size_t index, struct db_rtu_config *
 	line->name = strdup(section.title);
 	line->source_line = section.line;
 	db_section_read(&section, line);
+	line->endpoint = find_endpoint(&section, line->endpoint_name);
 	for (size_t i = 0; line->role_name && i < modbus->role_count; i++) {
 		if (strcmp(modbus->roles[i].name, line->role_name) == 0)
 			line->role = &modbus->roles[i];
@@ -469,6 +529,7 @@ static bool read_drive(struct db_load *load, size_t index, struct db_drive_confi
 		bus = &load->config->buses[drive->bus];
 	section.driver = bus ? bus->driver : NULL;
 	db_section_read(&section, drive);
+	drive->endpoint = find_endpoint(&section, drive->endpoint_name);
 	drive->options = db_section_read_options(&section);
 	if (bus && section.driver && !db_section_misread(&section, "address"))
 		check_address(&section, bus, drive->address);
@@ -518,22 +579,32 @@ bool db_sections_read(struct db_load *load)
 	size_t drives = 0;
 	size_t roles = 0;
 	size_t lines = 0;
+	size_t endpoints = 0;
 
 	for (size_t i = 0; i < count; i++) {
 		buses += is_section(load, i, "bus");
 		drives += is_section(load, i, "drive");
 		roles += is_section(load, i, "role");
 		lines += is_section(load, i, "modbus-rtu");
+		endpoints += is_section(load, i, "endpoint");
 	}
 	/* One more than needed: calloc() of nothing may give null. */
 	config->buses = calloc(buses + 1, sizeof(*config->buses));
 	config->drives = calloc(drives + 1, sizeof(*config->drives));
 	config->modbus.roles = calloc(roles + 1, sizeof(*config->modbus.roles));
 	config->modbus.lines = calloc(lines + 1, sizeof(*config->modbus.lines));
-	if (!config->buses || !config->drives || !config->modbus.roles || !config->modbus.lines)
+	config->modbus.endpoints = calloc(endpoints + 1, sizeof(*config->modbus.endpoints));
+	if (!config->buses || !config->drives || !config->modbus.roles || !config->modbus.lines ||
+	    !config->modbus.endpoints)
 		return false;
 	read_modbus(load);
 	read_control(load);
+	for (size_t i = 0; i < count; i++) {
+		if (is_section(load, i, "endpoint") &&
+		    !read_endpoint(load, i,
+		                   &config->modbus.endpoints[config->modbus.endpoint_count++]))
+			return false;
+	}
 	/* Drives may name buses that follow them. */
 	for (size_t i = 0; i < count; i++) {
 		if (is_section(load, i, "bus") &&

@@ -229,6 +229,10 @@ void db_config_write(const struct db_config *config, FILE *out)
 	write_section(&written, "modbus", "", NULL, "");
 	written.section = &config->control;
 	write_section(&written, "control", "", NULL, "");
+	for (size_t i = 0; i < config->modbus.endpoint_count; i++) {
+		written.section = &config->modbus.endpoints[i];
+		write_section(&written, "endpoint", config->modbus.endpoints[i].name, NULL, "");
+	}
 	for (size_t i = 0; i < config->modbus.role_count; i++) {
 		written.section = &config->modbus.roles[i];
 		write_section(&written, "role", config->modbus.roles[i].name, NULL, "");

@@ -59,11 +59,12 @@ static json_t *describe_drive(const struct db_named_drive *drive)
 	static const char *const axes[] = { "x", "y", "z", "a" };
 	unsigned axis = drive->config->axis;
 	bool has_axis = drive->bus->driver->axes > 0 && axis < sizeof(axes) / sizeof(axes[0]);
-	json_t *description = json_pack("{s:s, s:s, s:I, s:s, s:I, s:s}", "name",
-	                                drive->config->name, "bus", drive->bus->name, "address",
-	                                (json_int_t)drive->config->address, "axis",
-	                                has_axis ? axes[axis] : "", "unit",
-	                                (json_int_t)drive->config->unit, "unit_name", drive->unit);
+	const char *endpoint = drive->config->endpoint_name;
+	json_t *description = json_pack(
+		"{s:s, s:s, s:I, s:s, s:I, s:s, s:s}", "name", drive->config->name, "bus",
+		drive->bus->name, "address", (json_int_t)drive->config->address, "axis",
+		has_axis ? axes[axis] : "", "unit", (json_int_t)drive->config->unit, "unit_name",
+		drive->unit, "endpoint", endpoint ? endpoint : "");
 
 	if (!isnan(drive->config->min_position))
 		json_object_set_new(description, "min_position",
@@ -86,6 +87,18 @@ static json_t *describe_secure(const struct db_control_socket *control)
 	                 "client_ends", (json_int_t)status.client_expires, "list_due",
 	                 (json_int_t)status.crl_expires, "clients", (json_int_t)status.clients,
 	                 "refused", (json_int_t)status.refused);
+}
+
+/* The further ones. */
+static json_t *describe_endpoints(const struct db_modbus_config *modbus)
+{
+	json_t *endpoints = json_array();
+
+	for (size_t i = 0; i < modbus->endpoint_count; i++)
+		json_array_append_new(endpoints,
+		                      json_pack("{s:s, s:s}", "name", modbus->endpoints[i].name,
+		                                "listen", modbus->endpoints[i].listen));
+	return endpoints;
 }
 
 void db_look_describe(const struct db_call *call)
@@ -128,6 +141,8 @@ void db_look_describe(const struct db_call *call)
 	json_object_set_new(description, "health_trouble", json_string(state.trouble));
 	json_object_set_new(description, "secure", describe_secure(control));
 	json_object_set_new(description, "listen", json_string(db_named_modbus(registers)->listen));
+	json_object_set_new(description, "endpoints",
+	                    describe_endpoints(db_named_modbus(registers)));
 	json_object_set_new(description, "low_word_first",
 	                    json_boolean(db_named_modbus(registers)->low_word_first));
 	db_session_reply(call->session, description, false);

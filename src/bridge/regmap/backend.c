@@ -16,23 +16,32 @@
 #endif
 
 /* Null for the gateway. Only called for units that exist. */
-static struct db_view_drive *drive_of(const struct db_registers *registers, uint8_t unit)
+static struct db_view_drive *drive_of(const struct db_registers *registers,
+                                      const struct db_client *client, uint8_t unit)
 {
-	uint16_t drive = registers->roster->units[unit];
+	const struct db_view_space *space = db_view_space_of(registers, client);
+	uint16_t drive = space ? space->units[unit] : DB_UNIT_NONE;
 
 	return drive < registers->roster->drive_count ? registers->roster->drives[drive] : NULL;
 }
 
-static uint8_t backend_unit(void *context, uint8_t unit)
+/* True if the unit, which is there, has the vendor's layout. */
+static bool is_vendor_unit(const struct db_registers *registers, const struct db_client *client,
+                           uint8_t unit)
 {
-	const struct db_registers *registers = context;
+	return db_view_space_of(registers, client)->vendor_units[unit];
+}
 
-	return registers->roster->units[unit] == DB_UNIT_NONE ? MODBUS_EXCEPTION_GATEWAY_PATH : 0;
+static uint8_t backend_unit(void *context, const struct db_client *client, uint8_t unit)
+{
+	const struct db_view_space *space = db_view_space_of(context, client);
+
+	return space && space->units[unit] != DB_UNIT_NONE ? 0 : MODBUS_EXCEPTION_GATEWAY_PATH;
 }
 
 static uint8_t backend_role(void *context, const struct db_client *client, uint8_t unit)
 {
-	const struct db_view_drive *drive = drive_of(context, unit);
+	const struct db_view_drive *drive = drive_of(context, client, unit);
 
 	return !drive || db_clients_permit(drive, client, DB_MAY_READ, 0) ?
 	               0 :
@@ -43,39 +52,41 @@ static uint8_t backend_read(void *context, const struct db_client *client, uint8
                             enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
 {
 	const struct db_registers *registers = context;
-	struct db_view_drive *drive = drive_of(registers, unit);
+	struct db_view_drive *drive = drive_of(registers, client, unit);
 
 	if (drive) {
 		db_clients_hear(drive, client);
 		db_clients_feed(drive, client, DB_FEED_REQUESTS);
-		if (registers->roster->vendor_units[unit])
+		if (is_vendor_unit(registers, client, unit))
 			return db_vsmd_view_read(drive, table, address, count, values);
 		return db_read_drive(drive, client, table, address, count, values);
 	}
-	if (backend_unit(context, unit))
+	if (backend_unit(context, client, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
-	return db_read_gateway(registers, client, table, address, count, values);
+	return db_read_gateway(registers, db_view_space_of(registers, client), client, table,
+	                       address, count, values);
 }
 
 static int backend_write(void *context, const struct db_client *client, uint8_t unit,
                          enum db_table table, uint16_t address, uint16_t count,
                          const uint16_t *values, struct db_write_token token)
 {
-	struct db_view_drive *drive = drive_of(context, unit);
+	struct db_view_drive *drive = drive_of(context, client, unit);
 	int answer;
 
 	if (drive) {
 		db_clients_hear(drive, client);
 		if (!db_clients_permit(drive, client, DB_MAY_COMMAND, address))
 			return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
-		if (drive->registers->roster->vendor_units[unit])
+		if (is_vendor_unit(drive->registers, client, unit))
 			return db_vsmd_view_write(drive, client, table, address, count, values,
 			                          token);
 		return db_write_drive(drive, client, table, address, count, values, token);
 	}
-	if (backend_unit(context, unit))
+	if (backend_unit(context, client, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
-	answer = db_gateway_write(context, client, table, address, count, values, token);
+	answer = db_gateway_write(context, db_view_space_of(context, client), client, table,
+	                          address, count, values, token);
 	if (answer > 0)
 		db_record_denied(context, NULL, client, unit, address,
 		                 db_result_name(db_exception_result((uint8_t)answer)));
@@ -86,16 +97,18 @@ static int backend_write_same(void *context, const struct db_client *client, uin
                               uint16_t address, uint16_t value, struct db_write_token token)
 {
 	const struct db_registers *registers = context;
-	struct db_view_drive *drive = drive_of(registers, unit);
+	struct db_view_drive *drive = drive_of(registers, client, unit);
 
+	if (!drive && backend_unit(context, client, unit))
+		return MODBUS_EXCEPTION_GATEWAY_PATH;
 	if (!drive)
 		return db_clients_permit_gateway(registers, client) ?
-		               db_gateway_write_same(registers, address) :
+		               db_gateway_write_same(db_view_space_of(registers, client), address) :
 		               MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	db_clients_hear(drive, client);
 	if (!db_clients_permit(drive, client, DB_MAY_COMMAND, address))
 		return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
-	if (registers->roster->vendor_units[unit])
+	if (is_vendor_unit(registers, client, unit))
 		return db_vsmd_view_write_same(drive, client, address, value, token);
 	return db_write_drive_same(drive, client, address, value, token);
 }
@@ -105,13 +118,13 @@ static bool has_unit(const uint8_t units[32], unsigned unit)
 	return unit != 0 && (units[unit / 8] >> (unit % 8) & 1);
 }
 
-static bool backend_stops(void *context, uint8_t unit, uint16_t address, uint16_t count,
-                          const uint16_t *values)
+static bool backend_stops(void *context, const struct db_client *client, uint8_t unit,
+                          uint16_t address, uint16_t count, const uint16_t *values)
 {
 	const struct db_registers *registers = context;
-	const struct db_view_drive *drive = drive_of(registers, unit);
+	const struct db_view_drive *drive = drive_of(registers, client, unit);
 
-	return drive && !registers->roster->vendor_units[unit] &&
+	return drive && !is_vendor_unit(registers, client, unit) &&
 	       db_write_find_stop(drive, address, count, values) != DB_CMD_NONE;
 }
 
@@ -120,13 +133,14 @@ static bool backend_broadcast(void *context, const struct db_client *client,
                               const uint16_t *values)
 {
 	const struct db_registers *registers = context;
+	const struct db_view_space *space = db_view_space_of(registers, client);
 	/* No client: answers to it are dropped. */
 	const struct db_write_token nobody = { .client = DB_CLIENT_NOBODY };
 	db_time now = registers->ops->now(registers->context);
 	bool any = false;
 
-	for (size_t i = 0; i < registers->roster->drive_count; i++) {
-		struct db_view_drive *drive = registers->roster->drives[i];
+	for (size_t i = 0; space && i < space->drive_count; i++) {
+		struct db_view_drive *drive = space->drives[i];
 		const struct db_drive_config *config = drive->config;
 		struct db_request request = {
 			.client = *client,
@@ -144,10 +158,11 @@ static bool backend_broadcast(void *context, const struct db_client *client,
 	return any;
 }
 
-static size_t backend_server_id(void *context, uint8_t unit, char *text, size_t size, bool *running)
+static size_t backend_server_id(void *context, const struct db_client *client, uint8_t unit,
+                                char *text, size_t size, bool *running)
 {
 	const struct db_registers *registers = context;
-	const struct db_view_drive *drive = drive_of(registers, unit);
+	const struct db_view_drive *drive = drive_of(registers, client, unit);
 	struct db_nameplate_copy copy;
 	const struct db_nameplate *plate = &copy.plate;
 	struct db_snapshot snapshot;
@@ -194,9 +209,10 @@ static const char *model_of(const struct db_view_drive *drive)
 	return model;
 }
 
-static const char *backend_device_id(void *context, uint8_t unit, uint8_t object)
+static const char *backend_device_id(void *context, const struct db_client *client, uint8_t unit,
+                                     uint8_t object)
 {
-	struct db_view_drive *drive = drive_of(context, unit);
+	struct db_view_drive *drive = drive_of(context, client, unit);
 
 	switch (object) {
 	case OBJECT_VENDOR_NAME:
@@ -221,7 +237,7 @@ static const char *backend_device_id(void *context, uint8_t unit, uint8_t object
 static void backend_denied(void *context, const struct db_client *client, uint8_t unit,
                            uint16_t address)
 {
-	db_record_denied(context, drive_of(context, unit), client, unit, address,
+	db_record_denied(context, drive_of(context, client, unit), client, unit, address,
 	                 "this client may only read");
 }
 

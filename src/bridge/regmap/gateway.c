@@ -13,18 +13,19 @@ static const enum db_command group_stops[] = { DB_CMD_NONE, DB_CMD_STOP, DB_CMD_
 #define GROUP_STOPS (sizeof(group_stops) / sizeof(group_stops[0]))
 
 /*
- * A PLC that uses only this unit is alive for every drive that waits for a heartbeat, as if it had
+ * A PLC that uses only this unit is alive for every drive of its endpoint that waits for a heartbeat, as if it had
  * written a new one there. For drives that another client controls it has no effect, which is no
  * error.
  */
-static int write_gateway_heartbeat(struct db_registers *registers, const struct db_client *client,
-                                   uint16_t value)
+static int write_gateway_heartbeat(const struct db_registers *registers,
+                                   const struct db_view_space *space,
+                                   const struct db_client *client, uint16_t value)
 {
 	db_time now = registers->ops->now(registers->context);
 
-	registers->heartbeat = value;
-	for (size_t i = 0; i < registers->roster->drive_count; i++) {
-		struct db_view_drive *drive = registers->roster->drives[i];
+	space->own->heartbeat = value;
+	for (size_t i = 0; i < space->drive_count; i++) {
+		struct db_view_drive *drive = space->drives[i];
 
 		if (drive->config->watchdog_feed != DB_FEED_HEARTBEAT ||
 		    !db_control_holds(&drive->control, client, now) ||
@@ -36,16 +37,16 @@ static int write_gateway_heartbeat(struct db_registers *registers, const struct 
 	return 0;
 }
 
-int db_gateway_write(struct db_registers *registers, const struct db_client *client,
-                     enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
-                     struct db_write_token token)
+int db_gateway_write(struct db_registers *registers, const struct db_view_space *space,
+                     const struct db_client *client, enum db_table table, uint16_t address,
+                     uint16_t count, const uint16_t *values, struct db_write_token token)
 {
 	struct db_span span;
 	uint8_t exception;
 
 	if (table != DB_TABLE_HOLDING)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-	exception = db_span_find(&registers->roster->gateway.holding, address, count, &span);
+	exception = db_span_find(&space->gateway.holding, address, count, &span);
 	if (exception)
 		return exception;
 	if (!db_clients_permit_gateway(registers, client))
@@ -62,32 +63,32 @@ int db_gateway_write(struct db_registers *registers, const struct db_client *cli
 		if (stop >= GROUP_STOPS)
 			return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 		for (uint16_t i = 0; i < words; i++)
-			registers->group.units[(span.cells[i].offset - units) / sizeof(values[0])] =
-				values[i];
-		return stop == 0 ?
-		               0 :
-		               db_group_stop_listed(registers, client, group_stops[stop], token);
+			space->own->group.units[(span.cells[i].offset - units) /
+			                        sizeof(values[0])] = values[i];
+		return stop == 0 ? 0 :
+		                   db_group_stop_listed(registers, space, client, group_stops[stop],
+		                                        token);
 	}
 	/* Only one of them per write: the order of two group commands would be a guess. */
 	if (span.count != 1)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	if (span.cells[0].flags & DB_ROW_HEARTBEAT)
-		return write_gateway_heartbeat(registers, client, values[0]);
+		return write_gateway_heartbeat(registers, space, client, values[0]);
 	if (values[0] == 0)
 		return 0;
 	if (span.cells[0].offset == offsetof(struct db_gateway_image, group_start)) {
 		if (values[0] != 1)
 			return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-		return db_group_start(registers, client, token);
+		return db_group_start(registers, space, client, token);
 	}
 	if (values[0] >= GROUP_STOPS)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	return db_group_stop(registers, client, group_stops[values[0]], token);
+	return db_group_stop(registers, space, client, group_stops[values[0]], token);
 }
 
-int db_gateway_write_same(const struct db_registers *registers, uint16_t address)
+int db_gateway_write_same(const struct db_view_space *space, uint16_t address)
 {
 	struct db_span span;
 
-	return db_span_find_single(&registers->roster->gateway.holding, address, &span);
+	return db_span_find_single(&space->gateway.holding, address, &span);
 }

@@ -61,7 +61,7 @@ static const struct db_codes configuration_states = { configuration_state_name,
 
 static const char about_gateway_heartbeat[] =
 	"For PLCs with one unit id only: a new value is like one in the heartbeat of every drive "
-	"with watchdog-feed = heartbeat; with control = drive of those that the client controls; "
+	"of this endpoint with watchdog-feed = heartbeat; with control = drive of those that the client controls; "
 	"reads the value written last";
 static const char about_configuration_state[] =
 	"Whether the configuration on disk is what runs; refused and last_good need somebody "
@@ -107,9 +107,9 @@ static const struct db_row registers[] = {
 	GATEWAY( 3, "bus_count",         U16,    bus_count,               READ,
 	        "Buses in the configuration"),
 	GATEWAY( 4, "drive_count",       U16,    drive_count,             READ,
-	        "Drives in the configuration"),
+	        "Drives of this endpoint in the configuration"),
 	GATEWAY( 5, "drives_online",     U16,    drives_online,           READ,
-	        "Drives online"),
+	        "Drives of this endpoint that are online"),
 	GATEWAY( 6, "uptime_s",          U32,    uptime_s,                READ UNIT("s"),
 	        "Time since the bridge started"),
 	GATEWAY( 8, "clients",           U32,    server.clients,          READ,
@@ -148,15 +148,15 @@ static const struct db_row registers[] = {
 
 	/* Commands to many drives in one write. */
 	GROUP(60, "group_stop",       U16,    group_stop,       WRITE UPTO(3),
-	      "Written 1=stop 2=quick_stop 3=disable: every drive of every bus; answered when "
-	      "all have confirmed; reads 0"),
+	      "Written 1=stop 2=quick_stop 3=disable: every drive of every bus and every endpoint; "
+	      "answered when all have confirmed; reads 0"),
 	GROUP(61, "group_start",      U16,    group_start,      WRITE UPTO(1),
-	      "Written 1: starts every drive's staged_command; answered when all have confirmed; "
-	      "reads 0"),
+	      "Written 1: starts the staged_command of every drive of this endpoint; answered "
+	      "when all have confirmed; reads 0"),
 	GROUP(62, "group_staged",     U16,    group_staged,     READ,
-	      "Drives with a staged_command"),
+	      "Drives of this endpoint with a staged_command"),
 	GROUP(63, "group_drives",     U16,    group_drives,     READ,
-	      "Drives of the latest group command"),
+	      "Drives of the latest group command that was written at this endpoint"),
 	GROUP(64, "group_result",     U16,    group_result,     READ,
 	      "Highest exception code of its drives so far; 0=none; each drive's own result "
 	      "tells more"),
@@ -167,7 +167,7 @@ static const struct db_row registers[] = {
 	GROUP(68, "heartbeat",        U16,    heartbeat,        HEARTBEAT ANY_U16,
 	      about_gateway_heartbeat),
 	GROUP(70, "group_units#",     BITS16, group_units,      LIST EACH(group_word),
-	      "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 of "
+	      "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 of "
 	      "group_units16 would be unit 256; kept until they are written again"),
 	GROUP(86, "group_stop_units", U16,    group_stop_units, LIST UPTO(3),
 	      "As group_stop for the units of group_units; best written with them in one "
@@ -257,7 +257,7 @@ static const struct db_row registers[] = {
 	       "Client #: time since it connected"),
 	CLIENT(710, "client#_controls",  BITS32, controls,    READ,
 	       "Client #: drives that it has control of; bit 0 = the first drive of the "
-	       "configuration"),
+	       "endpoint"),
 
 	/* A block for each drive. */
 	DRIVE(1000, "drive#_unit",       U16,    unit,                    READ,

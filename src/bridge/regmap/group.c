@@ -7,10 +7,9 @@
 #include <modbus.h>
 #include <string.h>
 
-static void answer_writer(struct db_registers *registers, uint8_t exception)
+static void answer_writer(const struct db_registers *registers, struct db_group *group,
+                          uint8_t exception)
 {
-	struct db_group *group = &registers->group;
-
 	if (!group->waits)
 		return;
 	group->waits = false;
@@ -23,14 +22,15 @@ static void answer_writer(struct db_registers *registers, uint8_t exception)
 
 /* A new group command begins; the writer that waits for an older one is answered that nothing
  * watches it any more. */
-static void begin_command(struct db_registers *registers, struct db_write_token token)
+static void begin_command(struct db_registers *registers, struct db_group *group,
+                          struct db_write_token token)
 {
-	struct db_group *group = &registers->group;
-
-	answer_writer(registers, MODBUS_EXCEPTION_ACKNOWLEDGE);
+	answer_writer(registers, group, MODBUS_EXCEPTION_ACKNOWLEDGE);
 	group->writer = token;
-	if (++group->generation == 0)
-		group->generation = 1;
+	/* One count for the groups of all endpoints: an answer finds its own by it. */
+	if (++registers->group_generation == 0)
+		registers->group_generation = 1;
+	group->generation = registers->group_generation;
 	group->pending = 0;
 	group->worst = 0;
 	group->drives = 0;
@@ -38,21 +38,20 @@ static void begin_command(struct db_registers *registers, struct db_write_token 
 	group->first_out = group->last_out = 0;
 }
 
-static struct db_write_token part_token(const struct db_registers *registers)
+static struct db_write_token part_token(const struct db_group *group)
 {
 	/* The sequence distinguishes the parts of one group command from those of another. */
-	return (struct db_write_token){ .client = DB_CLIENT_GROUP,
-		                        .sequence = registers->group.generation };
+	return (struct db_write_token){ .client = DB_CLIENT_GROUP, .sequence = group->generation };
 }
 
-static void add_part(struct db_registers *registers, struct db_view_drive *drive,
+static void add_part(struct db_group *group, struct db_view_drive *drive,
                      struct db_write_answer answer)
 {
-	struct db_group *group = &registers->group;
 	uint8_t exception = db_exception_of(answer.result);
 
 	group->drives++;
 	drive->group_ticket = db_commander_newest(drive->commander);
+	drive->group = group;
 	if (answer.later)
 		group->pending++;
 	else if (exception > group->worst)
@@ -60,10 +59,8 @@ static void add_part(struct db_registers *registers, struct db_view_drive *drive
 }
 
 /* All parts were submitted; the writer waits if a drive has to confirm. */
-static int finish_handover(struct db_registers *registers)
+static int finish_handover(struct db_group *group)
 {
-	struct db_group *group = &registers->group;
-
 	group->result = group->worst;
 	if (group->pending == 0)
 		return group->worst;
@@ -77,27 +74,30 @@ void db_group_gather(struct db_registers *registers, bool gathers)
 		registers->ops->gather(registers->context, registers->roster->buses[i], gathers);
 }
 
-static void stop_part(struct db_registers *registers, struct db_view_drive *drive,
-                      const struct db_client *client, enum db_command stop)
+static void stop_part(const struct db_registers *registers, struct db_group *group,
+                      struct db_view_drive *drive, const struct db_client *client,
+                      enum db_command stop)
 {
 	struct db_request request = { .client = *client, .command = stop };
 	db_time now = registers->ops->now(registers->context);
 
-	add_part(registers, drive,
-	         db_commander_ask(drive->commander, &request, part_token(registers), now));
+	add_part(group, drive,
+	         db_commander_ask(drive->commander, &request, part_token(group), now));
 }
 
-int db_group_stop(struct db_registers *registers, const struct db_client *client,
-                  enum db_command stop, struct db_write_token token)
+int db_group_stop(struct db_registers *registers, const struct db_view_space *space,
+                  const struct db_client *client, enum db_command stop, struct db_write_token token)
 {
-	begin_command(registers, token);
+	struct db_group *group = &space->own->group;
+
+	begin_command(registers, group, token);
 	db_group_gather(registers, true);
 	for (size_t i = 0; i < registers->roster->drive_count; i++) {
 		if (!registers->roster->drives[i]->leaving)
-			stop_part(registers, registers->roster->drives[i], client, stop);
+			stop_part(registers, group, registers->roster->drives[i], client, stop);
 	}
 	db_group_gather(registers, false);
-	return finish_handover(registers);
+	return finish_handover(group);
 }
 
 /* Removes a unit from a set. True if it was in it. */
@@ -120,31 +120,33 @@ static bool is_empty(const uint16_t units[DB_GROUP_WORDS])
 	return true;
 }
 
-int db_group_stop_listed(struct db_registers *registers, const struct db_client *client,
-                         enum db_command stop, struct db_write_token token)
+int db_group_stop_listed(struct db_registers *registers, const struct db_view_space *space,
+                         const struct db_client *client, enum db_command stop,
+                         struct db_write_token token)
 {
+	struct db_group *group = &space->own->group;
 	uint16_t left[DB_GROUP_WORDS];
 
-	if (is_empty(registers->group.units))
+	if (is_empty(group->units))
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	memcpy(left, registers->group.units, sizeof(left));
-	begin_command(registers, token);
+	memcpy(left, group->units, sizeof(left));
+	begin_command(registers, group, token);
 	db_group_gather(registers, true);
-	for (size_t i = 0; i < registers->roster->drive_count; i++) {
-		struct db_view_drive *drive = registers->roster->drives[i];
+	for (size_t i = 0; i < space->drive_count; i++) {
+		struct db_view_drive *drive = space->drives[i];
 
 		bool named = take_unit(left, drive->config->unit);
 
 		if (drive->config->vendor_unit != 0 && take_unit(left, drive->config->vendor_unit))
 			named = true;
 		if (!drive->leaving && named)
-			stop_part(registers, drive, client, stop);
+			stop_part(registers, group, drive, client, stop);
 	}
 	db_group_gather(registers, false);
 	/* A stop is not refused because of a wrong unit, but its writer must learn of it. */
-	if (!is_empty(left) && registers->group.worst < MODBUS_EXCEPTION_GATEWAY_PATH)
-		registers->group.worst = MODBUS_EXCEPTION_GATEWAY_PATH;
-	return finish_handover(registers);
+	if (!is_empty(left) && group->worst < MODBUS_EXCEPTION_GATEWAY_PATH)
+		group->worst = MODBUS_EXCEPTION_GATEWAY_PATH;
+	return finish_handover(group);
 }
 
 static bool is_staged(const struct db_view_drive *drive)
@@ -152,29 +154,40 @@ static bool is_staged(const struct db_view_drive *drive)
 	return !drive->leaving && db_commander_staged(drive->commander) != DB_CMD_NONE;
 }
 
-/* The group number with which a bus may begin with one frame, which reaches all its drives. 0: it
- * may not. */
-static uint32_t common_start(const struct db_registers *registers, const struct db_bus_config *bus)
+static bool is_in(const struct db_view_space *space, const struct db_view_drive *drive)
+{
+	for (size_t i = 0; i < space->drive_count; i++) {
+		if (space->drives[i] == drive)
+			return true;
+	}
+	return false;
+}
+
+/* The group number with which a bus may begin with one frame, which reaches all its drives, also
+ * those of other endpoints. 0: it may not. */
+static uint32_t common_start(const struct db_registers *registers,
+                             const struct db_view_space *space, const struct db_bus_config *bus)
 {
 	if (!bus->starts_by_broadcast)
 		return 0;
 	for (size_t i = 0; i < registers->roster->drive_count; i++) {
 		const struct db_view_drive *drive = registers->roster->drives[i];
 
-		if (drive->bus_config == bus && !is_staged(drive))
+		if (drive->bus_config == bus && !(is_staged(drive) && is_in(space, drive)))
 			return 0;
 	}
-	return registers->group.generation;
+	return space->own->group.generation;
 }
 
-int db_group_start(struct db_registers *registers, const struct db_client *client,
-                   struct db_write_token token)
+int db_group_start(struct db_registers *registers, const struct db_view_space *space,
+                   const struct db_client *client, struct db_write_token token)
 {
+	struct db_group *group = &space->own->group;
 	db_time now = registers->ops->now(registers->context);
 	bool any = false;
 
-	for (size_t i = 0; i < registers->roster->drive_count; i++) {
-		struct db_view_drive *drive = registers->roster->drives[i];
+	for (size_t i = 0; i < space->drive_count; i++) {
+		struct db_view_drive *drive = space->drives[i];
 
 		if (!is_staged(drive))
 			continue;
@@ -188,48 +201,52 @@ int db_group_start(struct db_registers *registers, const struct db_client *clien
 	}
 	if (!any)
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-	begin_command(registers, token);
+	begin_command(registers, group, token);
 	/* Before the first of them is submitted and no longer staged. */
-	for (size_t i = 0; i < registers->roster->drive_count; i++) {
-		struct db_view_drive *drive = registers->roster->drives[i];
+	for (size_t i = 0; i < space->drive_count; i++) {
+		struct db_view_drive *drive = space->drives[i];
 
-		drive->group_start = is_staged(drive) ? common_start(registers, drive->bus_config) :
-		                                        0;
+		drive->group_start = is_staged(drive) ?
+		                             common_start(registers, space, drive->bus_config) :
+		                             0;
 	}
-	for (size_t i = 0; i < registers->roster->drive_count; i++) {
-		struct db_view_drive *drive = registers->roster->drives[i];
+	for (size_t i = 0; i < space->drive_count; i++) {
+		struct db_view_drive *drive = space->drives[i];
 
 		if (is_staged(drive))
-			add_part(registers, drive,
+			add_part(group, drive,
 			         db_commander_start_staged(drive->commander, client,
-			                                   drive->group_start,
-			                                   part_token(registers), now));
+			                                   drive->group_start, part_token(group),
+			                                   now));
 	}
-	return finish_handover(registers);
+	return finish_handover(group);
 }
 
 bool db_group_take_answer(struct db_registers *registers, struct db_write_token token,
                           enum db_result result)
 {
-	struct db_group *group = &registers->group;
+	struct db_gateway_unit *unit = registers->units;
 	uint8_t exception = db_exception_of(result);
+	struct db_group *group;
 
 	if (token.client != DB_CLIENT_GROUP)
 		return false;
-	if (token.sequence != group->generation || group->pending == 0)
+	while (unit && unit->group.generation != token.sequence)
+		unit = unit->next;
+	if (!unit || unit->group.pending == 0)
 		return true;
+	group = &unit->group;
 	if (exception > group->worst)
 		group->worst = exception;
 	group->result = group->worst;
 	if (--group->pending == 0)
-		answer_writer(registers, group->worst);
+		answer_writer(registers, group, group->worst);
 	return true;
 }
 
-void db_group_note_sent(struct db_registers *registers, struct db_view_drive *drive,
-                        uint32_t ticket, db_time sent)
+void db_group_note_sent(struct db_view_drive *drive, uint32_t ticket, db_time sent)
 {
-	struct db_group *group = &registers->group;
+	struct db_group *group = drive->group;
 
 	if (ticket == 0 || ticket != drive->group_ticket || sent == 0)
 		return;

@@ -282,7 +282,30 @@ void db_image_fill_drive(struct db_drive_image *image, const struct db_view_driv
 		fill_history(&image->history[i], drive, i);
 }
 
-static void fill_server(struct db_gateway_image *image, const struct db_registers *registers)
+/* Buses count their drives themselves; those of an endpoint may be a part of each bus's. */
+static uint16_t count_online(const struct db_registers *registers,
+                             const struct db_view_space *space)
+{
+	const struct db_view_roster *roster = registers->roster;
+	unsigned online = 0;
+
+	for (size_t i = 0; roster->space_count == 1 && i < roster->bus_count; i++) {
+		struct db_bus_stats bus;
+
+		registers->ops->bus_stats(registers->context, roster->buses[i], &bus);
+		online += bus.online;
+	}
+	for (size_t i = 0; roster->space_count > 1 && i < space->drive_count; i++) {
+		struct db_snapshot snapshot;
+
+		db_axis_read(space->drives[i]->axis, &snapshot);
+		online += (snapshot.feedback.status & DB_STATUS_ONLINE) != 0;
+	}
+	return (uint16_t)online;
+}
+
+static void fill_server(struct db_gateway_image *image, const struct db_registers *registers,
+                        const struct db_view_space *space)
 {
 	const struct db_view_roster *roster = registers->roster;
 	db_time up = registers->ops->now(registers->context) - registers->started;
@@ -294,14 +317,8 @@ static void fill_server(struct db_gateway_image *image, const struct db_register
 	image->version_minor = DB_VERSION_MINOR;
 	image->version_patch = DB_VERSION_PATCH;
 	image->bus_count = (uint16_t)roster->bus_count;
-	image->drive_count = (uint16_t)roster->drive_count;
-	image->drives_online = 0;
-	for (size_t i = 0; i < roster->bus_count; i++) {
-		struct db_bus_stats bus;
-
-		registers->ops->bus_stats(registers->context, roster->buses[i], &bus);
-		image->drives_online = (uint16_t)(image->drives_online + bus.online);
-	}
+	image->drive_count = (uint16_t)space->drive_count;
+	image->drives_online = count_online(registers, space);
 	image->uptime_s = (uint32_t)(up / DB_NS_PER_S);
 	report = (struct db_configuration_report){ .messages = "", .replaced = "" };
 	if (registers->ops->configuration)
@@ -332,23 +349,25 @@ static uint16_t line_state(const struct db_bus_stats *stats)
 	return (uint16_t)bits;
 }
 
-static void fill_group(struct db_gateway_image *image, const struct db_registers *registers)
+static void fill_group(struct db_gateway_image *image, const struct db_view_space *space)
 {
-	image->heartbeat = registers->heartbeat;
+	const struct db_group *group = &space->own->group;
+
+	image->heartbeat = space->own->heartbeat;
 	image->group_stop = 0;
 	image->group_start = 0;
 	image->group_staged = 0;
-	for (size_t i = 0; i < registers->roster->drive_count; i++) {
-		const struct db_view_drive *drive = registers->roster->drives[i];
+	for (size_t i = 0; i < space->drive_count; i++) {
+		const struct db_view_drive *drive = space->drives[i];
 
 		if (!drive->leaving && db_commander_staged(drive->commander) != DB_CMD_NONE)
 			image->group_staged++;
 	}
-	image->group_drives = registers->group.drives;
-	image->group_result = registers->group.result;
-	image->group_busy = registers->group.pending > 0;
-	image->group_skew_us = registers->group.skew_us;
-	memcpy(image->group_units, registers->group.units, sizeof(image->group_units));
+	image->group_drives = group->drives;
+	image->group_result = group->result;
+	image->group_busy = group->pending > 0;
+	image->group_skew_us = group->skew_us;
+	memcpy(image->group_units, group->units, sizeof(image->group_units));
 	image->group_stop_units = 0;
 }
 
@@ -398,13 +417,12 @@ static void fill_window(struct db_gateway_window *window, const struct db_view_d
 }
 
 /* The drives that a client controls, as far as they have a bit. */
-static uint32_t controls_of(const struct db_registers *registers, uint32_t client, db_time now)
+static uint32_t controls_of(const struct db_view_space *space, uint32_t client, db_time now)
 {
 	uint32_t bits = 0;
 
-	for (size_t i = 0; i < registers->roster->drive_count && i < DB_GATEWAY_DRIVES; i++) {
-		const struct db_client *holder = db_control_holder(
-			&registers->roster->drives[i]->control, now);
+	for (size_t i = 0; i < space->drive_count && i < DB_GATEWAY_DRIVES; i++) {
+		const struct db_client *holder = db_control_holder(&space->drives[i]->control, now);
 
 		if (holder && holder->id == client)
 			bits |= UINT32_C(1) << i;
@@ -412,7 +430,8 @@ static uint32_t controls_of(const struct db_registers *registers, uint32_t clien
 	return bits;
 }
 
-static void fill_clients(struct db_gateway_image *image, const struct db_registers *registers)
+static void fill_clients(struct db_gateway_image *image, const struct db_registers *registers,
+                         const struct db_view_space *space)
 {
 	struct db_server_client clients[DB_GATEWAY_CLIENTS];
 	db_time now = registers->ops->now(registers->context);
@@ -432,7 +451,7 @@ static void fill_clients(struct db_gateway_image *image, const struct db_registe
 		shown->requests = (uint32_t)clients[i].requests;
 		shown->idle_s = (uint32_t)(clients[i].idle / DB_NS_PER_S);
 		shown->connected_s = (uint32_t)(clients[i].connected / DB_NS_PER_S);
-		shown->controls = controls_of(registers, clients[i].client.id, now);
+		shown->controls = controls_of(space, clients[i].client.id, now);
 		db_image_name_client(registers, clients[i].client.address, shown->address, user);
 	}
 }
@@ -448,18 +467,18 @@ void db_image_fill_bus(struct db_gateway_bus *bus, const struct db_registers *re
 }
 
 void db_image_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
-                           const struct db_client *client, unsigned parts, uint16_t low,
-                           uint16_t high)
+                           const struct db_view_space *space, const struct db_client *client,
+                           unsigned parts, uint16_t low, uint16_t high)
 {
 	size_t from;
 	size_t to;
 
 	if (parts & DB_PART_SERVER)
-		fill_server(image, registers);
+		fill_server(image, registers, space);
 	if (parts & DB_PART_GROUP)
-		fill_group(image, registers);
+		fill_group(image, space);
 	if (parts & DB_PART_CLIENTS)
-		fill_clients(image, registers);
+		fill_clients(image, registers, space);
 	if (parts & DB_PART_BUSES) {
 		find_touched(offsetof(struct db_gateway_image, buses), sizeof(image->buses[0]), low,
 		             high, registers->roster->bus_count, &from, &to);
@@ -470,9 +489,9 @@ void db_image_fill_gateway(struct db_gateway_image *image, const struct db_regis
 		db_time now = registers->ops->now(registers->context);
 
 		find_touched(offsetof(struct db_gateway_image, drives), sizeof(image->drives[0]),
-		             low, high, registers->roster->drive_count, &from, &to);
+		             low, high, space->drive_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_DRIVES; i++) {
-			const struct db_view_drive *drive = registers->roster->drives[i];
+			const struct db_view_drive *drive = space->drives[i];
 
 			if (db_clients_are_permitted(drive, client, DB_MAY_READ))
 				fill_gateway_drive(&image->drives[i], drive, now);
@@ -482,9 +501,9 @@ void db_image_fill_gateway(struct db_gateway_image *image, const struct db_regis
 	}
 	if (parts & DB_PART_WINDOWS) {
 		find_touched(offsetof(struct db_gateway_image, windows), sizeof(image->windows[0]),
-		             low, high, registers->roster->drive_count, &from, &to);
+		             low, high, space->drive_count, &from, &to);
 		for (size_t i = from; i < to && i < DB_GATEWAY_WINDOWS; i++) {
-			const struct db_view_drive *drive = registers->roster->drives[i];
+			const struct db_view_drive *drive = space->drives[i];
 
 			if (db_clients_are_permitted(drive, client, DB_MAY_READ))
 				fill_window(&image->windows[i], drive, client);

@@ -94,7 +94,7 @@ struct db_drive_image {
 	struct db_drive_history history[DB_HISTORY_MAX];
 };
 
-/* Every drive has a window: units are 1 to 247. */
+/* Every drive of an endpoint has a window: units are 1 to 247. */
 #define DB_GATEWAY_WINDOWS 247
 
 /* Number of buses that the gateway view shows in detail; there may be more. */
@@ -154,7 +154,7 @@ struct db_gateway_client {
 	uint32_t requests;
 	uint32_t idle_s;
 	uint32_t connected_s;
-	uint32_t controls; /* bit 0: the first drive */
+	uint32_t controls; /* bit 0: the first drive of the endpoint that is read */
 	char address[2 * DB_CLIENT_ADDRESS_REGISTERS];
 };
 
@@ -192,6 +192,7 @@ struct db_gateway_image {
 };
 
 struct db_view_drive;
+struct db_view_space;
 struct db_registers;
 
 /*
@@ -202,9 +203,10 @@ struct db_registers;
 void db_image_fill_drive(struct db_drive_image *image, const struct db_view_drive *drive,
                          const struct db_client *client, unsigned parts, uint16_t low,
                          uint16_t high);
+/* The drives are those of the space, see regmap_private.h. */
 void db_image_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,
-                           const struct db_client *client, unsigned parts, uint16_t low,
-                           uint16_t high);
+                           const struct db_view_space *space, const struct db_client *client,
+                           unsigned parts, uint16_t low, uint16_t high);
 /* The names of a client, not terminated where they are full; both are zeroed before. */
 void db_image_name_client(const struct db_registers *registers, const uint8_t address[16],
                           char shown[2 * DB_CLIENT_ADDRESS_REGISTERS],

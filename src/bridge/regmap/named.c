@@ -195,7 +195,7 @@ const struct db_name_list *db_named_registers(struct db_registers *registers, ui
 {
 	const struct db_view_drive *drive = find_drive(registers, number);
 	struct db_scope scope = { .view = DB_VIEW_DRIVE };
-	struct db_map *map = &registers->roster->gateway;
+	struct db_map *map = &db_view_space_whole(registers)->gateway;
 
 	if (number == DB_NAMED_GATEWAY) {
 		scope = (struct db_scope){ .view = DB_VIEW_GATEWAY,
@@ -221,7 +221,7 @@ static bool wants_windows(const struct db_entry *entry)
 
 const struct db_name_list *db_named_windows(struct db_registers *registers)
 {
-	struct db_map *map = &registers->roster->gateway;
+	struct db_map *map = &db_view_space_whole(registers)->gateway;
 	const struct db_scope scope = { .view = DB_VIEW_GATEWAY,
 		                        .buses = registers->roster->bus_count,
 		                        .drives = registers->roster->drive_count };
@@ -314,7 +314,8 @@ bool db_named_read(struct db_registers *registers, const struct db_client *clien
 		if (moment)
 			*moment = moment_of(&image.drive.feedback, &image.drive.stats);
 	} else {
-		db_image_fill_gateway(&image.gateway, registers, client, parts, low, high);
+		db_image_fill_gateway(&image.gateway, registers, db_view_space_whole(registers),
+		                      client, parts, low, high);
 	}
 	for (size_t i = 0; i < count; i++) {
 		struct db_named_value value = { .kind = DB_NAMED_UNKNOWN };
@@ -474,7 +475,8 @@ int db_named_write(struct db_registers *registers, const struct db_client *clien
 	struct db_view_drive *drive = find_drive(registers, number);
 
 	if (number == DB_NAMED_GATEWAY)
-		return db_gateway_write(registers, client, table, address, count, values, token);
+		return db_gateway_write(registers, db_view_space_whole(registers), client, table,
+		                        address, count, values, token);
 	if (!drive)
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
 	db_clients_hear(drive, client);

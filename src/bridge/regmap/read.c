@@ -218,17 +218,18 @@ uint8_t db_read_drive(const struct db_view_drive *drive, const struct db_client 
 	return 0;
 }
 
-uint8_t db_read_gateway(const struct db_registers *registers, const struct db_client *client,
-                        enum db_table table, uint16_t address, uint16_t count, uint16_t *values)
+uint8_t db_read_gateway(const struct db_registers *registers, const struct db_view_space *space,
+                        const struct db_client *client, enum db_table table, uint16_t address,
+                        uint16_t count, uint16_t *values)
 {
 	struct db_gateway_image image;
 	struct selection selected;
-	uint8_t exception = select_cells(table_of(&registers->roster->gateway, table), table,
-	                                 address, count, &selected);
+	uint8_t exception = select_cells(table_of(&space->gateway, table), table, address, count,
+	                                 &selected);
 
 	if (exception)
 		return exception;
-	db_image_fill_gateway(&image, registers, client, selected.parts, selected.low,
+	db_image_fill_gateway(&image, registers, space, client, selected.parts, selected.low,
 	                      selected.high);
 	copy_registers(&selected, &image, registers->roster->modbus->low_word_first, address, count,
 	               values);

@@ -36,6 +36,12 @@ void db_registers_free(struct db_registers *registers)
 		return;
 	db_view_roster_free(registers->roster);
 	db_map_free_families(registers->families);
+	while (registers->units) {
+		struct db_gateway_unit *next = registers->units->next;
+
+		free(registers->units);
+		registers->units = next;
+	}
 	free(registers);
 }
 
@@ -50,7 +56,7 @@ void db_registers_complete(struct db_registers *registers, struct db_request *re
 		return;
 	}
 	/* First the group's figures: the commander may answer its writer. */
-	db_group_note_sent(registers, drive, ticket, request->sent);
+	db_group_note_sent(drive, ticket, request->sent);
 	db_commander_complete(drive->commander, request, now);
 	db_vsmd_view_send_command(drive, ticket, result, now);
 }

@@ -45,8 +45,9 @@ struct db_view_drive {
 	struct db_control control;
 	struct db_heartbeat heartbeat;
 	struct db_heartbeat gateway_heartbeat; /* as written by clients that may feed this drive */
-	/* ticket of its part of the current group command; 0 */
+	/* ticket of its part of the latest group command, and whose that is; 0 and null */
 	uint32_t group_ticket;
+	struct db_group *group;
 	uint32_t group_start;           /* group number of its part of a start */
 	struct db_vsmd_view *vsmd_view; /* null: it has no unit with the vendor's layout */
 	uint32_t capabilities;
@@ -57,12 +58,24 @@ struct db_view_drive {
 #define DB_UNIT_GATEWAY UINT16_MAX
 #define DB_UNIT_NONE (UINT16_MAX - 1)
 
+/* What clients of one endpoint see: its units, and its drives in the order of the configuration. */
+struct db_view_space {
+	uint32_t endpoint;             /* its number */
+	struct db_gateway_unit *own;   /* the gateway's own unit there */
+	struct db_map gateway;         /* the registers of that */
+	uint16_t units[256];           /* index in the roster, DB_UNIT_GATEWAY or DB_UNIT_NONE */
+	bool vendor_units[256];        /* the drive's unit has the vendor's layout */
+	struct db_view_drive **drives; /* null is possible where there is none */
+	size_t drive_count;
+};
+
 /* The present roster: struct db_roster, and what follows from it. */
 struct db_view_roster {
 	const struct db_modbus_config *modbus;
-	struct db_map gateway;
-	uint16_t units[256];    /* index of the drive, DB_UNIT_GATEWAY or DB_UNIT_NONE */
-	bool vendor_units[256]; /* the drive's unit has the vendor's layout */
+	/* One for each endpoint, the first one first; when there are several, another one with the
+	 * drives of all, for programs that name drives. */
+	struct db_view_space *spaces;
+	size_t space_count;
 	struct db_bus **buses;
 	const struct db_bus_config **bus_configs; /* in the same order */
 	size_t bus_count;
@@ -70,7 +83,7 @@ struct db_view_roster {
 	size_t drive_count;
 };
 
-/* The current group command, and the result of the last one. */
+/* The current group command of the clients of an endpoint, and the result of the last one. */
 struct db_group {
 	struct db_write_token writer; /* the writer that waits for it */
 	bool waits;                   /* the writer was not answered yet */
@@ -88,15 +101,23 @@ struct db_group {
 	db_time last_out;
 };
 
+/* What is written to the gateway's own unit of an endpoint; it outlives a change of the roster. */
+struct db_gateway_unit {
+	struct db_gateway_unit *next;
+	uint32_t endpoint;
+	struct db_group group;
+	uint16_t heartbeat; /* as last written */
+};
+
 struct db_registers {
 	const struct db_registers_ops *ops;
 	void *context;
 	db_time started;
 	struct db_map *families; /* of every driver used so far */
 	struct db_view_roster *roster;
-	uint32_t generation; /* incremented with each change of the roster */
-	struct db_group group;
-	uint16_t heartbeat;              /* the gateway's, as last written */
+	uint32_t generation;             /* incremented with each change of the roster */
+	struct db_gateway_unit *units;   /* of every endpoint so far */
+	uint32_t group_generation;       /* that of the latest group command */
 	char model[DB_IDENTITY_MAX + 1]; /* device_id's answer, valid until the next call */
 	db_time due;                     /* when db_registers_expire() is due, as last returned */
 };
@@ -110,6 +131,12 @@ struct db_registers {
 
 /* The drive of this number; null: it was removed, or there is no roster yet. */
 struct db_view_drive *db_view_roster_find(const struct db_view_roster *roster, uint16_t drive);
+
+/* What this client sees; null: its endpoint is not there (any more, or yet). */
+struct db_view_space *db_view_space_of(const struct db_registers *registers,
+                                       const struct db_client *client);
+/* The drives of all endpoints. */
+struct db_view_space *db_view_space_whole(const struct db_registers *registers);
 
 /* Also frees its drives; null is fine. */
 void db_view_roster_free(struct db_view_roster *roster);
@@ -135,8 +162,9 @@ void db_view_drive_free(struct db_view_drive *drive); /* null is fine */
 
 uint8_t db_read_drive(const struct db_view_drive *drive, const struct db_client *client,
                       enum db_table table, uint16_t address, uint16_t count, uint16_t *values);
-uint8_t db_read_gateway(const struct db_registers *registers, const struct db_client *client,
-                        enum db_table table, uint16_t address, uint16_t count, uint16_t *values);
+uint8_t db_read_gateway(const struct db_registers *registers, const struct db_view_space *space,
+                        const struct db_client *client, enum db_table table, uint16_t address,
+                        uint16_t count, uint16_t *values);
 
 /* Fills in the parts of a drive's image, as db_image_fill_drive(), and the client in control. */
 void db_read_image(struct db_drive_image *image, const struct db_view_drive *drive,
@@ -193,12 +221,12 @@ void db_record_denied(const struct db_registers *registers, const struct db_view
  */
 
 /* db_backend's write. */
-int db_gateway_write(struct db_registers *registers, const struct db_client *client,
-                     enum db_table table, uint16_t address, uint16_t count, const uint16_t *values,
-                     struct db_write_token token);
+int db_gateway_write(struct db_registers *registers, const struct db_view_space *space,
+                     const struct db_client *client, enum db_table table, uint16_t address,
+                     uint16_t count, const uint16_t *values, struct db_write_token token);
 
 /* db_backend's write_same: it changes nothing here. */
-int db_gateway_write_same(const struct db_registers *registers, uint16_t address);
+int db_gateway_write_same(const struct db_view_space *space, uint16_t address);
 
 /* --- exception.c ------------------------------------------------------------------------------ */
 

@@ -34,7 +34,11 @@ static void free_roster(struct db_view_roster *roster)
 {
 	if (!roster)
 		return;
-	db_map_release(&roster->gateway);
+	for (size_t i = 0; roster->spaces && i < roster->space_count; i++) {
+		db_map_release(&roster->spaces[i].gateway);
+		free(roster->spaces[i].drives);
+	}
+	free(roster->spaces);
 	free(roster->buses);
 	free(roster->bus_configs);
 	free(roster->drives);
@@ -67,23 +71,109 @@ static db_time useless_after(const struct db_roster *roster, size_t bus)
 	return age > DB_NS_PER_S ? age : DB_NS_PER_S;
 }
 
-static void assign_units(struct db_view_roster *roster)
+/* --- spaces of units -------------------------------------------------------------------------- */
+
+struct db_view_space *db_view_space_whole(const struct db_registers *registers)
 {
+	const struct db_view_roster *roster = registers->roster;
+
+	return &roster->spaces[roster->space_count - 1];
+}
+
+struct db_view_space *db_view_space_of(const struct db_registers *registers,
+                                       const struct db_client *client)
+{
+	const struct db_view_roster *roster = registers->roster;
+
+	if (db_client_is_session(client->id))
+		return db_view_space_whole(registers);
+	for (size_t i = 0; i < roster->space_count; i++) {
+		if (roster->spaces[i].endpoint == client->endpoint)
+			return &roster->spaces[i];
+	}
+	return NULL;
+}
+
+/* The gateway's own unit of an endpoint, which stays when a reload takes the endpoint out. Null when
+ * out of memory. */
+static struct db_gateway_unit *own_unit(struct db_registers *registers, uint32_t endpoint)
+{
+	struct db_gateway_unit *unit = registers->units;
+
+	while (unit && unit->endpoint != endpoint)
+		unit = unit->next;
+	if (unit)
+		return unit;
+	unit = calloc(1, sizeof(*unit));
+	if (unit) {
+		unit->endpoint = endpoint;
+		unit->next = registers->units;
+		registers->units = unit;
+	}
+	return unit;
+}
+
+static void assign_unit(struct db_view_space *space, unsigned unit, uint16_t drive, bool vendor)
+{
+	space->units[unit & 0xFF] = drive;
+	space->vendor_units[unit & 0xFF] = vendor;
+}
+
+/* The drives and units of an endpoint, or of all: then drives have no units. */
+static void fill_space(struct db_view_space *space, const struct db_view_roster *roster)
+{
+	bool all = space->endpoint == DB_ENDPOINT_ALL;
+	struct db_endpoint_config endpoint = { .gateway_unit = 0 };
+
 	for (size_t i = 0; i < 256; i++)
-		roster->units[i] = DB_UNIT_NONE;
+		space->units[i] = DB_UNIT_NONE;
 	for (size_t i = 0; i < roster->drive_count; i++) {
 		const struct db_drive_config *drive = roster->drives[i]->config;
 
-		roster->units[drive->unit & 0xFF] = (uint16_t)i;
-		roster->vendor_units[drive->unit & 0xFF] = drive->vendor_layout;
-		if (drive->vendor_unit != 0) {
-			roster->units[drive->vendor_unit & 0xFF] = (uint16_t)i;
-			roster->vendor_units[drive->vendor_unit & 0xFF] = true;
+		if (!all && drive->endpoint != space->endpoint)
+			continue;
+		space->drives[space->drive_count++] = roster->drives[i];
+		if (all)
+			continue;
+		assign_unit(space, drive->unit, (uint16_t)i, drive->vendor_layout);
+		if (drive->vendor_unit != 0)
+			assign_unit(space, drive->vendor_unit, (uint16_t)i, true);
+	}
+	(void)db_modbus_endpoint_find(roster->modbus, space->endpoint, &endpoint);
+	space->units[0] = DB_UNIT_GATEWAY;
+	space->units[255] = DB_UNIT_GATEWAY;
+	space->units[endpoint.gateway_unit & 0xFF] = DB_UNIT_GATEWAY;
+}
+
+/* After the drives. */
+static int make_spaces(struct db_registers *registers, struct db_view_roster *roster)
+{
+	size_t endpoints = db_modbus_endpoint_count(roster->modbus);
+	size_t count = endpoints > 1 ? endpoints + 1 : 1;
+
+	roster->spaces = calloc(count, sizeof(roster->spaces[0]));
+	if (!roster->spaces)
+		return -ENOMEM;
+	for (; roster->space_count < count; roster->space_count++) {
+		struct db_view_space *space = &roster->spaces[roster->space_count];
+		struct db_scope scope = { .view = DB_VIEW_GATEWAY, .buses = roster->bus_count };
+
+		space->endpoint = DB_ENDPOINT_ALL;
+		if (roster->space_count < endpoints)
+			space->endpoint =
+				db_modbus_endpoint_at(roster->modbus, roster->space_count).number;
+		space->own = own_unit(registers, space->endpoint);
+		/* One more than needed, so that no allocation has size 0. */
+		space->drives = calloc(roster->drive_count + 1, sizeof(struct db_view_drive *));
+		if (space->own && space->drives)
+			fill_space(space, roster);
+		scope.drives = space->drive_count;
+		if (!space->own || !space->drives || db_map_init(&space->gateway, &scope) != 0) {
+			roster->space_count++;
+			return -ENOMEM;
 		}
 	}
-	roster->units[0] = DB_UNIT_GATEWAY;
-	roster->units[255] = DB_UNIT_GATEWAY;
-	roster->units[roster->modbus->gateway_unit & 0xFF] = DB_UNIT_GATEWAY;
+	return 0;
 }
 
 static int fill_roster(struct db_registers *registers, const struct db_roster *roster,
@@ -112,7 +202,8 @@ static int fill_roster(struct db_registers *registers, const struct db_roster *r
 			return -ENOMEM;
 		next->drives[i] = drive;
 	}
-	assign_units(next);
+	if (make_spaces(registers, next) != 0)
+		return -ENOMEM;
 	/* Reserved now so that applying it needs no memory. */
 	for (size_t i = 0; i < next->drive_count; i++) {
 		if (db_commander_reserve(next->drives[i]->commander, ids_by_client) != 0)
@@ -124,11 +215,6 @@ static int fill_roster(struct db_registers *registers, const struct db_roster *r
 int db_registers_prepare(struct db_registers *registers, const struct db_roster *roster,
                          struct db_registers_change **change)
 {
-	struct db_scope scope = {
-		.view = DB_VIEW_GATEWAY,
-		.buses = roster->bus_count,
-		.drives = roster->drive_count,
-	};
 	struct db_registers_change *made = calloc(1, sizeof(*made));
 	struct db_view_roster *next = calloc(1, sizeof(*next));
 
@@ -145,7 +231,7 @@ int db_registers_prepare(struct db_registers *registers, const struct db_roster 
 	next->bus_configs = calloc(roster->bus_count + 1, sizeof(struct db_bus_config *));
 	next->drives = calloc(roster->drive_count + 1, sizeof(struct db_view_drive *));
 	if (!made->assignments || !next->buses || !next->bus_configs || !next->drives ||
-	    db_map_init(&next->gateway, &scope) != 0 || fill_roster(registers, roster, made) != 0) {
+	    fill_roster(registers, roster, made) != 0) {
 		db_registers_change_free(made);
 		return -ENOMEM;
 	}
@@ -183,11 +269,15 @@ void db_registers_retire(struct db_registers *registers, const struct db_registe
 			db_commander_end_hold(drive->commander,
 			                      registers->ops->now(registers->context));
 	}
-	for (size_t unit = 0; unit < 256; unit++) {
-		size_t drive = roster->units[unit];
+	for (size_t i = 0; i < roster->space_count; i++) {
+		struct db_view_space *space = &roster->spaces[i];
 
-		if (drive < roster->drive_count && roster->drives[drive]->leaving)
-			roster->units[unit] = DB_UNIT_NONE;
+		for (size_t unit = 0; unit < 256; unit++) {
+			size_t drive = space->units[unit];
+
+			if (drive < roster->drive_count && roster->drives[drive]->leaving)
+				space->units[unit] = DB_UNIT_NONE;
+		}
 	}
 }
 

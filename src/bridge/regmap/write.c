@@ -99,14 +99,18 @@ static bool is_permitted_for_bus(const struct write *write)
 		return true;
 	for (size_t i = 0; i < registers->roster->drive_count; i++) {
 		const struct db_view_drive *other = registers->roster->drives[i];
+		bool here = db_client_is_session(write->client->id) ||
+		            other->config->endpoint == write->client->endpoint;
 
 		if (other->bus_config != drive->bus_config ||
-		    db_clients_are_permitted(other, write->client, DB_MAY_COMMAND))
+		    (here && db_clients_are_permitted(other, write->client, DB_MAY_COMMAND)))
 			continue;
-		db_clients_count_role_refusal(registers, write->client);
+		if (here)
+			db_clients_count_role_refusal(registers, write->client);
 		db_record_denied(registers, drive, write->client, (uint8_t)drive->config->unit,
 		                 write->address,
-		                 "its role does not allow it for every drive of the bus");
+		                 here ? "its role does not allow it for every drive of the bus" :
+		                        "the bus has drives of another endpoint");
 		return false;
 	}
 	return true;

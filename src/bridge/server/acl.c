@@ -35,18 +35,21 @@ static bool any_match(const struct db_network *networks, size_t count, const uin
 	return false;
 }
 
-enum db_access db_acl_access(const struct db_modbus_config *config, const uint8_t address[16])
+enum db_access db_acl_access(const struct db_modbus_config *config, uint32_t endpoint,
+                             const uint8_t address[16])
 {
+	struct db_endpoint_config at;
 	bool may_write;
 
-	if (config->allow_write_count > 0)
-		may_write = any_match(config->allow_write, config->allow_write_count, address);
+	if (!db_modbus_endpoint_find(config, endpoint, &at))
+		return DB_ACCESS_NONE;
+	if (at.allow_write_count > 0)
+		may_write = any_match(at.allow_write, at.allow_write_count, address);
 	else
 		may_write = any_match(LOOPBACK, sizeof(LOOPBACK) / sizeof(LOOPBACK[0]), address);
 	if (may_write)
 		return DB_ACCESS_WRITE;
-	if (config->allow_read_count == 0 ||
-	    any_match(config->allow_read, config->allow_read_count, address))
+	if (at.allow_read_count == 0 || any_match(at.allow_read, at.allow_read_count, address))
 		return DB_ACCESS_READ;
 	return DB_ACCESS_NONE;
 }
@@ -90,7 +93,7 @@ void db_acl_identify(int fd, const uint8_t network[16], uint8_t address[16])
 	db_client_address_of_user(network, user, address);
 }
 
-enum db_access db_acl_of_client(const struct db_modbus_config *config,
+enum db_access db_acl_of_client(const struct db_modbus_config *config, uint32_t endpoint,
                                 const struct db_rights *rights, const uint8_t network[16],
                                 const uint8_t address[16])
 {
@@ -104,7 +107,7 @@ enum db_access db_acl_of_client(const struct db_modbus_config *config,
 		[DB_SECURE_FOR_WRITES] = DB_ACCESS_READ,
 		[DB_SECURE_FOR_ALL] = DB_ACCESS_NONE,
 	};
-	enum db_access access = db_acl_access(config, network);
+	enum db_access access = db_acl_access(config, endpoint, network);
 	enum db_access most = INSECURE[config->require_secure];
 	uint32_t user;
 
@@ -113,11 +116,11 @@ enum db_access db_acl_of_client(const struct db_modbus_config *config,
 	return access < most ? access : most;
 }
 
-enum db_access db_acl_of_certificate(const struct db_modbus_config *config,
+enum db_access db_acl_of_certificate(const struct db_modbus_config *config, uint32_t endpoint,
                                      const uint8_t network[16], const char *name,
                                      const struct db_role_config **role)
 {
-	enum db_access access = db_acl_access(config, network);
+	enum db_access access = db_acl_access(config, endpoint, network);
 	const struct db_role_config *found = NULL;
 
 	for (size_t i = 0; i < config->role_count && !found; i++) {

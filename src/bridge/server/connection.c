@@ -354,7 +354,7 @@ static enum db_refusal find_write_refusal(const struct db_connection *c)
 	const struct db_modbus_config *config = c->shared->config;
 	uint32_t user;
 
-	if (db_acl_access(config, c->peer->address) != DB_ACCESS_WRITE)
+	if (db_acl_access(config, c->client.endpoint, c->peer->address) != DB_ACCESS_WRITE)
 		return DB_REFUSED_WRITE;
 	if (c->role)
 		return DB_REFUSED_ROLE;
@@ -369,7 +369,7 @@ static int start_request(struct db_connection *c, const struct db_modbus_request
 	struct db_connection_shared *shared = c->shared;
 	const struct db_executor *executor = &shared->executor;
 	struct db_write_token token = { c->client.id, c->sequence + c->queued };
-	uint8_t exception = executor->backend->unit(executor->context, request->unit);
+	uint8_t exception = executor->backend->unit(executor->context, &c->client, request->unit);
 
 	if (!exception && c->client.role)
 		exception = executor->backend->role(executor->context, &c->client, request->unit);

@@ -56,18 +56,18 @@ static size_t answer_read(const struct db_executor *executor, const struct db_cl
 	                    db_pdu_read(request, values, adu);
 }
 
-static size_t answer_server_id(const struct db_executor *executor,
+static size_t answer_server_id(const struct db_executor *executor, const struct db_client *client,
                                const struct db_modbus_request *request, uint8_t *adu)
 {
 	char text[MODBUS_MAX_PDU_LENGTH];
 	bool running = false;
-	size_t length = executor->backend->server_id(executor->context, request->unit, text,
+	size_t length = executor->backend->server_id(executor->context, client, request->unit, text,
 	                                             sizeof(text), &running);
 
 	return db_pdu_server_id(request, text, length, running, adu);
 }
 
-static size_t answer_device_id(const struct db_executor *executor,
+static size_t answer_device_id(const struct db_executor *executor, const struct db_client *client,
                                const struct db_modbus_request *request, uint8_t *adu,
                                uint8_t *exception)
 {
@@ -75,7 +75,7 @@ static size_t answer_device_id(const struct db_executor *executor,
 	size_t length;
 
 	for (unsigned i = 0; i < DB_DEVICE_ID_OBJECTS; i++)
-		objects[i] = executor->backend->device_id(executor->context, request->unit,
+		objects[i] = executor->backend->device_id(executor->context, client, request->unit,
 		                                          (uint8_t)i);
 	length = db_pdu_device_id(request, objects, adu, exception);
 	return *exception ? db_pdu_exception(request, *exception, adu) : length;
@@ -87,9 +87,9 @@ size_t db_execute_answer(const struct db_executor *executor, const struct db_cli
 	*exception = 0;
 	switch (request->function) {
 	case MODBUS_FC_REPORT_SLAVE_ID:
-		return answer_server_id(executor, request, adu);
+		return answer_server_id(executor, client, request, adu);
 	case DB_FC_DEVICE_ID:
-		return answer_device_id(executor, request, adu, exception);
+		return answer_device_id(executor, client, request, adu, exception);
 	default:
 		return request->read_count > 0 ?
 		               answer_read(executor, client, request, adu, exception) :

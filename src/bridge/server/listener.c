@@ -96,25 +96,25 @@ static int open_socket(const struct addrinfo *info, bool shared)
 	return fd;
 }
 
-int db_listener_open_beside(int other, const char *address)
+int db_listener_open_beside(const int *others, size_t count, const char *address)
 {
 	struct addrinfo *info;
 	int fd = resolve_address(address, &info);
 
 	if (fd < 0)
 		return fd;
-	if (other >= 0)
-		set_option(other, SOL_SOCKET, SO_REUSEPORT, 1);
-	fd = open_socket(info, other >= 0);
-	if (other >= 0)
-		set_option(other, SOL_SOCKET, SO_REUSEPORT, 0);
+	for (size_t i = 0; i < count; i++)
+		set_option(others[i], SOL_SOCKET, SO_REUSEPORT, 1);
+	fd = open_socket(info, count > 0);
+	for (size_t i = 0; i < count; i++)
+		set_option(others[i], SOL_SOCKET, SO_REUSEPORT, 0);
 	freeaddrinfo(info);
 	return fd;
 }
 
 int db_listener_open(const char *address)
 {
-	return db_listener_open_beside(-1, address);
+	return db_listener_open_beside(NULL, 0, address);
 }
 
 uint16_t db_listener_port(int fd)

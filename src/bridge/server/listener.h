@@ -4,6 +4,7 @@
 #define DRIVEBRIDGE_SERVER_LISTENER_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 /*
@@ -21,11 +22,11 @@
 int db_listener_open(const char *address);
 
 /*
- * The same while another socket is listening, perhaps with the same port at another, or at every,
+ * The same while other sockets are listening, perhaps with the same port at another, or at every,
  * address of the machine. The kernel allows that for two sockets of one user only if both agree,
  * which they do during this call: afterwards each of them excludes others as before.
  */
-int db_listener_open_beside(int other, const char *address);
+int db_listener_open_beside(const int *others, size_t count, const char *address);
 
 /* True if the machine did not have the address when the socket was opened. */
 bool db_listener_is_early(int fd);

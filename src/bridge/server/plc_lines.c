@@ -217,8 +217,8 @@ static bool is_stop(const struct line *line, const struct db_modbus_request *req
 	    request->function != MODBUS_FC_WRITE_MULTIPLE_REGISTERS)
 		return false;
 	db_pdu_values(request, values);
-	return executor->backend->stops(executor->context, request->unit, request->write_address,
-	                                request->write_count, values);
+	return executor->backend->stops(executor->context, &line->client, request->unit,
+	                                request->write_address, request->write_count, values);
 }
 
 /* What the port has counted counts for FC 8, too. */
@@ -250,7 +250,8 @@ static void handle_frame(struct line *line, const struct db_rtu_frame *frame)
 	memcpy(adu + HEADER, frame->bytes, frame->length - CRC);
 	result = db_pdu_parse(adu, length, &request);
 	/* A unit that is not there may be another device's, whatever the configuration says. */
-	if (request.unit != 0 && executor->backend->unit(executor->context, request.unit))
+	if (request.unit != 0 &&
+	    executor->backend->unit(executor->context, &line->client, request.unit))
 		return;
 	line->requests++;
 	line->lines->host.stats->requests++;
@@ -393,6 +394,7 @@ static int make_line(struct db_plc_lines *lines, const struct db_rtu_config *con
 		return -ENOMEM;
 	made->lines = lines;
 	made->client.port = 1;
+	made->client.endpoint = config->endpoint;
 	db_client_address_of_line(config->name, made->client.address);
 	set_rights(made, config);
 	error = db_rtu_port_new(config, &made->port);
@@ -413,7 +415,7 @@ static bool same_port(const struct db_rtu_config *a, const struct db_rtu_config 
 	return strcmp(a->name, b->name) == 0 && strcmp(a->device, b->device) == 0 &&
 	       a->baud == b->baud && a->parity == b->parity && a->stop_bits == b->stop_bits &&
 	       a->direction == b->direction && a->rts_before_ms == b->rts_before_ms &&
-	       a->rts_after_ms == b->rts_after_ms &&
+	       a->rts_after_ms == b->rts_after_ms && a->endpoint == b->endpoint &&
 	       memcmp(a->units, b->units, sizeof(a->units)) == 0 &&
 	       a->answer_timeout_ms == b->answer_timeout_ms;
 }

@@ -10,10 +10,10 @@
 #include "identity/rights.h"
 #include "server/acl.h"
 #include "server/connection.h"
+#include "server/endpoints.h"
 #include "server/listener.h"
 #include "server/peers.h"
 #include "server/plc_lines.h"
-#include "server/secure.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -36,20 +36,18 @@ struct db_server {
 	sd_event *loop;
 	struct db_log_source log;
 	sd_event_source *io, *timer;
-	int listener;
 	uint32_t last_id;
 	db_time armed;        /* when the timer will fire */
 	db_time accept_again; /* DB_TIME_NEVER: accepting now */
 	bool busy;            /* a connection is being served */
 	bool late_answers;    /* answers arrived meanwhile */
 	unsigned kept;        /* descriptors that connections leave for other uses */
-	size_t readers;       /* connections that may only read */
 	bool users_count;     /* users of this machine have no more rights than these: */
 	struct db_rights rights;
-	struct db_secure *secure; /* null: there is no secure socket */
+	struct db_endpoints *endpoints;
 	struct db_certificates *certificates;
 	struct db_plc_lines *lines;
-	size_t room; /* at least max_clients */
+	size_t room; /* at least the sum of the endpoints' max_clients */
 	size_t count;
 	struct db_connection **connections; /* in the order of connecting */
 };
@@ -76,9 +74,7 @@ static void arm_timer(struct db_server *server, db_time deadline)
 
 static void set_accepting(struct db_server *server, bool accepting)
 {
-	struct epoll_event event = { .events = accepting ? EPOLLIN : 0 };
-
-	(void)epoll_ctl(server->shared.epoll, EPOLL_CTL_MOD, server->listener, &event);
+	db_endpoints_set_accepting(server->endpoints, accepting);
 	server->accept_again = accepting ? DB_TIME_NEVER : loop_time(server) + ACCEPT_PAUSE;
 	arm_timer(server, server->accept_again);
 }
@@ -110,6 +106,7 @@ static void announce_client(const struct db_server *server, const struct db_conn
 	const struct db_client *client = db_connection_client(connection);
 	struct db_client_words words;
 	struct db_log_about about = { .client = words.address };
+	const char *endpoint = db_modbus_endpoint_name(server->shared.config, client->endpoint);
 	char network[DB_CLIENT_ADDRESS_MAX] = "";
 
 	describe(server, client, &words);
@@ -118,13 +115,24 @@ static void announce_client(const struct db_server *server, const struct db_conn
 		db_client_address(db_connection_address(connection), network);
 	db_log(&server->log, loop_time(server),
 	       connected ? DB_EVENT_CLIENT_CONNECTED : DB_EVENT_CLIENT_GONE, &about,
-	       "%s (%s%sport %u, %s)", connected ? "connected" : "disconnected", network,
+	       "%s (%s%sport %u, %s%s%s%s)", connected ? "connected" : "disconnected", network,
 	       network[0] != '\0' ? " " : "", (unsigned)client->port,
+	       endpoint[0] != '\0' ? "endpoint " : "", endpoint, endpoint[0] != '\0' ? ", " : "",
 	       client->may_write                   ? "may read and write" :
 	       db_connection_is_barred(connection) ? "has no role, so every request is refused" :
 	                                             "may only read");
 	if (executor->backend->client)
 		executor->backend->client(executor->context, client, connected);
+}
+
+/* Adds one to its endpoint's clients, or takes one from them. */
+static void count_client(struct db_server *server, const struct db_connection *connection, int one)
+{
+	const struct db_client *client = db_connection_client(connection);
+	struct db_endpoint *endpoint = db_endpoints_find(server->endpoints, client->endpoint);
+
+	endpoint->clients += (size_t)one;
+	endpoint->readers += client->may_write ? 0 : (size_t)one;
 }
 
 static void drop_connection(struct db_server *server, size_t index)
@@ -134,7 +142,7 @@ static void drop_connection(struct db_server *server, size_t index)
 
 	server->count--;
 	memmove(place, place + 1, (server->count - index) * sizeof(*place));
-	server->readers -= !db_connection_client(connection)->may_write;
+	count_client(server, connection, -1);
 	server->shared.stats.clients = (uint32_t)server->count;
 	announce_client(server, connection, false);
 	db_certificates_let_go(server->certificates, db_connection_client(connection)->address);
@@ -197,23 +205,28 @@ static void send_late_answers(struct db_server *server)
 }
 
 /* The reason for refusing a client: DB_REFUSAL_COUNT when there is none. */
-static enum db_refusal find_refusal(const struct db_server *server, enum db_access access,
+static enum db_refusal find_refusal(const struct db_server *server,
+                                    const struct db_endpoint *endpoint, enum db_access access,
                                     const struct db_peer *peer, int fd)
 {
 	const struct db_modbus_config *config = server->shared.config;
+	struct db_endpoint_config at = { .max_clients = 0 };
 	struct rlimit limit;
 
+	(void)db_modbus_endpoint_find(config, endpoint->number, &at);
 	if (access == DB_ACCESS_NONE)
-		return db_acl_access(config, peer->address) == DB_ACCESS_NONE ? DB_REFUSED_ADDRESS :
+		return db_acl_access(config, endpoint->number, peer->address) == DB_ACCESS_NONE ?
+		               DB_REFUSED_ADDRESS :
 		       config->require_secure == DB_SECURE_FOR_ALL ? DB_REFUSED_INSECURE :
 		                                                     DB_REFUSED_USER_READ;
 	if (config->max_clients_per_address > 0 &&
 	    peer->connections >= config->max_clients_per_address)
 		return DB_REFUSED_PER_ADDRESS;
-	if (server->count >= config->max_clients)
+	/* The places of each endpoint are its own: clients of one never lock out those of another.
+	 * After a reload there may be more clients than before in fewer places. */
+	if (endpoint->clients >= at.max_clients || server->count >= server->room)
 		return DB_REFUSED_FULL;
-	if (access == DB_ACCESS_READ &&
-	    server->readers + config->reserved_writers >= config->max_clients)
+	if (access == DB_ACCESS_READ && endpoint->readers + at.reserved_writers >= at.max_clients)
 		return DB_REFUSED_RESERVED;
 	/* Every new descriptor is the lowest free one: the number above it shows how many are
 	 * free. */
@@ -239,7 +252,7 @@ static void admit_client(struct db_server *server, int fd, struct db_client *cli
 	}
 	db_connection_adapt(connection, client->may_write, client->role, role && !client->role);
 	server->connections[server->count++] = connection;
-	server->readers += !client->may_write;
+	count_client(server, connection, 1);
 	stats->accepted++;
 	stats->clients = (uint32_t)server->count;
 	if (stats->clients > stats->clients_peak)
@@ -248,29 +261,30 @@ static void admit_client(struct db_server *server, int fd, struct db_client *cli
 	arm_timer(server, db_connection_deadline(connection));
 }
 
-static enum db_access find_access(const struct db_server *server, const uint8_t network[16],
-                                  const uint8_t address[16])
+static enum db_access find_access(const struct db_server *server, uint32_t endpoint,
+                                  const uint8_t network[16], const uint8_t address[16])
 {
-	return db_acl_of_client(server->shared.config, server->users_count ? &server->rights : NULL,
-	                        network, address);
+	return db_acl_of_client(server->shared.config, endpoint,
+	                        server->users_count ? &server->rights : NULL, network, address);
 }
 
-static void add_client(struct db_server *server, int fd, const struct sockaddr_storage *address)
+static void add_client(struct db_server *server, const struct db_endpoint *endpoint, int fd,
+                       const struct sockaddr_storage *address)
 {
 	db_time now = loop_time(server);
 	enum db_access access = DB_ACCESS_NONE;
-	struct db_client client = { 0 };
+	struct db_client client = { .endpoint = endpoint->number };
 	enum db_refusal refusal;
 	uint8_t network[16] = { 0 };
 	struct db_peer *peer;
 
 	if (db_acl_peer(address, network, &client.port)) {
 		db_acl_identify(fd, network, client.address);
-		access = find_access(server, network, client.address);
+		access = find_access(server, endpoint->number, network, client.address);
 	}
 	client.may_write = access == DB_ACCESS_WRITE;
 	peer = db_peers_find(server->shared.peers, network, now);
-	refusal = find_refusal(server, access, peer, fd);
+	refusal = find_refusal(server, endpoint, access, peer, fd);
 	if (refusal == DB_REFUSAL_COUNT) {
 		admit_client(server, fd, &client, NULL, peer);
 		return;
@@ -279,15 +293,16 @@ static void add_client(struct db_server *server, int fd, const struct sockaddr_s
 	db_connection_count_refusal(&server->shared, peer, refusal, now);
 }
 
-static void add_secure_client(void *context, int fd, const struct db_secure_client *hello)
+static void add_secure_client(void *context, struct db_endpoint *endpoint, int fd,
+                              const struct db_secure_client *hello)
 {
 	struct db_server *server = context;
 	db_time now = loop_time(server);
-	struct db_client client = { .port = hello->port };
+	struct db_client client = { .port = hello->port, .endpoint = endpoint->number };
 	struct db_peer *peer = db_peers_find(server->shared.peers, hello->address, now);
-	enum db_access access = db_acl_of_certificate(server->shared.config, hello->address,
-	                                              hello->role, &client.role);
-	enum db_refusal refusal = find_refusal(server, access, peer, fd);
+	enum db_access access = db_acl_of_certificate(server->shared.config, endpoint->number,
+	                                              hello->address, hello->role, &client.role);
+	enum db_refusal refusal = find_refusal(server, endpoint, access, peer, fd);
 
 	client.may_write = access == DB_ACCESS_WRITE;
 	if (hello->waited_ms > 0)
@@ -303,36 +318,7 @@ static void add_secure_client(void *context, int fd, const struct db_secure_clie
 	db_connection_count_refusal(&server->shared, peer, refusal, now);
 }
 
-static const char *secure_path(const struct db_modbus_config *config)
-{
-	return config->secure_socket ? config->secure_socket : DB_NO_SOCKET;
-}
-
-static bool has_secure(const struct db_modbus_config *config)
-{
-	return strcmp(secure_path(config), DB_NO_SOCKET) != 0;
-}
-
-/* Clients without certificates must not be kept out by this: an error is logged, and nothing
- * else. */
-static void open_secure(struct db_server *server)
-{
-	const char *path = secure_path(server->shared.config);
-	const char *why;
-	int error;
-
-	if (!has_secure(server->shared.config))
-		return;
-	error = db_secure_new(server->loop, path, &server->log, add_secure_client, server,
-	                      &server->secure, &why);
-	if (error < 0)
-		db_log(&server->log, loop_time(server), DB_EVENT_SECURE_FAILED, NULL,
-		       "no secure socket for drivebridge-tls: %s: %s; correct secure-socket in the "
-		       "section modbus, or set it to off",
-		       path, why ? why : strerror(-error));
-}
-
-static void accept_clients(struct db_server *server, int most)
+static void accept_clients(struct db_server *server, const struct db_endpoint *endpoint, int most)
 {
 	struct sockaddr_storage peer;
 	socklen_t length;
@@ -340,10 +326,10 @@ static void accept_clients(struct db_server *server, int most)
 
 	for (int i = 0; i < most; i++) {
 		length = sizeof(peer);
-		fd = accept4(server->listener, (struct sockaddr *)&peer, &length,
+		fd = accept4(endpoint->listener, (struct sockaddr *)&peer, &length,
 		             SOCK_NONBLOCK | SOCK_CLOEXEC);
 		if (fd >= 0) {
-			add_client(server, fd, &peer);
+			add_client(server, endpoint, fd, &peer);
 			continue;
 		}
 		if (errno == EAGAIN || errno == EWOULDBLOCK)
@@ -367,12 +353,15 @@ static int serve_ready(struct db_server *server)
 	/* A connection appears once per round and only ends itself: no event refers to a freed
 	 * one. */
 	for (int i = 0; i < count; i++) {
-		if (events[i].data.ptr)
+		const struct db_endpoint *endpoint = db_endpoints_of_event(server->endpoints,
+		                                                           events[i].data.ptr);
+
+		if (endpoint)
+			accept_clients(server, endpoint, ACCEPTS_AT_ONCE);
+		else
 			keep_or_drop(
 				server, events[i].data.ptr,
 				db_connection_ready(events[i].data.ptr, events[i].events, now));
-		else
-			accept_clients(server, ACCEPTS_AT_ONCE);
 	}
 	send_late_answers(server);
 	return count;
@@ -523,33 +512,60 @@ static int open_lines(struct db_server *server)
 	return error;
 }
 
-static int open_sockets(struct db_server *server)
+/* The places for clients of all endpoints. */
+static size_t count_places(const struct db_modbus_config *config)
 {
-	struct epoll_event event = { .events = EPOLLIN };
+	size_t places = 0;
 
-	server->listener = db_listener_open(server->shared.config->listen);
-	if (server->listener < 0)
-		return server->listener;
+	for (size_t i = 0; i < db_modbus_endpoint_count(config); i++)
+		places += db_modbus_endpoint_at(config, i).max_clients;
+	return places;
+}
+
+static void accept_rest(void *context, struct db_endpoint *endpoint)
+{
+	accept_clients(context, endpoint, DB_LISTENER_BACKLOG + 1);
+}
+
+static int open_endpoints(struct db_server *server, const char **where)
+{
+	struct db_endpoints_host host = {
+		.loop = server->loop,
+		.log = &server->log,
+		.admit_secure = add_secure_client,
+		.accept = accept_rest,
+		.context = server,
+	};
+	struct db_endpoints_change *change;
+	int error;
+
 	server->shared.epoll = epoll_create1(EPOLL_CLOEXEC);
-	if (server->shared.epoll < 0 ||
-	    epoll_ctl(server->shared.epoll, EPOLL_CTL_ADD, server->listener, &event) < 0)
+	if (server->shared.epoll < 0)
 		return -errno;
-	return 0;
+	host.epoll = server->shared.epoll;
+	server->endpoints = db_endpoints_new(&host);
+	if (!server->endpoints)
+		return -ENOMEM;
+	error = db_endpoints_prepare(server->endpoints, server->shared.config, &change, where);
+	if (error == 0)
+		db_endpoints_apply(server->endpoints, change);
+	return error;
 }
 
 int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
                   const struct db_backend *backend, void *context, const struct db_log_source *log,
-                  struct db_server **result)
+                  struct db_server **result, const char **where)
 {
 	struct db_server *server;
 	int error;
 
+	*where = NULL;
 	if (config->max_clients == 0 || config->max_pipelined == 0)
 		return -EINVAL;
 	server = calloc(1, sizeof(*server));
 	if (!server)
 		return -ENOMEM;
-	server->room = config->max_clients;
+	server->room = count_places(config);
 	server->connections = calloc(server->room, sizeof(server->connections[0]));
 	if (!server->connections) {
 		free(server);
@@ -559,13 +575,13 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 	server->shared.executor = (struct db_executor){ backend, context };
 	server->loop = sd_event_ref(loop);
 	server->log = *log;
-	server->listener = -1;
 	server->shared.epoll = -1;
 	server->armed = DB_TIME_NEVER;
 	server->accept_again = DB_TIME_NEVER;
-	server->shared.peers = db_peers_new(config->max_clients, log_refusal, server);
+	server->shared.peers = db_peers_new(server->room, log_refusal, server);
 	server->certificates = db_certificates_new();
-	error = server->shared.peers && server->certificates ? open_sockets(server) : -ENOMEM;
+	error = server->shared.peers && server->certificates ? open_endpoints(server, where) :
+	                                                       -ENOMEM;
 	if (error == 0)
 		error = sd_event_add_io(loop, &server->io, server->shared.epoll, EPOLLIN, on_ready,
 		                        server);
@@ -580,7 +596,6 @@ int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
 		db_server_free(server);
 		return error;
 	}
-	open_secure(server);
 	*result = server;
 	return 0;
 }
@@ -595,11 +610,9 @@ void db_server_free(struct db_server *server)
 		drop_connection(server, server->count - 1);
 	db_plc_lines_free(server->lines);
 	server->lines = NULL;
-	db_secure_free(server->secure);
+	db_endpoints_free(server->endpoints);
 	sd_event_source_disable_unref(server->timer);
 	sd_event_source_disable_unref(server->io);
-	if (server->listener >= 0)
-		close(server->listener);
 	if (server->shared.epoll >= 0)
 		close(server->shared.epoll);
 	db_peers_free(server->shared.peers);
@@ -613,45 +626,32 @@ void db_server_free(struct db_server *server)
 
 struct db_server_change {
 	const struct db_modbus_config *config;
-	int listener; /* the new listener, in the epoll set already; -1: unchanged */
+	struct db_endpoints_change *endpoints;
 	/* Both null: the present room is enough. */
 	struct db_connection **connections;
 	struct db_peers *peers;
 	struct db_plc_lines_change *lines;
 };
 
-static int prepare_listener(const struct db_server *server, struct db_server_change *change)
-{
-	struct epoll_event event = { .events = 0 };
-
-	if (strcmp(change->config->listen, server->shared.config->listen) == 0)
-		return 0;
-	change->listener = db_listener_open_beside(server->listener, change->config->listen);
-	if (change->listener < 0)
-		return change->listener;
-	if (epoll_ctl(server->shared.epoll, EPOLL_CTL_ADD, change->listener, &event) < 0)
-		return -errno;
-	return 0;
-}
-
 int db_server_prepare(struct db_server *server, const struct db_modbus_config *config,
-                      struct db_server_change **change)
+                      struct db_server_change **change, const char **where)
 {
 	struct db_server_change *made = calloc(1, sizeof(*made));
+	size_t places = count_places(config);
 	int error = 0;
 
+	*where = NULL;
 	if (!made)
 		return -ENOMEM;
 	made->config = config;
-	made->listener = -1;
-	if (config->max_clients > server->room) {
-		made->connections = calloc(config->max_clients, sizeof(made->connections[0]));
-		made->peers = db_peers_new(config->max_clients, log_refusal, server);
+	if (places > server->room) {
+		made->connections = calloc(places, sizeof(made->connections[0]));
+		made->peers = db_peers_new(places, log_refusal, server);
 		if (!made->connections || !made->peers)
 			error = -ENOMEM;
 	}
 	if (error == 0)
-		error = prepare_listener(server, made);
+		error = db_endpoints_prepare(server->endpoints, config, &made->endpoints, where);
 	if (error == 0)
 		error = db_plc_lines_prepare(server->lines, config, &made->lines);
 	if (error < 0) {
@@ -666,8 +666,7 @@ void db_server_change_free(struct db_server_change *change)
 {
 	if (!change)
 		return;
-	if (change->listener >= 0)
-		close(change->listener);
+	db_endpoints_change_free(change->endpoints);
 	db_plc_lines_change_free(change->lines);
 	db_peers_free(change->peers);
 	free(change->connections);
@@ -687,7 +686,7 @@ static void take_room(struct db_server *server, struct db_server_change *change,
 	db_peers_copy(change->peers, peers);
 	server->connections = change->connections;
 	server->shared.peers = change->peers;
-	server->room = server->shared.config->max_clients;
+	server->room = count_places(server->shared.config);
 	change->connections = connections;
 	change->peers = peers;
 	for (size_t i = 0; i < server->count; i++) {
@@ -706,25 +705,28 @@ static void adapt_connection(struct db_server *server, size_t index)
 	const char *name = db_connection_role(connection);
 	const uint8_t *network = db_connection_address(connection);
 	const struct db_role_config *role = NULL;
-	enum db_access access = name ? db_acl_of_certificate(server->shared.config, network, name,
-	                                                     &role) :
-	                               find_access(server, network, client->address);
+	uint32_t endpoint = client->endpoint;
+	enum db_access access = name ? db_acl_of_certificate(server->shared.config, endpoint,
+	                                                     network, name, &role) :
+	                               find_access(server, endpoint, network, client->address);
 	bool could_write = client->may_write;
 
-	if (access == DB_ACCESS_NONE || (name && !has_secure(server->shared.config))) {
+	if (access == DB_ACCESS_NONE ||
+	    (name && !db_endpoints_have_secure(server->shared.config, endpoint))) {
 		struct db_client_words words;
 		struct db_log_about about = { .client = words.address };
 
 		describe(server, client, &words);
 		db_log(&server->log, loop_time(server), DB_EVENT_CLIENT_REFUSED, &about,
 		       "connection closed: it may not read any more (allow-read, allow-write, "
-		       "read-group, act-group, require-secure, secure-socket)");
+		       "read-group, act-group, require-secure, secure-socket), or its endpoint is "
+		       "gone");
 		drop_connection(server, index);
 		return;
 	}
-	server->readers -= !could_write;
+	count_client(server, connection, -1);
 	db_connection_adapt(connection, access == DB_ACCESS_WRITE, role, name && !role);
-	server->readers += !client->may_write;
+	count_client(server, connection, 1);
 	if (could_write && !client->may_write && executor->backend->restricted)
 		executor->backend->restricted(executor->context, client);
 	else if (role && client->may_write && executor->backend->reassigned)
@@ -735,10 +737,8 @@ void db_server_apply(struct db_server *server, struct db_server_change *change)
 {
 	unsigned pace = server->shared.config->max_requests_per_second;
 	db_time now = loop_time(server);
-	bool elsewhere;
 
 	server->busy = true;
-	elsewhere = strcmp(secure_path(server->shared.config), secure_path(change->config)) != 0;
 	server->shared.config = change->config;
 	server->log.level = change->config->log;
 	take_room(server, change, now);
@@ -746,26 +746,15 @@ void db_server_apply(struct db_server *server, struct db_server_change *change)
 		adapt_connection(server, i);
 	db_plc_lines_apply(server->lines, change->lines);
 	change->lines = NULL;
-	if (elsewhere) {
-		db_secure_free(server->secure);
-		server->secure = NULL;
-		open_secure(server);
-	}
 	/* The rate used so far belongs to the former limit. */
 	if (change->config->max_requests_per_second != pace) {
 		db_peers_reset_rates(server->shared.peers);
 		for (size_t i = 0; i < server->count; i++)
 			db_connection_take_turn(server->connections[i], now);
 	}
-	if (change->listener >= 0) {
-		int old = server->listener;
-
-		/* Clients that connected to the old address in time are accepted. */
-		accept_clients(server, DB_LISTENER_BACKLOG + 1);
-		server->listener = change->listener;
-		change->listener = old;
-		set_accepting(server, true);
-	}
+	db_endpoints_apply(server->endpoints, change->endpoints);
+	change->endpoints = NULL;
+	server->accept_again = DB_TIME_NEVER;
 	/* Requests that waited for their turn continue, and time limits may be earlier now. */
 	server->late_answers = true;
 	send_late_answers(server);
@@ -801,7 +790,7 @@ bool db_server_certificate(const struct db_server *server, const uint8_t address
 
 bool db_server_secure_status(const struct db_server *server, struct db_secure_status *status)
 {
-	return db_secure_read_status(server->secure, status);
+	return db_endpoints_secure_status(server->endpoints, status);
 }
 
 void db_server_keep_descriptors(struct db_server *server, unsigned count)
@@ -820,14 +809,14 @@ void db_server_set_rights(struct db_server *server, const struct db_rights *righ
 	send_late_answers(server);
 }
 
-bool db_server_is_early(const struct db_server *server)
+bool db_server_is_early(const struct db_server *server, uint32_t endpoint)
 {
-	return db_listener_is_early(server->listener);
+	return db_listener_is_early(db_endpoints_find(server->endpoints, endpoint)->listener);
 }
 
-uint16_t db_server_port(const struct db_server *server)
+uint16_t db_server_port(const struct db_server *server, uint32_t endpoint)
 {
-	return db_listener_port(server->listener);
+	return db_listener_port(db_endpoints_find(server->endpoints, endpoint)->listener);
 }
 
 void db_server_stats(const struct db_server *server, struct db_server_stats *stats)

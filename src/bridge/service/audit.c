@@ -29,6 +29,8 @@ uint32_t audit_post(struct service *service, const struct db_client *client,
 	if (client) {
 		memcpy(complete.address, client->address, sizeof(complete.address));
 		complete.port = client->port;
+		complete.endpoint = db_modbus_endpoint_name(
+			&service->plant->edition->config->modbus, client->endpoint);
 		if (db_client_is_session(client->id))
 			db_control_socket_names(service->control, client, &names);
 		if (db_server_certificate(service->server, client->address, &certificate, &role)) {

@@ -175,6 +175,7 @@ static int prepare_reload(struct service *service, struct reload *reload)
 {
 	const struct db_modbus_config *modbus = &reload->next->edition->config->modbus;
 	struct plant_roster roster;
+	const char *where;
 	int error = 0;
 
 	for (size_t i = 0; error >= 0 && i < reload->next->bus_count; i++) {
@@ -196,11 +197,11 @@ static int prepare_reload(struct service *service, struct reload *reload)
 		log_failure(service, error);
 		return error;
 	}
-	error = db_server_prepare(service->server, modbus, &reload->server);
+	error = db_server_prepare(service->server, modbus, &reload->server, &where);
 	if (error < 0)
 		log_error(service, DB_EVENT_RELOAD_FAILED,
-		          "reload: cannot listen on %s: %s; nothing changes", modbus->listen,
-		          strerror(-error));
+		          "reload: cannot listen on %s: %s; nothing changes",
+		          where ? where : modbus->listen, strerror(-error));
 	return error;
 }
 
@@ -222,8 +223,8 @@ static void free_reload(struct reload *reload, const struct plant *running)
 static void retire_parts(struct service *service, struct reload *reload)
 {
 	struct plant *running = service->plant;
-	bool elsewhere = strcmp(running->edition->config->modbus.listen,
-	                        reload->next->edition->config->modbus.listen) != 0;
+	const struct db_modbus_config *before = &running->edition->config->modbus;
+	const struct db_modbus_config *after = &reload->next->edition->config->modbus;
 
 	db_registers_retire(service->registers, reload->registers);
 	db_server_apply(service->server, reload->server);
@@ -233,8 +234,7 @@ static void retire_parts(struct service *service, struct reload *reload)
 	health_change(service, &reload->next->edition->config->control);
 	db_control_socket_change(service->control, &reload->next->edition->config->control,
 	                         &service->log);
-	if (elsewhere)
-		service_log_listening(service, &reload->next->edition->config->modbus);
+	service_log_listening(service, before, after);
 	for (size_t i = 0; i < running->bus_count; i++) {
 		struct plant_bus *bus = running->buses[i];
 

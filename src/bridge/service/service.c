@@ -71,17 +71,18 @@ static int listen_for_clients(struct service *service)
 {
 	const struct db_modbus_config *modbus = &service->plant->edition->config->modbus;
 	bool logged = false;
+	const char *where;
 	int error;
 
 	do {
 		error = db_server_new(service->loop, modbus, &db_registers_backend,
-		                      service->registers, &service->log, &service->server);
+		                      service->registers, &service->log, &service->server, &where);
 		if (error == 0)
 			break;
 		if (!logged)
 			db_log(&service->log, service_now(service), DB_EVENT_FAILED, NULL,
-			       "cannot listen on %s: %s%s", modbus->listen, strerror(-error),
-			       advice_for_listening(-error));
+			       "cannot listen on %s: %s%s", where ? where : modbus->listen,
+			       strerror(-error), advice_for_listening(-error));
 		logged = true;
 		if (error == -EADDRINUSE)
 			error = wait_after(error);
@@ -249,7 +250,7 @@ static int set_up(struct service *service, struct configuration_start *start)
 		error = configuration_begin(service, start);
 	/* A program that waits for this line finds everything ready. */
 	if (error == 0)
-		service_log_listening(service, &service->plant->edition->config->modbus);
+		service_log_listening(service, NULL, &service->plant->edition->config->modbus);
 	for (size_t b = 0; error == 0 && b < service->plant->bus_count; b++)
 		error = db_bus_start(service->plant->buses[b]->bus);
 	return error;

@@ -81,8 +81,10 @@ int service_watch_bus(struct service *service, struct plant_bus *bus);
 /* Fetches the bus's completions. */
 void service_collect(struct plant_bus *bus);
 
-/* Logs the address on which clients can connect. */
-void service_log_listening(const struct service *service, const struct db_modbus_config *modbus);
+/* Logs the addresses on which clients can connect, as far as they are others than before; `before`:
+ * null at the start. */
+void service_log_listening(const struct service *service, const struct db_modbus_config *before,
+                           const struct db_modbus_config *modbus);
 
 /* Reserves descriptors for the buses of the plant and for reloads, whatever clients use. */
 void service_keep_descriptors(struct service *service);

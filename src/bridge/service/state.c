@@ -78,17 +78,31 @@ void service_set_rights(struct service *service)
 	                     config->modbus.everybody_writes_here ? NULL : &rights);
 }
 
-void service_log_listening(const struct service *service, const struct db_modbus_config *modbus)
+static void log_endpoint(const struct service *service, const struct db_endpoint_config *endpoint)
 {
-	int host = (int)(strrchr(modbus->listen, ':') - modbus->listen);
+	int host = (int)(strrchr(endpoint->listen, ':') - endpoint->listen);
 
-	if (db_server_is_early(service->server))
+	if (db_server_is_early(service->server, endpoint->number))
 		db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
 		       "this machine does not have the address %.*s yet; clients can connect as "
 		       "soon as "
 		       "it has. If it never will: correct listen (ip address shows what it has)",
-		       host, modbus->listen);
+		       host, endpoint->listen);
 	db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
-	       "listening on %.*s:%u", host, modbus->listen,
-	       (unsigned)db_server_port(service->server));
+	       "listening on %.*s:%u%s%s", host, endpoint->listen,
+	       (unsigned)db_server_port(service->server, endpoint->number),
+	       endpoint->name ? " for endpoint " : "", endpoint->name ? endpoint->name : "");
+}
+
+void service_log_listening(const struct service *service, const struct db_modbus_config *before,
+                           const struct db_modbus_config *modbus)
+{
+	for (size_t i = 0; i < db_modbus_endpoint_count(modbus); i++) {
+		const struct db_endpoint_config endpoint = db_modbus_endpoint_at(modbus, i);
+		struct db_endpoint_config old;
+
+		if (!before || !db_modbus_endpoint_find(before, endpoint.number, &old) ||
+		    strcmp(old.listen, endpoint.listen) != 0)
+			log_endpoint(service, &endpoint);
+	}
 }

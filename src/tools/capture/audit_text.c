@@ -66,6 +66,8 @@ char *db_capture_audit_describe(const json_t *record)
 	if (json_object_get(record, "unit"))
 		(void)fprintf(out, " unit %lld",
 		              (long long)json_integer_value(json_object_get(record, "unit")));
+	if (json_object_get(record, "endpoint"))
+		(void)fprintf(out, " endpoint %s", db_words_text(record, "endpoint"));
 	if (json_object_get(record, "count"))
 		(void)fprintf(out, " %lld times",
 		              (long long)json_integer_value(json_object_get(record, "count")));

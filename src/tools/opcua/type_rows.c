@@ -1533,8 +1533,8 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client10Controls",
-	  .text = "Client 10: drives that it has control of; bit 0 = the first drive of the configu"
-		  "ration",
+	  .text = "Client 10: drives that it has control of; bit 0 = the first drive of the endpoin"
+		  "t",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -1575,8 +1575,8 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client11Controls",
-	  .text = "Client 11: drives that it has control of; bit 0 = the first drive of the configu"
-		  "ration",
+	  .text = "Client 11: drives that it has control of; bit 0 = the first drive of the endpoin"
+		  "t",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -1617,8 +1617,8 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client12Controls",
-	  .text = "Client 12: drives that it has control of; bit 0 = the first drive of the configu"
-		  "ration",
+	  .text = "Client 12: drives that it has control of; bit 0 = the first drive of the endpoin"
+		  "t",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -1659,8 +1659,8 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client13Controls",
-	  .text = "Client 13: drives that it has control of; bit 0 = the first drive of the configu"
-		  "ration",
+	  .text = "Client 13: drives that it has control of; bit 0 = the first drive of the endpoin"
+		  "t",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -1701,8 +1701,8 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client14Controls",
-	  .text = "Client 14: drives that it has control of; bit 0 = the first drive of the configu"
-		  "ration",
+	  .text = "Client 14: drives that it has control of; bit 0 = the first drive of the endpoin"
+		  "t",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -1743,8 +1743,8 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client15Controls",
-	  .text = "Client 15: drives that it has control of; bit 0 = the first drive of the configu"
-		  "ration",
+	  .text = "Client 15: drives that it has control of; bit 0 = the first drive of the endpoin"
+		  "t",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -1785,8 +1785,8 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client16Controls",
-	  .text = "Client 16: drives that it has control of; bit 0 = the first drive of the configu"
-		  "ration",
+	  .text = "Client 16: drives that it has control of; bit 0 = the first drive of the endpoin"
+		  "t",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -1827,8 +1827,7 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client1Controls",
-	  .text = "Client 1: drives that it has control of; bit 0 = the first drive of the configur"
-		  "ation",
+	  .text = "Client 1: drives that it has control of; bit 0 = the first drive of the endpoint",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -1869,8 +1868,7 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client2Controls",
-	  .text = "Client 2: drives that it has control of; bit 0 = the first drive of the configur"
-		  "ation",
+	  .text = "Client 2: drives that it has control of; bit 0 = the first drive of the endpoint",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -1911,8 +1909,7 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client3Controls",
-	  .text = "Client 3: drives that it has control of; bit 0 = the first drive of the configur"
-		  "ation",
+	  .text = "Client 3: drives that it has control of; bit 0 = the first drive of the endpoint",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -1953,8 +1950,7 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client4Controls",
-	  .text = "Client 4: drives that it has control of; bit 0 = the first drive of the configur"
-		  "ation",
+	  .text = "Client 4: drives that it has control of; bit 0 = the first drive of the endpoint",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -1995,8 +1991,7 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client5Controls",
-	  .text = "Client 5: drives that it has control of; bit 0 = the first drive of the configur"
-		  "ation",
+	  .text = "Client 5: drives that it has control of; bit 0 = the first drive of the endpoint",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -2037,8 +2032,7 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client6Controls",
-	  .text = "Client 6: drives that it has control of; bit 0 = the first drive of the configur"
-		  "ation",
+	  .text = "Client 6: drives that it has control of; bit 0 = the first drive of the endpoint",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -2079,8 +2073,7 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client7Controls",
-	  .text = "Client 7: drives that it has control of; bit 0 = the first drive of the configur"
-		  "ation",
+	  .text = "Client 7: drives that it has control of; bit 0 = the first drive of the endpoint",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -2121,8 +2114,7 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client8Controls",
-	  .text = "Client 8: drives that it has control of; bit 0 = the first drive of the configur"
-		  "ation",
+	  .text = "Client 8: drives that it has control of; bit 0 = the first drive of the endpoint",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -2163,8 +2155,7 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
 	  .id = "GatewayType.Client9Controls",
-	  .text = "Client 9: drives that it has control of; bit 0 = the first drive of the configur"
-		  "ation",
+	  .text = "Client 9: drives that it has control of; bit 0 = the first drive of the endpoint",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 15318, .basic = 7,
@@ -2274,12 +2265,12 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5,
 	  .id = "GatewayType.DriveCount",
-	  .text = "Drives in the configuration",
+	  .text = "Drives of this endpoint in the configuration",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5,
 	  .id = "GatewayType.DrivesOnline",
-	  .text = "Drives online",
+	  .text = "Drives of this endpoint that are online",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,
@@ -2294,7 +2285,7 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5,
 	  .id = "GatewayType.GroupDrives",
-	  .text = "Drives of the latest group command",
+	  .text = "Drives of the latest group command that was written at this endpoint",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5,
@@ -2310,19 +2301,19 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5,
 	  .id = "GatewayType.GroupStaged",
-	  .text = "Drives with a staged_command",
+	  .text = "Drives of this endpoint with a staged_command",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupStart",
-	  .text = "Written 1: starts every drive's staged_command; answered when all have confirmed"
-		  "; reads 0",
+	  .text = "Written 1: starts the staged_command of every drive of this endpoint; answered w"
+		  "hen all have confirmed; reads 0",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupStop",
-	  .text = "Written 1=stop 2=quick_stop 3=disable: every drive of every bus; answered when a"
-		  "ll have confirmed; reads 0",
+	  .text = "Written 1=stop 2=quick_stop 3=disable: every drive of every bus and every endpoi"
+		  "nt; answered when all have confirmed; reads 0",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
@@ -2334,105 +2325,121 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits1",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits10",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits11",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits12",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits13",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits14",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits15",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits16",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits2",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits3",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits4",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits5",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits6",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits7",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits8",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits9",
-	  .text = "Units that group_stop_units is for: bit 0 of group_units1 is unit 1 and bit 15 o"
-		  "f group_units16 would be unit 256; kept until they are written again",
+	  .text = "Units of this endpoint that group_stop_units is for: bit 0 of group_units1 is un"
+		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
+		  "again",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.Heartbeat",
 	  .text = "For PLCs with one unit id only: a new value is like one in the heartbeat of ever"
-		  "y drive with watchdog-feed = heartbeat; with control = drive of those that the c"
-		  "lient controls; reads the value written last",
+		  "y drive of this endpoint with watchdog-feed = heartbeat; with control = drive of"
+		  " those that the client controls; reads the value written last",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 7,

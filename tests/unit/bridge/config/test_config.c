@@ -534,6 +534,10 @@ static struct loaded load_key(const struct db_config_key *key, const char *value
 		snprintf(text, sizeof(text), "modbus-rtu p { %s %s = %s } role x {}\n",
 		         strcmp(key->name, "device") == 0 ? "" : "device = /dev/ttyP", key->name,
 		         value);
+	else if (strcmp(key->section, "endpoint") == 0)
+		snprintf(text, sizeof(text), "endpoint e { %s %s = %s }\n",
+		         strcmp(key->name, "listen") == 0 ? "" : "listen = \"0.0.0.0:503\"",
+		         key->name, value);
 	else if (strcmp(key->section, "role") == 0)
 		snprintf(text, sizeof(text), "role r { %s = %s }\n", key->name, value);
 	else if (strcmp(key->section, "bus") == 0)
@@ -937,6 +941,7 @@ static void uncomment(char *text)
 		if (strncmp(line, "#\t", 2) == 0 || strncmp(line, "# bus press {", 13) == 0 ||
 		    strncmp(line, "# role Operator {", 17) == 0 ||
 		    strncmp(line, "# modbus-rtu press-plc {", 24) == 0 ||
+		    strncmp(line, "# endpoint hall2 {", 18) == 0 ||
 		    strncmp(line, "# drive feeder {", 16) == 0 || strncmp(line, "# }", 3) == 0 ||
 		    (hash > line && hash[0] == '#' && *after == '='))
 			*hash = ' ';
@@ -989,6 +994,7 @@ static void expect_all_keys(char *text)
 			strcmp(keys[i].section, "drive") == 0      ? "feeder" :
 			strcmp(keys[i].section, "role") == 0       ? "Operator" :
 			strcmp(keys[i].section, "modbus-rtu") == 0 ? "press-plc" :
+			strcmp(keys[i].section, "endpoint") == 0   ? "hall2" :
 								     "");
 
 		/* A profile would be a second file. */
@@ -1013,9 +1019,10 @@ static void test_default_file_is_complete(void **state)
 	with = load_good(text);
 	without = load_good(
 		"role Operator { }\n"
-		"modbus-rtu press-plc { device = \"/dev/ttyS1\" role = Operator }\n"
+		"endpoint hall2 { listen = \"0.0.0.0:503\" }\n"
+		"modbus-rtu press-plc { device = \"/dev/ttyS1\" role = Operator endpoint = hall2 }\n"
 		"bus press { protocol = vsmd-serial device = \"/dev/serial/by-id/...\" }\n"
-		"drive feeder { bus = press address = 1 unit = 1 }\n");
+		"drive feeder { bus = press address = 1 unit = 1 endpoint = hall2 }\n");
 	shown = described(with.config);
 	unsaid = described(without.config);
 	assert_string_equal(shown, unsaid);

@@ -31,6 +31,7 @@ static const struct lines SERIAL[] = {
 	{ "bus c", "protocol=vsmd-serial;device=\"/dev/ttyY\"" },
 	{ "drive d", "bus=b;address=1;unit=1" },
 	{ "modbus-rtu p", "device=\"/dev/ttyP\"" },
+	{ "endpoint e", "listen=\"127.0.0.1:503\"" },
 	{ NULL, NULL },
 };
 static const struct lines AXES[] = {
@@ -53,13 +54,21 @@ struct other {
 };
 
 static const struct other OTHERS[] = {
-	{ "modbus", "listen", SERIAL, "listen=\"127.0.0.1:503\"" },
+	{ "modbus", "listen", SERIAL, "listen=\"127.0.0.1:1503\"" },
 	{ "modbus", "allow-read", SERIAL, "allow-read={\"10.0.0.0/8\"}" },
 	{ "modbus", "allow-write", SERIAL, "allow-write={\"127.0.0.0/8\"}" },
 	{ "modbus", "gateway-unit", SERIAL, "gateway-unit=200" },
 	{ "modbus", "secure-socket", SERIAL, "secure-socket=\"/run/x\"" },
 	{ "role", "read", SERIAL, "read={\"d\"}" },
 	{ "role", "write", SERIAL, "write={\"d\"}" },
+	{ "endpoint", "listen", SERIAL, "listen=\"127.0.0.1:504\"" },
+	{ "endpoint", "allow-read", SERIAL, "allow-read={\"10.0.0.0/8\"}" },
+	{ "endpoint", "allow-write", SERIAL, "allow-write={\"10.0.0.0/8\"}" },
+	{ "endpoint", "secure-socket", SERIAL, "secure-socket=\"/run/x\"" },
+	{ "endpoint", "gateway-unit", SERIAL, "gateway-unit=200" },
+	{ "endpoint", "max-clients", SERIAL, "max-clients=65" },
+	{ "modbus-rtu", "endpoint", SERIAL, "endpoint=e" },
+	{ "drive", "endpoint", SERIAL, "endpoint=e" },
 	{ "modbus-rtu", "device", SERIAL, "device=\"/dev/ttyQ\"" },
 	{ "modbus-rtu", "units", SERIAL, "units={\"1\"}" },
 	{ "modbus-rtu", "role", SERIAL, "role=r" },
@@ -172,9 +181,9 @@ static struct db_config *parse(const char *text)
 
 static bool same_section(const char *section, const struct db_config *a, const struct db_config *b)
 {
-	/* Roles and lines are for Modbus clients. */
+	/* Roles, endpoints and lines are for Modbus clients. */
 	if (strcmp(section, "modbus") == 0 || strcmp(section, "role") == 0 ||
-	    strcmp(section, "modbus-rtu") == 0)
+	    strcmp(section, "modbus-rtu") == 0 || strcmp(section, "endpoint") == 0)
 		return db_config_same_modbus(a, b);
 	if (strcmp(section, "control") == 0)
 		return db_config_same_control(a, b);

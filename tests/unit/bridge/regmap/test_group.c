@@ -355,8 +355,7 @@ static void the_skew_is_from_the_first_to_the_last_command_sent(void **state)
 	assert_int_equal(fake_get2(&fake, GATEWAY, 66), 0);
 	/* Nor does what has no ticket. */
 	fake.registers->roster->drives[1]->group_ticket = 0;
-	db_group_note_sent(fake.registers, fake.registers->roster->drives[1], 0,
-	                   fake.now + 800 * DB_NS_PER_US);
+	db_group_note_sent(fake.registers->roster->drives[1], 0, fake.now + 800 * DB_NS_PER_US);
 	assert_int_equal(fake_get2(&fake, GATEWAY, 66), 0);
 	fake_registers_close(&fake);
 }

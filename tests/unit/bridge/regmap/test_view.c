@@ -142,8 +142,9 @@ static void units(void **state)
 	for (unsigned unit = 0; unit < 256; unit++) {
 		bool there = unit <= 3 || unit == 200 || unit == 255;
 
-		assert_int_equal(db_registers_backend.unit(fake.registers, (uint8_t)unit),
-		                 there ? 0 : NO_PATH);
+		assert_int_equal(
+			db_registers_backend.unit(fake.registers, &fake_client, (uint8_t)unit),
+			there ? 0 : NO_PATH);
 	}
 	fake_registers_close(&fake);
 }
@@ -1216,42 +1217,56 @@ static void identification(void **state)
 	bool running;
 
 	FAKE();
-	length = db_registers_backend.server_id(fake.registers, 1, text, sizeof text, &running);
+	length = db_registers_backend.server_id(fake.registers, &fake_client, 1, text, sizeof text,
+	                                        &running);
 	text[length] = '\0';
 	assert_true(running);
 	assert_string_equal(text, "drivebridge " DB_VERSION " unit 1 feeder VSMD113");
-	length = db_registers_backend.server_id(fake.registers, 1, small, sizeof small, &running);
+	length = db_registers_backend.server_id(fake.registers, &fake_client, 1, small,
+	                                        sizeof small, &running);
 	assert_true(length < sizeof small);
-	assert_int_equal(db_registers_backend.server_id(fake.registers, 1, small, 0, &running), 0);
+	assert_int_equal(
+		db_registers_backend.server_id(fake.registers, &fake_client, 1, small, 0, &running),
+		0);
 	/* One byte is for the end of the text. */
 	length = strlen("drivebridge " DB_VERSION " gateway");
-	assert_int_equal(db_registers_backend.server_id(fake.registers, 0, text, length, &running),
+	assert_int_equal(db_registers_backend.server_id(fake.registers, &fake_client, 0, text,
+	                                                length, &running),
 	                 length - 1);
-	assert_int_equal(
-		db_registers_backend.server_id(fake.registers, 0, text, length + 1, &running),
-		length);
-	length = db_registers_backend.server_id(fake.registers, 0, text, sizeof text, &running);
+	assert_int_equal(db_registers_backend.server_id(fake.registers, &fake_client, 0, text,
+	                                                length + 1, &running),
+	                 length);
+	length = db_registers_backend.server_id(fake.registers, &fake_client, 0, text, sizeof text,
+	                                        &running);
 	text[length] = '\0';
 	assert_string_equal(text, "drivebridge " DB_VERSION " gateway");
-	(void)db_registers_backend.server_id(fake.registers, 2, text, sizeof text, &running);
+	(void)db_registers_backend.server_id(fake.registers, &fake_client, 2, text, sizeof text,
+	                                     &running);
 	assert_false(running);
-	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 0), "drivebridge");
-	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 1), "vsmd-serial");
-	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 2), DB_VERSION);
+	assert_string_equal(db_registers_backend.device_id(fake.registers, &fake_client, 1, 0),
+	                    "drivebridge");
+	assert_string_equal(db_registers_backend.device_id(fake.registers, &fake_client, 1, 1),
+	                    "vsmd-serial");
+	assert_string_equal(db_registers_backend.device_id(fake.registers, &fake_client, 1, 2),
+	                    DB_VERSION);
 	/* Nobody publishes what is built here. */
-	assert_null(db_registers_backend.device_id(fake.registers, 1, 3));
-	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 4),
+	assert_null(db_registers_backend.device_id(fake.registers, &fake_client, 1, 3));
+	assert_string_equal(db_registers_backend.device_id(fake.registers, &fake_client, 1, 4),
 	                    db_driver_find("vsmd-serial")->title);
-	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 5), "VSMD113");
-	assert_string_equal(db_registers_backend.device_id(fake.registers, 2, 5),
+	assert_string_equal(db_registers_backend.device_id(fake.registers, &fake_client, 1, 5),
+	                    "VSMD113");
+	assert_string_equal(db_registers_backend.device_id(fake.registers, &fake_client, 2, 5),
 	                    db_driver_find("vsmd-serial")->title);
-	assert_string_equal(db_registers_backend.device_id(fake.registers, 1, 6), "feeder");
-	assert_string_equal(db_registers_backend.device_id(fake.registers, 0, 0), "drivebridge");
-	assert_string_equal(db_registers_backend.device_id(fake.registers, 0, 4),
+	assert_string_equal(db_registers_backend.device_id(fake.registers, &fake_client, 1, 6),
+	                    "feeder");
+	assert_string_equal(db_registers_backend.device_id(fake.registers, &fake_client, 0, 0),
+	                    "drivebridge");
+	assert_string_equal(db_registers_backend.device_id(fake.registers, &fake_client, 0, 4),
 	                    "drivebridge gateway");
-	assert_string_equal(db_registers_backend.device_id(fake.registers, 0, 5), "gateway");
-	assert_null(db_registers_backend.device_id(fake.registers, 0, 6));
-	assert_null(db_registers_backend.device_id(fake.registers, 1, 7));
+	assert_string_equal(db_registers_backend.device_id(fake.registers, &fake_client, 0, 5),
+	                    "gateway");
+	assert_null(db_registers_backend.device_id(fake.registers, &fake_client, 0, 6));
+	assert_null(db_registers_backend.device_id(fake.registers, &fake_client, 1, 7));
 	db_registers_backend.client(fake.registers, &fake_client, true);
 	assert_int_equal(fake.connected, 1);
 	fake_registers_close(&fake);
@@ -1271,7 +1286,7 @@ static struct db_registers_change *prepare(struct fake_registers *fake,
 
 static int unit_of(struct fake_registers *fake, uint8_t unit)
 {
-	return db_registers_backend.unit(fake->registers, unit);
+	return db_registers_backend.unit(fake->registers, &fake_client, unit);
 }
 
 /* Takes the drive of this place out of the sheet. */

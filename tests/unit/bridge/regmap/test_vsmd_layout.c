@@ -716,8 +716,8 @@ static void units(void **state)
 	uint16_t values[2];
 
 	FAKE();
-	assert_int_equal(db_registers_backend.unit(fake.registers, VENDOR), 0);
-	assert_int_equal(db_registers_backend.unit(fake.registers, VENDOR + 1), 0x0A);
+	assert_int_equal(db_registers_backend.unit(fake.registers, &fake_client, VENDOR), 0);
+	assert_int_equal(db_registers_backend.unit(fake.registers, &fake_client, VENDOR + 1), 0x0A);
 	assert_int_equal(db_registers_backend.read(fake.registers, &fake_client, NEUTRAL,
 	                                           DB_TABLE_INPUT, 12, 2, values),
 	                 0);
@@ -741,7 +741,7 @@ static void layout_of_the_only_unit(void **state)
 	fake.drives[0].vendor_unit = 0;
 	fake.drives[0].vendor_layout = true;
 	fake_registers_open(&fake);
-	assert_int_equal(db_registers_backend.unit(fake.registers, VENDOR), 0x0A);
+	assert_int_equal(db_registers_backend.unit(fake.registers, &fake_client, VENDOR), 0x0A);
 	assert_int_equal(db_registers_backend.read(fake.registers, &fake_client, NEUTRAL,
 	                                           DB_TABLE_INPUT, 2, 2, values),
 	                 0);

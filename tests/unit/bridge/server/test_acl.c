@@ -25,7 +25,7 @@ static struct db_network network(const char *text, uint8_t prefix)
 
 static enum db_access access_of(const struct db_modbus_config *config, const char *text)
 {
-	return db_acl_access(config, network(text, 128).address);
+	return db_acl_access(config, DB_ENDPOINT_FIRST, network(text, 128).address);
 }
 
 static void matches_prefixes(void **state)
@@ -131,7 +131,7 @@ static enum db_access access_of_client(const struct db_modbus_config *config,
 	memcpy(address, from.address, sizeof(address));
 	if (local)
 		db_client_address_of_user(from.address, 4711, address);
-	return db_acl_of_client(config, rights, from.address, address);
+	return db_acl_of_client(config, DB_ENDPOINT_FIRST, rights, from.address, address);
 }
 
 static void without_a_certificate(void **state)
@@ -205,15 +205,18 @@ static void with_a_certificate(void **state)
 	for (size_t i = 0; i < sizeof(rows) / sizeof(rows[0]); i++) {
 		struct db_network from = network("::ffff:192.168.10.5", 128);
 
-		assert_int_equal(db_acl_of_certificate(&config, from.address, rows[i].role, &role),
+		assert_int_equal(db_acl_of_certificate(&config, DB_ENDPOINT_FIRST, from.address,
+		                                       rows[i].role, &role),
 		                 rows[i].access);
 		assert_ptr_equal(role, rows[i].found < 0 ? NULL : &roles[rows[i].found]);
 		/* A role gives no address more than it has. */
 		from = network("::ffff:192.168.11.5", 128);
-		assert_int_equal(db_acl_of_certificate(&config, from.address, rows[i].role, &role),
+		assert_int_equal(db_acl_of_certificate(&config, DB_ENDPOINT_FIRST, from.address,
+		                                       rows[i].role, &role),
 		                 DB_ACCESS_READ);
 		from = network("::ffff:192.168.12.5", 128);
-		assert_int_equal(db_acl_of_certificate(&config, from.address, rows[i].role, &role),
+		assert_int_equal(db_acl_of_certificate(&config, DB_ENDPOINT_FIRST, from.address,
+		                                       rows[i].role, &role),
 		                 DB_ACCESS_NONE);
 	}
 }

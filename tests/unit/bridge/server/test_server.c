@@ -52,8 +52,12 @@ struct rig {
 
 /* The backend. */
 
-static uint8_t fake_unit(void *context, uint8_t unit)
+/* The address that cannot be listened on, of the latest attempt. */
+static const char *where;
+
+static uint8_t fake_unit(void *context, const struct db_client *client, uint8_t unit)
 {
+	(void)client;
 	(void)context;
 	return unit == NO_UNIT ? 0x0A : 0;
 }
@@ -133,15 +137,19 @@ static int fake_write_same(void *context, const struct db_client *client, uint8_
 	return 0;
 }
 
-static size_t fake_server_id(void *context, uint8_t unit, char *text, size_t size, bool *running)
+static size_t fake_server_id(void *context, const struct db_client *client, uint8_t unit,
+                             char *text, size_t size, bool *running)
 {
+	(void)client;
 	(void)context;
 	*running = true;
 	return (size_t)snprintf(text, size, "unit%u", unit);
 }
 
-static const char *fake_device_id(void *context, uint8_t unit, uint8_t object)
+static const char *fake_device_id(void *context, const struct db_client *client, uint8_t unit,
+                                  uint8_t object)
 {
+	(void)client;
 	static const char *const objects[] = { "vendor", "code", "1.0" };
 
 	(void)context;
@@ -212,7 +220,8 @@ static int tear_down(void **state)
 static void start(struct rig *rig)
 {
 	assert_int_equal(
-		db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &rig->server), 0);
+		db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &rig->server, &where),
+		0);
 }
 
 static struct db_server_stats stats(const struct rig *rig)
@@ -257,7 +266,7 @@ static int open_client_from(const struct rig *rig, uint32_t last)
 	address.sin_addr.s_addr = htonl((INADDR_LOOPBACK & ~UINT32_C(0xFF)) | last);
 	assert_int_equal(bind(fd, (struct sockaddr *)&address, sizeof(address)), 0);
 	address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-	address.sin_port = htons(db_server_port(rig->server));
+	address.sin_port = htons(db_server_port(rig->server, DB_ENDPOINT_FIRST));
 	assert_int_equal(connect(fd, (struct sockaddr *)&address, sizeof(address)), 0);
 	return fd;
 }
@@ -1191,12 +1200,12 @@ static void listens_on_ipv6(void **state)
 	int error, fd;
 
 	strcpy(rig->listen, "[::1]:0");
-	error = db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &rig->server);
+	error = db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &rig->server, &where);
 	if (error == -EADDRNOTAVAIL || error == -EAFNOSUPPORT)
 		skip();
 	assert_int_equal(error, 0);
 	address.sin6_addr = in6addr_loopback;
-	address.sin6_port = htons(db_server_port(rig->server));
+	address.sin6_port = htons(db_server_port(rig->server, DB_ENDPOINT_FIRST));
 	fd = socket(AF_INET6, SOCK_STREAM | SOCK_CLOEXEC, 0);
 	assert_int_equal(connect(fd, (struct sockaddr *)&address, sizeof(address)), 0);
 	SEND(fd, 1, 6, 0, 1, 0, 1);
@@ -1210,12 +1219,15 @@ static void errors_of_new(void **state)
 	struct db_server *second = NULL;
 
 	start(rig);
-	snprintf(rig->listen, sizeof(rig->listen), "127.0.0.1:%u", db_server_port(rig->server));
-	assert_int_equal(db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &second),
-	                 -EADDRINUSE);
+	snprintf(rig->listen, sizeof(rig->listen), "127.0.0.1:%u",
+	         db_server_port(rig->server, DB_ENDPOINT_FIRST));
+	assert_int_equal(
+		db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &second, &where),
+		-EADDRINUSE);
 	strcpy(rig->listen, "localhost");
-	assert_int_equal(db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &second),
-	                 -EINVAL);
+	assert_int_equal(
+		db_server_new(rig->loop, &rig->config, &BACKEND, rig, &QUIET, &second, &where),
+		-EINVAL);
 	assert_null(second);
 }
 
@@ -1231,7 +1243,7 @@ static void copy_settings(struct rig *rig)
 static int change(struct rig *rig, const struct db_modbus_config *config)
 {
 	struct db_server_change *made = NULL;
-	int error = db_server_prepare(rig->server, config, &made);
+	int error = db_server_prepare(rig->server, config, &made, &where);
 
 	if (error == 0)
 		db_server_apply(rig->server, made);
@@ -1266,7 +1278,7 @@ static void listens_elsewhere(void **state)
 	int stays, late, other;
 
 	start(rig);
-	port = db_server_port(rig->server);
+	port = db_server_port(rig->server, DB_ENDPOINT_FIRST);
 	stays = connect_client(rig);
 	SEND(stays, 1, 6, 0, LATER, 0, 5);
 	copy_settings(rig);
@@ -1277,7 +1289,7 @@ static void listens_elsewhere(void **state)
 	assert_true(late >= 0);
 	assert_int_equal(change(rig, &rig->next), 0);
 	assert_int_equal(connect_to(INADDR_LOOPBACK, port), -1);
-	other = connect_to(INADDR_LOOPBACK + 1, db_server_port(rig->server));
+	other = connect_to(INADDR_LOOPBACK + 1, db_server_port(rig->server, DB_ENDPOINT_FIRST));
 	assert_true(other >= 0);
 	expect_served(rig, other);
 	expect_served(rig, late);
@@ -1325,14 +1337,15 @@ static void listens_on_the_same_port(void **state)
 	copy_settings(rig);
 	snprintf(rig->next_listen, sizeof(rig->next_listen), "0.0.0.0:%u", port);
 	assert_int_equal(change(rig, &rig->next), 0);
-	assert_int_equal(db_server_port(rig->server), port);
+	assert_int_equal(db_server_port(rig->server, DB_ENDPOINT_FIRST), port);
 	other = connect_to(INADDR_LOOPBACK + 1, port);
 	assert_true(other >= 0);
 	expect_served(rig, other);
 	close(other);
 	/* Nobody else gets in there. */
-	assert_int_equal(db_server_new(rig->loop, &rig->next, &BACKEND, rig, &QUIET, &second),
-	                 -EADDRINUSE);
+	assert_int_equal(
+		db_server_new(rig->loop, &rig->next, &BACKEND, rig, &QUIET, &second, &where),
+		-EADDRINUSE);
 	snprintf(rig->listen, sizeof(rig->listen), "127.0.0.1:%u", port);
 	assert_int_equal(change(rig, &rig->config), 0);
 	assert_int_equal(connect_to(INADDR_LOOPBACK + 1, port), -1);

@@ -26,6 +26,7 @@ static void write_file(const struct bench *bench, const char *text)
 /* As it is once it runs, but without a turn of its loop. */
 static void begin_service(struct bench *bench, const char *text)
 {
+	const char *where;
 	struct service *service = &bench->service;
 	struct db_config *config = NULL;
 	struct plant_roster roster;
@@ -57,7 +58,7 @@ static void begin_service(struct bench *bench, const char *text)
 	                 0);
 	plant_roster_release(&roster);
 	assert_int_equal(db_server_new(service->loop, &config->modbus, &db_registers_backend,
-	                               service->registers, &service->log, &service->server),
+	                               service->registers, &service->log, &service->server, &where),
 	                 0);
 	clear_journal();
 }

@@ -448,8 +448,9 @@ struct db_server_change {
 
 int db_server_new(struct sd_event *loop, const struct db_modbus_config *config,
                   const struct db_backend *backend, void *context, const struct db_log_source *log,
-                  struct db_server **result)
+                  struct db_server **result, const char **where)
 {
+	*where = NULL;
 	(void)loop;
 	(void)backend;
 	(void)context;
@@ -466,8 +467,9 @@ void db_server_free(struct db_server *server)
 }
 
 int db_server_prepare(struct db_server *server, const struct db_modbus_config *config,
-                      struct db_server_change **change)
+                      struct db_server_change **change, const char **where)
 {
+	*where = NULL;
 	(void)server;
 	if (fake.prepare_error != 0)
 		return fake.prepare_error;
@@ -512,14 +514,16 @@ void db_server_set_rights(struct db_server *server, const struct db_rights *righ
 	(void)rights;
 }
 
-bool db_server_is_early(const struct db_server *server)
+bool db_server_is_early(const struct db_server *server, uint32_t endpoint)
 {
+	(void)endpoint;
 	(void)server;
 	return fake.early;
 }
 
-uint16_t db_server_port(const struct db_server *server)
+uint16_t db_server_port(const struct db_server *server, uint32_t endpoint)
 {
+	(void)endpoint;
 	(void)server;
 	return 1502;
 }

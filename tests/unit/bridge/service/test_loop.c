@@ -130,12 +130,12 @@ static void the_address_that_is_listened_on_is_logged(void **state)
 
 	(void)state;
 	modbus.listen = listen;
-	service_log_listening(&bench.service, &modbus);
+	service_log_listening(&bench.service, NULL, &modbus);
 	expect_next("log listening -/-/-: listening on [fd00::5]:1502");
 	expect_never("does not have the address");
 	clear_journal();
 	fake.early = true;
-	service_log_listening(&bench.service, &modbus);
+	service_log_listening(&bench.service, NULL, &modbus);
 	expect_next("this machine does not have the address [fd00::5] yet");
 	expect_next("listening on [fd00::5]:1502");
 }

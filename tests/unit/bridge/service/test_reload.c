@@ -20,7 +20,9 @@ static struct bench bench;
 
 static uint8_t answer_of(uint8_t unit)
 {
-	return db_registers_backend.unit(bench.service.registers, unit);
+	static const struct db_client client = { .id = 1 };
+
+	return db_registers_backend.unit(bench.service.registers, &client, unit);
 }
 
 static struct db_bus *bus_named(const char *name)
