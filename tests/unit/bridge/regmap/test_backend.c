@@ -132,7 +132,8 @@ static void nothing_but_stops_is_broadcast(void **state)
 static bool stops(struct fake_registers *fake, uint8_t unit, uint16_t address, uint16_t count,
                   const uint16_t *values)
 {
-	return db_registers_backend.stops(fake->registers, unit, address, count, values);
+	return db_registers_backend.stops(fake->registers, &fake_client, unit, address, count,
+	                                  values);
 }
 
 /* Such a write goes before others, and finds room where there is none for them. */
