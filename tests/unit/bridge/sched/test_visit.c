@@ -346,10 +346,10 @@ static void standing_is_asked_again_when_it_may_have_changed(void **state)
 	(void)state;
 	(void)ask_presence(&visit, &answer);
 	ask(&visit, DB_INQUIRY_STANDING, 0, &stands);
-	visit_ask_standing_again(&visit);
+	visit.standings = visit.standing_tries = 0;
 	ask(&visit, DB_INQUIRY_STANDING, 0, &silence);
 	ask(&visit, DB_INQUIRY_STANDING, 0, &silence);
-	visit_ask_standing_again(&visit);
+	visit.standings = visit.standing_tries = 0;
 	ask(&visit, DB_INQUIRY_STANDING, 0, &silence);
 	ask(&visit, DB_INQUIRY_STANDING, 0, &silence);
 	ask(&visit, DB_INQUIRY_STANDING, 0, &stands);
