@@ -102,6 +102,7 @@ static void a_bad_password_is_told_why(void **state)
 		{ "eleven char", "it is too short" },
 		{ "eleven chars", NULL },
 		{ "12anna3-anna", name },
+		{ "1annaanna234", name },
 		{ "annaanna-lift", name },
 		{ "annaanna-lifts", NULL },
 		{ "ANNAannaAnna", name },
