@@ -30,7 +30,7 @@ bool db_client_has_text(const json_t *texts, const char *text)
 
 	json_array_foreach(texts, i, one)
 	{
-		if (strcmp(json_string_value(one), text) == 0)
+		if (json_is_string(one) && strcmp(json_string_value(one), text) == 0)
 			return true;
 	}
 	return false;

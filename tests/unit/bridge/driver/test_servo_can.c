@@ -1914,6 +1914,15 @@ static void what_a_fault_does_is_a_setting(void **unused)
 		report(f, UNDERVOLTAGE);
 		assert_string_equal(begin(f, DB_JOB_POLL), "145#00");
 		assert_string_equal(tell(f, 1100, 50, ON), i == 0 ? "=ok" : "025#0001");
+		/* Its target is where it still goes, as long as it has its power. */
+		assert_true(feedback(f).has_target);
+		assert_int_equal(feedback(f).target, 5000);
+		if (i == 1) {
+			assert_string_equal(answer(f, "006#01"), "145#00");
+			assert_string_equal(tell(f, 1100, 0, STILL), "0A5#00000000");
+			assert_string_equal(answer(f, "006#07"), "=ok");
+			assert_false(feedback(f).has_target);
+		}
 		drop(f);
 	}
 }

@@ -178,6 +178,11 @@ static void no_drive_is_asked_for_another(void **state)
 	assert_false(can_ask(false, DB_INQUIRY_THERE, VSMD_CAN_STD_DRIVE_MAX + 1, 0));
 	/* Nor is a drive given a number that none can have. */
 	assert_true(can_ask(true, DB_INQUIRY_SET_ADDRESS, 1, 5));
+	assert_false(can_ask(true, DB_INQUIRY_SET_ADDRESS, 1, 0));
+	assert_false(can_ask(true, DB_INQUIRY_SET_ADDRESS, 1, VSMD_CAN_DRIVE_MAX + 1));
+	/* Nor a speed. */
+	assert_true(can_ask(true, DB_INQUIRY_SET_SPEED, 1, 500000));
+	assert_false(can_ask(true, DB_INQUIRY_SET_SPEED, 1, 0));
 	assert_true(can_ask(true, DB_INQUIRY_SAVE, 1, 0));
 }
 

@@ -377,6 +377,42 @@ static void frames_tell_their_sender_and_their_part(void **state)
 	drop(f);
 }
 
+/* --- ports -------------------------------------------------------------------------------------- */
+
+/* A port is an input or an output, as the parameters say; its level is in the status. */
+static void the_parameters_say_which_port_is_an_output(void **state)
+{
+	static const uint32_t levels[] = { VSMD_ST_S1, VSMD_ST_S2, VSMD_ST_S3,
+		                           VSMD_ST_S4, VSMD_ST_S5, VSMD_ST_S6 };
+	struct db_feedback feedback = { 0 };
+	struct fixture *f = make();
+	char text[128];
+
+	(void)state;
+	poll(f, STANDS);
+	for (unsigned port = 0; port < 6; port++) {
+		char *at = text;
+
+		for (unsigned i = 0; i < 6; i++)
+			at += sprintf(at, "%ss%u=%d", i > 0 ? " " : "", i + 1, i == port);
+		assert_string_equal(begin(f, DB_JOB_REFRESH), "1 cfg");
+		assert_string_equal(say(f, VSMD_REPLY_PARAMS, text), "=ok");
+		assert_int_equal(db_driver_vsmd_serial.input_ports(
+					 db_driver_vsmd_serial.nameplate(f->device)),
+		                 0x3F & ~(1u << port));
+		poll(f, STANDS | levels[port]);
+		db_driver_vsmd_serial.feedback(f->device, &feedback);
+		assert_int_equal(feedback.inputs, 1u << port);
+		assert_int_equal(feedback.outputs, 1u << port);
+		/* Another one is no output, whatever its level. */
+		poll(f, STANDS | levels[(port + 1) % 6]);
+		db_driver_vsmd_serial.feedback(f->device, &feedback);
+		assert_int_equal(feedback.inputs, 1u << (port + 1) % 6);
+		assert_int_equal(feedback.outputs, 0);
+	}
+	drop(f);
+}
+
 /* --- identity ----------------------------------------------------------------------------------- */
 
 /* The same parameters may be another drive's: what it is called is published again. */
@@ -418,6 +454,7 @@ int main(void)
 		cmocka_unit_test(what_a_drive_holds_decides_after_a_refusal),
 		cmocka_unit_test(a_lost_proof_leaves_what_was_acknowledged_unproven),
 		cmocka_unit_test(frames_tell_their_sender_and_their_part),
+		cmocka_unit_test(the_parameters_say_which_port_is_an_output),
 		cmocka_unit_test(another_drive_has_another_generation),
 	};
 

@@ -876,6 +876,25 @@ static const char *poll_up_to(struct fixture *f, const char *question)
 	return said;
 }
 
+/* Only an axis that never answered is passed over, for two seconds. */
+static void an_axis_that_has_answered_is_always_asked(void **state)
+{
+	static const char ask_y[] = "0AF10103E1B3";
+	struct fixture *f = make(3);
+
+	(void)state;
+	assert_string_equal(poll_up_to(f, ask_y), ask_y);
+	assert_string_equal(poll_up_to(f, ask_y), ask_y);
+	assert_string_equal(poll_up_to(f, ask_y), "=ok");
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_OFFLINE);
+	f->now += 2000 * MS;
+	assert_string_equal(poll_up_to(f, "none"), "=ok");
+	assert_int_not_equal(feedback(f, 1).state, DB_AXIS_OFFLINE);
+	for (unsigned i = 0; i < 5; i++)
+		assert_string_equal(poll_up_to(f, ask_y), ask_y);
+	drop(f);
+}
+
 /* Ports and program may keep silent for ever: the axes are what a stop is judged by. */
 static void what_is_silent_in_a_cycle_is_passed_over(void **state)
 {
@@ -2343,6 +2362,7 @@ int main(void)
 		cmocka_unit_test(a_damaged_request_is_said_again),
 		cmocka_unit_test(an_axis_that_is_not_there_leaves_the_others),
 		cmocka_unit_test(one_axis_at_a_time),
+		cmocka_unit_test(an_axis_that_has_answered_is_always_asked),
 		cmocka_unit_test(what_is_silent_in_a_cycle_is_passed_over),
 		cmocka_unit_test(a_program_that_is_not_told_is_not_believed),
 		cmocka_unit_test(outputs_that_are_not_told_are_unproven),

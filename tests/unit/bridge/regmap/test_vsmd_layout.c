@@ -474,6 +474,21 @@ static void parameter_writes(void **state)
 	fake_registers_close(&fake);
 }
 
+/* The last one of the map has nothing behind it. */
+static void the_last_parameter_is_written_alone(void **state)
+{
+	FAKE();
+	assert_int_equal(fake_put(&fake, VENDOR, 69, 2, 0xFFFB, 0xFFFF), DB_WRITE_LATER);
+	assert_int_equal(fake.requests[0].setting_count, 1);
+	assert_int_equal(fake.requests[0].settings[0].param, VSMD_SPL);
+	assert_int_equal(fake.requests[0].settings[0].value.i, -5);
+	/* Half of it, or more than there is. */
+	assert_int_equal(fake_put(&fake, VENDOR, 70, 1, 0xFFFF), ILLEGAL_VALUE);
+	assert_int_equal(fake_put(&fake, VENDOR, 69, 3, 0xFFFB, 0xFFFF, 0), ILLEGAL_ADDRESS);
+	assert_int_equal(fake.submitted, 1);
+	fake_registers_close(&fake);
+}
+
 static void parameters_out_of_range(void **state)
 {
 	FAKE();
@@ -785,6 +800,7 @@ int main(void)
 		cmocka_unit_test(word_order_of_writes),
 		cmocka_unit_test(first_word_order),
 		cmocka_unit_test(parameter_writes),
+		cmocka_unit_test(the_last_parameter_is_written_alone),
 		cmocka_unit_test(parameters_out_of_range),
 		cmocka_unit_test(the_command_follows_its_parameters),
 		cmocka_unit_test(the_command_waits_for_its_own_parameters),

@@ -5,7 +5,9 @@
 #include "codec/vsmd_can.h"
 #include "drivebridge/transport.h"
 #include "fakes/bus.h"
+#include "sched/scan.h"
 
+#include <errno.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -16,6 +18,7 @@
 
 #define MS DB_NS_PER_MS
 #define ADDRESS 7
+#define STATUS_REG 2
 
 struct story {
 	struct fake_bus *bus;
@@ -30,6 +33,12 @@ struct story {
 	unsigned told;     /* that it answers, but not as documented */
 	db_time open_time; /* so long they were */
 	db_time looked;
+	unsigned opens;     /* of the port ... */
+	unsigned closes;    /* ... and */
+	unsigned opened[8]; /* with this speed */
+	size_t filtered[8]; /* and so many filters */
+	bool has_no_port;   /* it cannot be opened */
+	struct scan *scan;
 };
 
 /* The transport's functions know no more than their port. */
@@ -38,18 +47,22 @@ static struct story *told_of;
 static int open_port(const struct db_bus_config *bus, const struct db_can_filter *filters,
                      size_t filter_count, db_time now, struct db_port **port)
 {
-	(void)bus;
 	(void)filters;
 	(void)now;
-	assert_true(filter_count > 0);
-	told_of->open = false;
+	assert_true(told_of->opens < sizeof(told_of->opened) / sizeof(told_of->opened[0]));
+	told_of->opened[told_of->opens] = bus->bitrate;
+	told_of->filtered[told_of->opens++] = filter_count;
+	if (told_of->has_no_port)
+		return -ENODEV;
+	told_of->open = filter_count == 0;
 	*port = (struct db_port *)told_of;
 	return 0;
 }
 
 static void close_port(struct db_port *port)
 {
-	(void)port;
+	if (port)
+		((struct story *)port)->closes++;
 }
 
 static void pass(struct db_port *port, bool everything)
@@ -76,7 +89,7 @@ static db_time send(void *context, const uint8_t *bytes, size_t length)
 {
 	struct story *story = context;
 	struct vsmd_can_style style = { .extended = true, .host = story->to_others ? 5 : 1 };
-	const uint32_t values[VSMD_CAN_READ_MAX] = { 0 };
+	uint32_t values[VSMD_CAN_READ_MAX] = { 0 };
 	struct db_can_frame frames[VSMD_CAN_READ_MAX];
 	struct vsmd_can_message message;
 	int count;
@@ -87,6 +100,10 @@ static db_time send(void *context, const uint8_t *bytes, size_t length)
 	if (!story->answers && !(story->to_others && story->open))
 		return story->bus->now;
 	assert_int_equal(vsmd_can_decode(&style, frames, &message), VSMD_OK);
+	/* It has its power, and stands. */
+	if (message.command.code == VSMD_CAN_READ_STATUS && message.command.first <= STATUS_REG &&
+	    STATUS_REG < message.command.first + message.command.count)
+		values[STATUS_REG - message.command.first] = VSMD_ST_PWR | VSMD_ST_STP;
 	count = vsmd_can_encode_answer(
 		&style, ADDRESS,
 		message.command.code == VSMD_CAN_READ_STATUS ? VSMD_CAN_STATUS_REPLY :
@@ -165,6 +182,7 @@ static void a_drive_that_answers_leaves_them_closed(void **state)
 
 	(void)state;
 	begin(&story);
+	assert_true(story.filtered[0] > 0);
 	fake_pass(story.bus, 5000 * MS);
 	assert_true(story.asked > 0);
 	assert_int_equal(story.changes, 0);
@@ -204,12 +222,85 @@ static void answers_to_another_host_are_named(void **state)
 	end(&story);
 }
 
+/* --- a scan that has the line to itself --------------------------------------------------------- */
+
+static struct db_scan_progress scan_at(struct story *story, unsigned first, unsigned second)
+{
+	const struct db_scan_plan plan = { .first = ADDRESS,
+		                           .last = ADDRESS,
+		                           .aside = true,
+		                           .speed_count = 2,
+		                           .speeds = { first, second } };
+	struct db_scan_progress progress = { .end = DB_SCAN_RUNS };
+
+	story->scan = scan_new(&story->bus->config, &plan, 1);
+	assert_non_null(story->scan);
+	scan_begin(story->bus->engine, story->scan, story->bus->now);
+	for (unsigned i = 0; i < 1000 && progress.end == DB_SCAN_RUNS; i++) {
+		fake_pass(story->bus, 10 * MS);
+		scan_read(story->scan, &progress);
+	}
+	return progress;
+}
+
+static void a_scan_has_the_line_at_each_speed_and_gives_it_back(void **state)
+{
+	static const unsigned speeds[] = { 500000, 250000, 1000000, 500000 };
+	struct story story = { .answers = true };
+	struct db_scan_progress progress;
+
+	(void)state;
+	begin(&story);
+	fake_pass(story.bus, 1000 * MS);
+	assert_true(fake_is_online(story.bus, 0));
+	progress = scan_at(&story, 250000, 1000000);
+	assert_int_equal(progress.end, DB_SCAN_DONE);
+	assert_int_equal(progress.finds, 2);
+	assert_int_equal(scan_find(story.scan, 0)->speed, 250000);
+	assert_int_equal(scan_find(story.scan, 1)->speed, 1000000);
+	assert_false(fake_is_online(story.bus, 0));
+	fake_pass(story.bus, 1000 * MS);
+	assert_true(fake_is_online(story.bus, 0));
+	assert_int_equal(story.opens, 4);
+	assert_int_equal(story.closes, 3);
+	for (unsigned i = 0; i < 4; i++) {
+		assert_int_equal(story.opened[i], speeds[i]);
+		/* A scan hears everybody. */
+		assert_int_equal(story.filtered[i] == 0, i == 1 || i == 2);
+	}
+	scan_free(story.scan);
+	end(&story);
+}
+
+/* Nothing can be asked at a port that is gone: the bus gets its line back. */
+static void a_scan_ends_with_its_port(void **state)
+{
+	struct story story = { .answers = true };
+	struct db_scan_progress progress;
+
+	(void)state;
+	begin(&story);
+	fake_pass(story.bus, 1000 * MS);
+	story.has_no_port = true;
+	progress = scan_at(&story, 250000, 1000000);
+	assert_int_equal(progress.end, DB_SCAN_PORT);
+	assert_int_equal(progress.error, ENODEV);
+	story.has_no_port = false;
+	fake_pass(story.bus, 3000 * MS);
+	assert_true(fake_is_online(story.bus, 0));
+	assert_int_equal(story.opened[story.opens - 1], 500000);
+	scan_free(story.scan);
+	end(&story);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_drive_that_answers_leaves_them_closed),
 		cmocka_unit_test(they_are_open_while_a_silent_drive_is_asked),
 		cmocka_unit_test(answers_to_another_host_are_named),
+		cmocka_unit_test(a_scan_has_the_line_at_each_speed_and_gives_it_back),
+		cmocka_unit_test(a_scan_ends_with_its_port),
 	};
 
 	return cmocka_run_group_tests_name("sched/bus_line", tests, NULL, NULL);

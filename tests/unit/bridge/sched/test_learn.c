@@ -67,6 +67,34 @@ static void a_gap_that_went_too_low_goes_back_at_once(void **state)
 	assert_int_equal(gap.now, 1 * MS);
 }
 
+/* Each time it is left alone twice as long, an hour at most. */
+static void a_gap_that_goes_too_low_again_and_again_is_tried_ever_less_often(void **state)
+{
+	struct learn_gap gap;
+	db_time backs[16];
+	unsigned count = 0;
+	db_time pause = 60 * S;
+
+	(void)state;
+	learn_gap_init(&gap, true, 1 * MS, 300 * US);
+	for (db_time now = S; count < 10; now += S) {
+		if (gap.now >= 500 * US)
+			learn_gap_received(&gap, gap.now, now);
+		else if (learn_gap_lost(&gap, gap.now, now) == LEARNT_BACK)
+			backs[count++] = now;
+	}
+	/* Between two of them there is the pause, and the time in which it is lowered. */
+	for (unsigned i = 1; i + 1 < count; i++) {
+		db_time longer = (backs[i + 1] - backs[i]) - (backs[i] - backs[i - 1]);
+		db_time next = 2 * pause < 3600 * S ? 2 * pause : 3600 * S;
+
+		assert_in_range(longer, next - pause - (next > pause ? 15 * S : 0),
+		                next - pause + 15 * S);
+		pause = next;
+	}
+	assert_int_equal(pause, 3600 * S);
+}
+
 static void losses_that_a_gap_does_not_mend_leave_it(void **state)
 {
 	struct learn_gap gap;
@@ -139,6 +167,7 @@ int main(void)
 		cmocka_unit_test(a_gap_goes_up_to_what_is_heard),
 		cmocka_unit_test(a_gap_comes_down_by_a_tenth_a_minute),
 		cmocka_unit_test(a_gap_that_went_too_low_goes_back_at_once),
+		cmocka_unit_test(a_gap_that_goes_too_low_again_and_again_is_tried_ever_less_often),
 		cmocka_unit_test(losses_that_a_gap_does_not_mend_leave_it),
 		cmocka_unit_test(losses_long_after_a_reply_say_nothing),
 		cmocka_unit_test(what_is_configured_stays_where_nothing_is_to_be_learnt),

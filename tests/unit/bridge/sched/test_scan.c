@@ -161,6 +161,9 @@ static void says_when_a_cycle_leaves_no_time(void **state)
 	fake_pass(world.bus, 5000 * MS);
 	assert_int_equal(progress_of(&world).end, DB_SCAN_NO_ROOM);
 	assert_true(progress_of(&world).needed_us > progress_of(&world).gap_us);
+	/* What reading leaves of a cycle. */
+	assert_true(fake_stats(world.bus).cycle_us > 0);
+	assert_int_equal(progress_of(&world).gap_us + fake_stats(world.bus).cycle_us, 4000);
 	assert_int_equal(fake_count(world.bus, 5, FAKE_INQUIRY), 0);
 	close_world(&world);
 }

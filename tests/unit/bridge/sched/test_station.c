@@ -4,6 +4,7 @@
  * parameters, and its figures. Made-up drives in made-up time.
  */
 #include "fakes/bus.h"
+#include "sched/sched_private.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -287,6 +288,32 @@ static void what_is_to_stand_is_shown_as_stopping(void **state)
 	close_world(world);
 }
 
+/* A motion that was sent just before the stop may begin after it, unless the drive has answered that
+ * it stops. */
+static void a_motion_just_before_a_stop_makes_it_doubtful(void **state)
+{
+	const db_time now = 1000 * DB_NS_PER_S;
+	const db_time span = 100 * MS;
+	const struct db_drive_config config = { .stop_reaction_ms = 700 };
+	struct station station = { .config = &config, .motion_sent = now };
+	struct db_driver silent = fake_family;
+
+	(void)state;
+	silent.acknowledges = false;
+	assert_int_equal(station_rules(&station, &silent, now).patience, 700 * MS);
+	assert_int_equal(station_rules(&station, &silent, now).doubt, span);
+	assert_int_equal(station_rules(&station, &silent, now + span - 1).doubt, span);
+	assert_int_equal(station_rules(&station, &silent, now + span).doubt, 0);
+	/* A homing has phases in which it stands. */
+	station.snapshot.feedback.status = DB_STATUS_HOMING;
+	assert_int_equal(station_rules(&station, &silent, now + span).doubt, span);
+	/* What a family acknowledges counts when it was acknowledged. */
+	assert_int_equal(station_rules(&station, &fake_family, now + span).doubt, span);
+	station.standing.acknowledged = true;
+	assert_int_equal(station_rules(&station, &fake_family, now).doubt, 0);
+	assert_int_equal(station_rules(&station, &silent, now).doubt, span);
+}
+
 /* --- figures ---------------------------------------------------------------------------------- */
 
 static void round_trips_are_measured(void **state)
@@ -318,6 +345,7 @@ int main(void)
 		cmocka_unit_test(a_drive_that_returns_is_asked_at_once),
 		cmocka_unit_test(parameters_that_are_not_answered_are_left_out),
 		cmocka_unit_test(what_is_to_stand_is_shown_as_stopping),
+		cmocka_unit_test(a_motion_just_before_a_stop_makes_it_doubtful),
 		cmocka_unit_test(round_trips_are_measured),
 	};
 
