@@ -268,9 +268,11 @@ static bool run_motor(struct sim_vsmd *drive, const struct vsmd_command *command
 	return true;
 }
 
-static bool move_to(struct sim_vsmd *drive, double target, const struct vsmd_command *command)
+static bool move_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
 	float speed = command->has_velocity ? command->velocity : drive->params[VSMD_SPD].f;
+	double from = command->verb == VSMD_RMV ? round(drive->motion.position) : 0.0;
+	double target = from + command->position;
 
 	if (!is_enabled(drive) || target < (double)INT32_MIN || target > (double)INT32_MAX)
 		return false;
@@ -279,16 +281,6 @@ static bool move_to(struct sim_vsmd *drive, double target, const struct vsmd_com
 	sim_motion_move(&drive->motion, target, (double)speed);
 	sim_mechanics_hold_limits(drive);
 	return true;
-}
-
-static bool move_absolute(struct sim_vsmd *drive, const struct vsmd_command *command)
-{
-	return move_to(drive, command->position, command);
-}
-
-static bool move_relative(struct sim_vsmd *drive, const struct vsmd_command *command)
-{
-	return move_to(drive, round(drive->motion.position) + command->position, command);
 }
 
 static bool stop_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
@@ -437,8 +429,8 @@ static handler_fn *const handlers[VSMD_VERB_COUNT] = {
 	[VSMD_ENA] = enable_motor,
 	[VSMD_OFF] = disable_motor,
 	[VSMD_MOV] = run_motor,
-	[VSMD_POS] = move_absolute,
-	[VSMD_RMV] = move_relative,
+	[VSMD_POS] = move_motor,
+	[VSMD_RMV] = move_motor,
 	[VSMD_STP] = stop_motor,
 	[VSMD_ORG] = set_origin,
 	[VSMD_ECLR] = clear_encoder,

@@ -19,22 +19,23 @@ void db_writers_set(struct db_writers *writers, bool by_address)
 		writers->each[i] = writers->all;
 }
 
-/* The places for writers, in turn; null: no more. */
-static struct db_writer *writer_at(struct db_writers *writers, size_t place)
+/* What is remembered of writers: a record for each client address, or one for all. */
+struct records {
+	struct db_writer *list;
+	size_t count;
+};
+
+static struct records records_of(struct db_writers *writers)
 {
-	if (!writers->by_address)
-		return place == 0 ? &writers->all : NULL;
-	return place < DB_WRITERS ? &writers->each[place] : NULL;
+	if (writers->by_address)
+		return (struct records){ .list = writers->each, .count = DB_WRITERS };
+	return (struct records){ .list = &writers->all, .count = 1 };
 }
 
-/* All outcomes, in turn: the latest of all writers, then each writer's own; null: no more. */
-static struct db_outcome *outcome_at(struct db_writers *writers, size_t place)
+/* All outcomes, from 0 to records.count: the latest of all writers, then each writer's own. */
+static struct db_outcome *outcome_at(struct db_writers *writers, struct records records, size_t i)
 {
-	struct db_writer *writer = place > 0 ? writer_at(writers, place - 1) : NULL;
-
-	if (place == 0)
-		return &writers->latest;
-	return writer ? &writer->own : NULL;
+	return i == 0 ? &writers->latest : &records.list[i - 1].own;
 }
 
 /* The outcomes that a request of this writer (null: none) changes: the latest of all writers, then
@@ -99,14 +100,17 @@ static void replace_ticket(uint32_t *kept, uint32_t ticket, uint32_t to)
 
 void db_writers_retarget(struct db_writers *writers, uint32_t ticket, uint32_t to)
 {
-	struct db_outcome *outcome;
-	struct db_writer *writer;
+	struct records records = records_of(writers);
 
-	for (size_t i = 0; (outcome = outcome_at(writers, i)); i++) {
+	for (size_t i = 0; i <= records.count; i++) {
+		struct db_outcome *outcome = outcome_at(writers, records, i);
+
 		replace_ticket(&outcome->ticket, ticket, to);
 		replace_ticket(&outcome->write_ticket, ticket, to);
 	}
-	for (size_t i = 0; (writer = writer_at(writers, i)); i++) {
+	for (size_t i = 0; i < records.count; i++) {
+		struct db_writer *writer = &records.list[i];
+
 		replace_ticket(&writer->last.ticket, ticket, to);
 		replace_ticket(&writer->previous.ticket, ticket, to);
 		replace_ticket(&writer->execution.ticket, ticket, to);
@@ -185,10 +189,11 @@ void db_writer_set_executed(struct db_writer *writer, const struct db_request *r
 void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_result result,
                          uint32_t took_us)
 {
-	struct db_outcome *outcome;
-	struct db_writer *writer;
+	struct records records = records_of(writers);
 
-	for (size_t i = 0; (outcome = outcome_at(writers, i)); i++) {
+	for (size_t i = 0; i <= records.count; i++) {
+		struct db_outcome *outcome = outcome_at(writers, records, i);
+
 		if (outcome->ticket == ticket) {
 			outcome->results.result = (uint16_t)result;
 			outcome->results.result_time_us = took_us;
@@ -196,7 +201,9 @@ void db_writers_complete(struct db_writers *writers, uint32_t ticket, enum db_re
 		if (outcome->write_ticket == ticket)
 			outcome->results.write_result = (uint16_t)result;
 	}
-	for (size_t i = 0; (writer = writer_at(writers, i)); i++) {
+	for (size_t i = 0; i < records.count; i++) {
+		struct db_writer *writer = &records.list[i];
+
 		if (writer->previous.ticket == ticket)
 			writer->previous.result = result;
 		if (writer->last.ticket == ticket) {
@@ -269,10 +276,12 @@ void db_writers_begin_motion(struct db_writers *writers, struct db_writer *write
 
 void db_writers_cancel_motion(struct db_writers *writers)
 {
-	struct db_outcome *outcome;
+	struct records records = records_of(writers);
 
 	writers->latest.results.done = writers->latest.results.aborted = false;
-	for (size_t i = 0; (outcome = outcome_at(writers, i)); i++) {
+	for (size_t i = 0; i <= records.count; i++) {
+		struct db_outcome *outcome = outcome_at(writers, records, i);
+
 		if (outcome->results.motion_result == DB_RESULT_PENDING)
 			abort_motion(outcome);
 	}
@@ -281,9 +290,10 @@ void db_writers_cancel_motion(struct db_writers *writers)
 void db_writers_end_motion(struct db_writers *writers, uint32_t ticket, enum db_result result,
                            bool corrected)
 {
-	struct db_outcome *outcome;
+	struct records records = records_of(writers);
 
-	for (size_t i = 0; (outcome = outcome_at(writers, i)); i++) {
+	for (size_t i = 0; i <= records.count; i++) {
+		struct db_outcome *outcome = outcome_at(writers, records, i);
 		struct db_command_results *results = &outcome->results;
 
 		if (!corrected)

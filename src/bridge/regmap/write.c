@@ -71,12 +71,14 @@ static enum db_command find_stop(const struct write *write)
 	return db_command_is_stop(command) ? command : DB_CMD_NONE;
 }
 
-/* True if it gives this command, now or to be started later. */
-static bool has_command(const struct write *write, enum db_command command)
+/* True if it gives one of these commands (a set of DB_COMMAND_BIT), now or to be started later. */
+static bool has_command(const struct write *write, uint64_t commands)
 {
-	return find_command(write, offsetof(struct db_drive_image, block.command)) == command ||
-	       find_command(write, offsetof(struct db_drive_image, block.staged_command)) ==
-	               command;
+	uint16_t now = find_command(write, offsetof(struct db_drive_image, block.command));
+	uint16_t later = find_command(write, offsetof(struct db_drive_image, block.staged_command));
+
+	return (now < DB_CMD_LIMIT && (commands >> now & 1)) ||
+	       (later < DB_CMD_LIMIT && (commands >> later & 1));
 }
 
 /* True if it changes what a drive keeps, the watchdog, or what only a raw frame reaches. */
@@ -86,7 +88,8 @@ static bool changes_settings(const struct write *write)
 
 	if (first->part != DB_PART_BLOCK)
 		return !(first->flags & (DB_ROW_CONTROL | DB_ROW_HEARTBEAT));
-	return has_command(write, DB_CMD_SAVE_PARAMETERS) || has_command(write, DB_CMD_RAW_FRAME);
+	return has_command(write, DB_COMMAND_BIT(DB_CMD_SAVE_PARAMETERS) |
+	                                  DB_COMMAND_BIT(DB_CMD_RAW_FRAME));
 }
 
 /* What may move other drives of the bus needs the right to command them. */
@@ -95,7 +98,8 @@ static bool is_permitted_for_bus(const struct write *write)
 	const struct db_view_drive *drive = write->drive;
 	const struct db_registers *registers = drive->registers;
 
-	if (!has_command(write, DB_CMD_SYNC_START) && !has_command(write, DB_CMD_RAW_FRAME))
+	if (!has_command(write,
+	                 DB_COMMAND_BIT(DB_CMD_SYNC_START) | DB_COMMAND_BIT(DB_CMD_RAW_FRAME)))
 		return true;
 	for (size_t i = 0; i < registers->roster->drive_count; i++) {
 		const struct db_view_drive *other = registers->roster->drives[i];

@@ -37,13 +37,13 @@ struct scan {
 	/* Both threads. */
 	atomic_bool cancelled; /* set by the network thread */
 	atomic_bool ended;     /* set by the bus thread, which does not access it any more */
-	atomic_uint
-		sequence; /* of `words`: what has been found so far, a struct db_scan_progress */
+	/* how far it is, a struct db_scan_progress in `words` */
+	atomic_uint sequence;
 	db_seqlock_word words[DB_SEQLOCK_WORDS(struct db_scan_progress)];
-	struct db_scan_find finds
-		[DB_SCAN_FINDS_MAX]; /* owned by the network thread as far as they are published */
-	struct db_scan_foreign
-		foreign[DB_SCAN_FOREIGN_MAX]; /* owned by the network thread after the end */
+	/* owned by the network thread as far as they are published */
+	struct db_scan_find finds[DB_SCAN_FINDS_MAX];
+	/* owned by the network thread after the end */
+	struct db_scan_foreign foreign[DB_SCAN_FOREIGN_MAX];
 
 	/* Bus thread only. */
 	struct db_scan_progress progress;

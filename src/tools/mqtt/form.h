@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The form in which a plant is published and commands are written: texts under topics of their own
- * (plain.h), or Sparkplug (node.h). A form knows topics and payloads, and what is to be sent next;
+ * (plain.c), or Sparkplug (node.c). A form knows topics and payloads, and what is to be sent next;
  * who may command, and when, it does not know.
  */
 #ifndef DRIVEBRIDGE_MQTT_FORM_H
@@ -74,5 +74,10 @@ struct db_mqtt_form_ops {
 	/* Does the work that is due, and returns when it is to be called next; null: there is none. */
 	db_time (*turn)(void *form, struct db_mqtt_broker *broker, db_time now);
 };
+
+/* Texts in JSON, on topics of this program's own (topics.h). */
+extern const struct db_mqtt_form_ops db_mqtt_plain;
+/* Sparkplug B. */
+extern const struct db_mqtt_form_ops db_mqtt_node;
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "mqtt/plain.h"
+#include "mqtt/form.h"
 
 #include "client/clock.h"
 #include "drivebridge/version.h"
