@@ -17,9 +17,9 @@ from bridgelib import DISCRETE, HOMING, ROOT, STOPPING, eventually, find_program
 GUIDE = ROOT / "docs" / "guide"
 # Tables that the guide leads to, and that are as long as a book.
 REFERENCE = [ROOT / "docs" / name for name in ("exchanges.md", "temperaments.md", "evidence.md", "mqtt-sparkplug.md")]
-PAGES = sorted(GUIDE.glob("*.md")) + sorted((GUIDE / "zh").glob("*.md")) + REFERENCE
+PAGES = [page for folder in (GUIDE, GUIDE / "zh", GUIDE / "de") for page in sorted(folder.glob("*.md"))] + REFERENCE
 README = ROOT / "README.md"
-READMES = [README, ROOT / "README.zh-CN.md"]
+READMES = [README, ROOT / "README.zh-CN.md", ROOT / "README.de.md"]
 QUICK = [page for page in PAGES if page.stem.startswith("quick-")]
 FENCES = {"sh", "conf", "ini", "yaml", "udev", "log", "mermaid", "iecst", "scl", "exchange", "console", "mqtt", "mqttconf",
           "opcua", "opcuaconf", "webconf", "nginx", "lighttpd", "profile", "text"}
@@ -85,7 +85,7 @@ SETTING = re.compile(r"([a-z][a-z0-9-]*) = (.+)")
 def name_of(page):
     """zh-quick-plc of zh/quick-plc.md, top of the README."""
     if page in READMES:
-        return "top" if page == README else "top-zh"
+        return {"README": "top", "README.zh-CN": "top-zh", "README.de": "top-de"}[page.stem]
     if page in REFERENCE:
         return page.stem
     return "-".join(page.relative_to(GUIDE).with_suffix("").parts)
@@ -797,11 +797,13 @@ def test_every_page_is_in_the_index():
 
 @pytest.mark.parametrize("page", QUICK, ids=name_of)
 def test_a_quick_start_is_one_page(page):
-    """In both languages, with the same commands and configurations."""
+    """In each language, with the same commands and configurations."""
     assert len(page.read_text(encoding="utf-8").splitlines()) <= 60
-    other = {name_of(one): one for one in QUICK}[f"zh-{page.stem}" if page.parent == GUIDE else page.stem]
-    codes = [re.sub(r"\s+#.*", "", block.text) for block in parse(page)[0]]
-    assert codes == [re.sub(r"\s+#.*", "", block.text) for block in parse(other)[0]]
+    others = [one for one in QUICK if one.stem == page.stem]
+    assert len(others) == 3
+    for other in others:
+        assert [re.sub(r"\s+#.*", "", block.text) for block in parse(page)[0]] == \
+            [re.sub(r"\s+#.*", "", block.text) for block in parse(other)[0]]
 
 
 @pytest.mark.parametrize("page", [*READMES, *PAGES], ids=name_of)

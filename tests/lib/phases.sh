@@ -233,6 +233,7 @@ phase_style() {
 	step rooms tests/tools/rooms
 	step form tests/tools/form
 	step spelling tests/tools/spelling
+	step texts tests/tools/texts
 	step "types of the page" check_page_types
 	step shellcheck check_shell
 	step cppcheck check_cppcheck

@@ -2,6 +2,7 @@
 #include "commission/round.h"
 #include "ctl/commission_talk.h"
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <errno.h>
@@ -92,7 +93,7 @@ static void show_step(void *data, const struct db_commission_step *step)
 	const struct commissioning *work = data;
 
 	if (!work->ctl->json)
-		(void)printf("\n%s: %s\n", step->name, step->description);
+		(void)printf("\n%s: %s\n", step->name, db_ctl_say(step->description));
 }
 
 static bool show_verdicts(void *data, const struct db_commission_step *step, json_t *verdicts,
@@ -123,7 +124,7 @@ static void show_motion(void *data, bool moving, bool again)
 	if (!moving || !again)
 		return;
 	if (!work->ctl->json) {
-		(void)printf("  once more: %s\n", why);
+		(void)printf("  %s: %s\n", db_ctl_say("once more"), why);
 		return;
 	}
 	object = json_pack("{s:s}", "again", why);
@@ -159,8 +160,11 @@ static enum db_ctl_status write_report(const struct commissioning *work,
 	if (!written)
 		return db_ctl_complain(work->ctl, DB_CTL_NO, "io.drivebridge.Client.NotWritten",
 		                       "%s: %s", path, strerror(errno));
-	if (!work->ctl->json)
-		(void)printf("\nthe report is in %s\n", path);
+	if (!work->ctl->json) {
+		(void)fputs("\n", stdout);
+		(void)printf(db_ctl_say("the report is in %s"), path);
+		(void)fputs("\n", stdout);
+	}
 	return DB_CTL_OK;
 }
 
@@ -170,12 +174,14 @@ static void print_end(const struct commissioning *work, const struct db_commissi
 	json_t *object;
 
 	if (!work->ctl->json) {
+		(void)fputs("\n", stdout);
 		(void)printf(
-			"\n%zu contradicted, %zu proven, %zu not seen\n\n"
-			"for the configuration, then drivebridgectl reload:\n\n",
+			db_ctl_say("%zu contradicted, %zu proven, %zu not seen"),
 			db_commission_report_count(report->verdicts, DB_COMMISSION_CONTRADICTED),
 			db_commission_report_count(report->verdicts, DB_COMMISSION_PROVEN),
 			db_commission_report_count(report->verdicts, DB_COMMISSION_NOT_SEEN));
+		(void)printf("\n\n%s\n\n",
+		             db_ctl_say("for the configuration, then drivebridgectl reload:"));
 		db_commission_report_sections(stdout, report);
 		return;
 	}
@@ -224,9 +230,9 @@ static enum db_ctl_status list_steps(const struct db_ctl *ctl)
 			db_ctl_print_json(object);
 			json_decref(object);
 		} else {
-			(void)printf("%-12s  %s%s%s\n", step->name, step->description,
-			             step->moves ? "; moves" : "",
-			             step->chosen ? "; only with --step" : "");
+			(void)printf("%-12s  %s%s%s\n", step->name, db_ctl_say(step->description),
+			             step->moves ? db_ctl_say("; moves") : "",
+			             step->chosen ? db_ctl_say("; only with --step") : "");
 		}
 	}
 	return DB_CTL_OK;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/commission_talk.h"
+#include "ctl/say.h"
 
 #include <ctype.h>
 #include <errno.h>
@@ -96,6 +97,7 @@ static bool read_line(struct db_ctl_talk *talk, struct db_commission_act *act, c
 
 static void print_question(const struct db_ctl *ctl, const struct db_commission_action *question)
 {
+	char room[DB_WORDS_TEXT_MAX];
 	json_t *object;
 
 	if (ctl->json) {
@@ -105,8 +107,9 @@ static void print_question(const struct db_ctl *ctl, const struct db_commission_
 		json_decref(object);
 		return;
 	}
-	(void)printf("? %s\n  [%s] ", question->text,
-	             question->choices[0] ? question->choices : "a number; empty: skip");
+	(void)printf("? %s\n  [%s] ", db_ctl_translate(question->text, room),
+	             question->choices[0] ? question->choices :
+	                                    db_ctl_say("a number; empty: skip"));
 	(void)fflush(stdout);
 }
 

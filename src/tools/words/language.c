@@ -287,9 +287,12 @@ static bool match(const char *pattern, const char *text, struct value values[PLA
 	size_t conversions = 0;
 	struct place place;
 	bool more = find_place(pattern, &conversions, &place);
-	size_t length = (size_t)(place.begin - pattern);
+	size_t length;
 
-	if (!more || strncmp(pattern, text, length) != 0)
+	if (!more)
+		return false;
+	length = (size_t)(place.begin - pattern);
+	if (strncmp(pattern, text, length) != 0)
 		return false;
 	text += length;
 	for (*count = 0; more && *count < PLACES_MAX; ++*count) {
@@ -349,7 +352,7 @@ static bool fill_in(const struct db_words_language *language, const char *transl
 		const struct value *value = find_value(values, count, place.name);
 		char text[DB_WORDS_TEXT_MAX];
 		char other[DB_WORDS_TEXT_MAX];
-		const char *words = text;
+		const char *words;
 
 		if (!append(room, &used, translation, (size_t)(place.begin - translation)))
 			return false;

@@ -594,6 +594,7 @@ function start() {
 	setText(find("skip"), t("To the content"));
 	setText(find("stop-alarm-dismiss"), t("I have seen to it"));
 	setAttribute(find("navigation"), "aria-label", t("Pages"));
+	setText(find("language-label"), t("Language"));
 	offerLanguages(find("language"));
 	showNavigation();
 	startTheme();

@@ -8,9 +8,14 @@ import { plural, t } from "./words.js";
 
 export const title = t("Audit");
 
-const KINDS = ["command", "write", "end", "control", "denied", "reload", "set-up", "login", "users",
-	"service", "repeated", "lost", "trail", "alarm"];
-const WAYS = ["page", "OPC UA", "MQTT", "control socket", "Modbus", "Modbus over TLS", "Modbus RTU", "service"];
+/* As the service has them, and in words. */
+const KINDS = { "command": t("command"), "write": t("write"), "end": t("end"), "control": t("control"),
+	"denied": t("denied"), "reload": t("reload"), "set-up": t("set-up"), "login": t("login"),
+	"users": t("users"), "service": t("service"), "repeated": t("repeated"), "lost": t("lost"),
+	"trail": t("trail"), "alarm": t("alarm") };
+const WAYS = { "page": t("page"), "OPC UA": "OPC UA", "MQTT": "MQTT", "control socket": t("control socket"),
+	"Modbus": "Modbus", "Modbus over TLS": t("Modbus over TLS"), "Modbus RTU": "Modbus RTU",
+	"service": t("service") };
 const MORE = 100;
 const ROWS_MOST = 1000;
 const COLUMNS = [t("Number"), t("When"), t("Who"), t("Through"), t("Drive"), t("What"), t("Result")];
@@ -19,7 +24,7 @@ let search = null;
 
 function createSelect(id, label, names) {
 	const select = element("select", { id }, element("option", { value: "" }, t("all")),
-		names.map((name) => element("option", {}, name)));
+		Object.entries(names).map(([name, words]) => element("option", { value: name }, words)));
 
 	return { select, field: createField(label, select) };
 }
@@ -32,7 +37,7 @@ function createInput(id, label, properties) {
 
 function makeRow(record) {
 	const cells = [record.number, `${writeDay(record.time_us)} ${writeClock(record.time_us, 3)}`,
-		cleanText(record.who), record.through, record.drive, cleanText(record.line)];
+		cleanText(record.who), WAYS[record.through] ?? record.through, record.drive, cleanText(record.line)];
 
 	return element("tr", { "data-number": record.number,
 		"data-kind": record.broken ? "error" : record.failed ? "warning" : record.kind },
@@ -74,7 +79,8 @@ function createFilters(context) {
 	const to = createInput("audit-to", t("To"), { type: "datetime-local" });
 	const through = createSelect("audit-through", t("Through"), WAYS);
 	const drive = createSelect("audit-drive", t("Drive"),
-		[...context.plant.drives.keys()].filter((name) => context.may("audit", name)));
+		Object.fromEntries([...context.plant.drives.keys()].filter((name) =>
+			context.may("audit", name)).map((name) => [name, name])));
 	const kind = createSelect("audit-kind", t("Kind"), KINDS);
 	const refused = element("input", { id: "audit-refused", type: "checkbox" });
 	const form = element("form", { class: "panel toolbar filters" }, who.field, through.field,

@@ -116,7 +116,7 @@ export function createCapturePlot(channels, level = null) {
 						"tr",
 						{},
 						element("td"),
-						["Value", "A", "B", "B − A"].map((head, at) =>
+						[t("Value"), "A", "B", "B − A"].map((head, at) =>
 							element(
 								"th",
 								{
@@ -160,7 +160,7 @@ export function createCapturePlot(channels, level = null) {
 			`${formatFixed(apart, 4)} s${rate === null ? "" : `, ${formatReal(rate)} Hz`}`
 		].forEach((text, at) => setText(timeRow.cells[at + 2], text));
 		times.forEach((time, at) =>
-			sliders[at].setAttribute("aria-valuetext", `${time.toFixed(4)} seconds`)
+			sliders[at].setAttribute("aria-valuetext", t("{time} seconds", { time: time.toFixed(4) }))
 		);
 		channels.forEach(({ register, unit }, index) => {
 			const shown = { ...register, unit, type: unit === register.unit ? register.type : "f32" };

@@ -18,6 +18,8 @@ const BEATS_AT_ONCE = 2;
 const ALIVE_EVERY_MS = 1000;
 /* The worst first. */
 const VERDICTS = ["contradicted", "proven", "not seen", "does not apply"];
+const VERDICT_WORDS = { "contradicted": t("contradicted"), "proven": t("proven"),
+	"not seen": t("not seen"), "does not apply": t("does not apply") };
 const BADGES = { contradicted: "badge error", proven: "badge on" };
 
 let view = null;
@@ -81,7 +83,7 @@ function build(mine, root, steps) {
 		"aria-label": t("What was seen"), tabindex: 0 },
 	element("table", {},
 		element("thead", {}, element("tr", {},
-			["", "Setting", "Today", "What was seen", "What is right"].map((head) =>
+			["", t("Setting"), t("Today"), t("What was seen"), t("What is right")].map((head) =>
 				element("th", { scope: "col" }, head)))),
 		mine.rows));
 	mine.counts = element("p", { id: "commission-counts" });
@@ -252,7 +254,7 @@ const take = {
 		const count = (verdict) => verdicts.filter((one) => one.verdict === verdict).length;
 
 		showVerdicts(mine, verdicts);
-		setText(mine.counts, VERDICTS.slice(0, 3).map((verdict) => `${count(verdict)} ${verdict}`)
+		setText(mine.counts, VERDICTS.slice(0, 3).map((verdict) => `${count(verdict)} ${VERDICT_WORDS[verdict]}`)
 			.join(", "));
 		mine.sections.show(sections);
 		mine.save.onclick = () =>
@@ -273,9 +275,9 @@ function showVerdicts(mine, verdicts) {
 	mine.rows.replaceChildren(...order.map((one) =>
 		element("tr", { "data-setting": one.setting, "data-verdict": one.verdict },
 			element("td", {}, element("span", { class: BADGES[one.verdict] ?? "badge" },
-				one.verdict)),
+				VERDICT_WORDS[one.verdict] ?? one.verdict)),
 			element("th", { scope: "row" }, one.setting), element("td", {}, one.now ?? ""),
-			element("td", {}, one.how), element("td", {}, one.right ?? ""))));
+			element("td", {}, inLanguage(one.how)), element("td", {}, one.right ?? ""))));
 }
 
 /* --- keys ------------------------------------------------------------------------------------- */

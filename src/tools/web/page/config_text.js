@@ -36,7 +36,7 @@ export function countLines(text) { return text.split("\n").length; }
 /* Sentences for a question; what moves comes first. */
 export function describeEffects(effects) {
 	const words = ({ bus, drive, text, moves }) =>
-		`${drive ?? `bus ${bus}`}${moves ? t(" MOVES NOW") : ""}: ${text}`;
+		`${drive ?? t("bus {bus}", { bus })}${moves ? t(" MOVES NOW") : ""}: ${text}`;
 
 	return [...effects.filter(({ moves }) => moves), ...effects.filter(({ moves }) => !moves)].map(words);
 }

@@ -233,8 +233,8 @@ function makeHead(mine) {
 	if (drive) {
 		links.push(element(
 			"a", { href: `#/trace/${encodeURIComponent(drive.bus)}` }, t("Trace")));
-		place.push(drive.bus, `address ${drive.address} ${drive.axis}`.trim(),
-			`unit ${drive.unit}`);
+		place.push(drive.bus, t("address {address}", { address: `${drive.address} ${drive.axis}`.trim() }),
+			t("unit {unit}", { unit: drive.unit }));
 	}
 	if (mine.identity)
 		place.push(mine.identity);

@@ -10,7 +10,9 @@ import { inLanguage, t } from "./words.js";
 export const title = t("Events");
 
 /* The chosen level and the more severe ones. */
-const LEVELS = ["debug", "info", "notice", "warning", "error"];
+const LEVEL_WORDS = { debug: t("debug"), info: t("info"), notice: t("notice"),
+	warning: t("warning"), error: t("error") };
+const LEVELS = Object.keys(LEVEL_WORDS);
 const LEVEL_FIRST = "warning";
 const EVENTS_MOST = 5000;
 /* Most former events that the service sends, also after a lost connection. */
@@ -21,9 +23,9 @@ let rows = null;
 
 /* The event's subject, as the log writes it. */
 function writeWords(event) {
-	const whom = ["bus", "drive", "client"]
-		.filter((kind) => event[kind])
-		.map((kind) => `${kind} ${event[kind]}: `);
+	const whom = [["bus", t("bus")], ["drive", t("drive")], ["client", t("client")]]
+		.filter(([kind]) => event[kind])
+		.map(([kind, words]) => `${words} ${event[kind]}: `);
 
 	return cleanText(whom.join("") + inLanguage(event.text));
 }
@@ -64,7 +66,8 @@ export function show(root, context, driveName) {
 	const level = createSelect(
 		"events-level",
 		t("Level"),
-		LEVELS.map((name) => [name, name === "error" ? name : t("{name} and worse", { name })]),
+		LEVELS.map((name) => [name, name === "error" ? LEVEL_WORDS[name] :
+			t("{name} and worse", { name: LEVEL_WORDS[name] })]),
 		applyFilter
 	);
 
@@ -85,7 +88,7 @@ export function show(root, context, driveName) {
 		kind: (event) => event.level,
 		columns: [
 			{ title: t("When"), text: writeWhen },
-			{ title: t("Level"), text: (event) => event.level },
+			{ title: t("Level"), text: (event) => LEVEL_WORDS[event.level] ?? event.level },
 			{ title: t("Event"), text: (event) => event.name },
 			{ title: t("What"), text: writeWords }
 		],

@@ -45,7 +45,7 @@ export function bitNames(register, value) {
 
 	for (let bit = 0; rest > 0n && bit < 64; bit++, rest >>= 1n) {
 		if (rest & 1n)
-			names.push(register?.codes?.[bit] ?? `bit ${bit}`);
+			names.push(register?.codes?.[bit] ?? t("bit {bit}", { bit }));
 	}
 	return names;
 }

@@ -86,7 +86,7 @@ export function readHistory(values, number, registers, commands, scale) {
 	return {
 		time_us: value("timestamp_us"),
 		sequence: value("sequence"),
-		command: name ? inWords(name) : written ? `write ${written.register.name}` :
+		command: name ? inWords(name) : written ? t("write {name}", { name: written.register.name }) :
 			t("parameter write"),
 		written,
 		args: written && written.value !== undefined ?
@@ -175,8 +175,8 @@ function makeEntry(entry) {
 /* The panel; refresh() reads the history again, and onEntries() gets what it has. */
 export function createHistory({ context, drive, registers, commands, scale, onEntries }) {
 	const body = element("tbody");
-	const heads = ["Time", "Command", "Values", "Result", "Took", "By"].map((head) =>
-		element("th", { scope: "col", class: head === "Took" ? "number" : null }, head));
+	const heads = [[t("Time")], [t("Command")], [t("Values")], [t("Result")], [t("Took"), "number"],
+		[t("By")]].map(([head, kind]) => element("th", { scope: "col", class: kind }, head));
 	const node = element("section", { id: "history", class: "panel",
 		"aria-label": t("History of commands") },
 	element("div", { class: "panel-head" }, element("h2", {}, t("History of commands")),

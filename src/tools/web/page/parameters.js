@@ -85,7 +85,9 @@ function compareAfter({ before, after, wanted, written, failed }) {
 
 function createReport({ drive, canSave, written, failed, over, others }) {
 	const count = written.filter((name) => !failed.has(name)).length;
-	const words = `${drive}: ${count} written${failed.size > 0 ? `, ${failed.size} not` : ""}`;
+	const words = failed.size > 0 ?
+		t("{drive}: {count} written, {failed} not", { drive, count, failed: failed.size }) :
+		t("{drive}: {count} written", { drive, count });
 	const next = canSave
 		? t("Not saved in the drive yet: Save into the drive does that.")
 		: t("{drive} has no save_parameters: what is written is all there is.", { drive });
@@ -183,7 +185,7 @@ function createView(root, context, drive) {
 	});
 	const choices = [
 		["", t("all")],
-		["changed", "changed"],
+		["changed", t("changed")],
 		["differs", t("that differ")]
 	];
 	const which = element(

@@ -74,13 +74,13 @@ function sayMustStand(registers, values) {
 /* The states of PLCopen in the words of those who wire and repair. */
 const STATE_WORDS = {
 	Disabled: t("switched off"),
-	Standstill: "stands",
+	Standstill: t("stands"),
 	DiscreteMotion: t("moves to target"),
-	ContinuousMotion: "runs",
+	ContinuousMotion: t("runs"),
 	SynchronizedMotion: t("follows another"),
 	Homing: t("looks for its origin"),
-	Stopping: "brakes",
-	ErrorStop: "fault",
+	Stopping: t("brakes"),
+	ErrorStop: t("fault"),
 	Offline: t("no answer"),
 };
 

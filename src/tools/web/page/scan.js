@@ -70,7 +70,7 @@ function writePlace(find) {
 	const names = find.drives.join(", ");
 
 	if (find.verdict === "one")
-		return names || "new";
+		return names || t("new");
 	return (
 		(find.verdict === "two" ? t("two drives") : t("nothing readable")) +
 		(names ? `: ${names}` : "")
@@ -99,10 +99,8 @@ function writeAdvice(finds) {
 }
 
 function writeForeign({ id, extended, count }) {
-	return `${id
-		.toString(16)
-		.toUpperCase()
-		.padStart(extended ? 8 : 3, "0")}  ${count} times`;
+	return t("{id}  {count} times", { id: id.toString(16).toUpperCase().padStart(extended ? 8 : 3, "0"),
+		count });
 }
 
 /* --- looking for drives --- */
@@ -152,14 +150,14 @@ function createSearch(context, findBus, onChoose) {
 					"tr",
 					{},
 					[
-						"Address",
+						t("Address"),
 						"Bit/s",
-						"Protocol",
-						"Identity",
-						"Fastest",
-						"Mean",
-						"Slowest",
-						"Configured as",
+						t("Protocol"),
+						t("Identity"),
+						t("Fastest"),
+						t("Mean"),
+						t("Slowest"),
+						t("Configured as"),
 						""
 					].map((head, at) =>
 						element(
@@ -227,7 +225,8 @@ function createSearch(context, findBus, onChoose) {
 	function addFind(bus, find) {
 		const ms = (us) => (find.answered === 0 ? "–" : `${(us / 1000).toFixed(1)} ms`);
 		const identity =
-			cleanText(find.identity + (find.other ? ` and ${find.other}` : "")) || "–";
+			cleanText(find.other ? t("{one} and {other}", { one: find.identity, other: find.other }) :
+				find.identity) || "–";
 		const choose = element(
 			"button",
 			{

@@ -19,7 +19,7 @@ const MODES = {
 	auto: t("auto: also without")
 };
 /* Of a condition, as in drivebridgectl record --trigger. */
-const RELATION_WORDS = ["is", t("is not"), t("rises above"), t("falls below")];
+const RELATION_WORDS = [t("is"), t("is not"), t("rises above"), t("falls below")];
 const RELATIONS = ["=", "!=", ">", "<"];
 const FIRST_NAMES = ["position", "velocity"];
 const SECONDS_MOST = 600;
@@ -81,7 +81,7 @@ function createChooser(context, { prefix, words, none, onChange }) {
 		value.append(
 			element(
 				"optgroup",
-				{ label: "Process data" },
+				{ label: t("Process data") },
 				options(
 					Object.keys(values)
 						.map((each) => known.get(each))
@@ -90,7 +90,7 @@ function createChooser(context, { prefix, words, none, onChange }) {
 			),
 			element(
 				"optgroup",
-				{ label: "Parameters" },
+				{ label: t("Parameters") },
 				options(
 					[...known.values()].filter(
 						(register) =>
@@ -484,10 +484,10 @@ function createView(root, context, driveName) {
 		const parts = shown
 			? [
 					count > 1 ? t("Capture {count}: ", { count }) : "",
-					`${shown.rows.length} samples`,
+					t("{count} samples", { count: shown.rows.length }),
 					shown.triggered ? "" : t(" without a trigger"),
 					shown.cut ? t(", more were cut off") : "",
-					`, ${lost} lost.`
+					t(", {lost} lost.", { lost })
 				]
 			: [];
 

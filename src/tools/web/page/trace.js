@@ -16,9 +16,9 @@ export const title = t("Trace");
 
 /* In the order of the interface. */
 const KINDS = {
-	Sent: ["stop", "poll", "identify", "probe", "command", "broadcast"],
-	Received: ["answer", "part", "report", "late", "stray", "bad", "foreign", "garbage"],
-	Neither: ["unanswered", "event"]
+	[t("Sent")]: ["stop", "poll", "identify", "probe", "command", "broadcast"],
+	[t("Received")]: ["answer", "part", "report", "late", "stray", "bad", "foreign", "garbage"],
+	[t("Neither")]: ["unanswered", "event"]
 };
 const RECORDS_MOST = 20000;
 const LOOK_FOR_KEPT_MS = 5000;
@@ -100,7 +100,7 @@ export function show(root, context, busName, keptNumber) {
 					element(
 						"tr",
 						{},
-						["Number", "When", "Bus", "Drive", "Event"].map((head) =>
+						[t("Number"), t("When"), t("Bus"), t("Drive"), t("Event")].map((head) =>
 							element("th", { scope: "col" }, head)
 						),
 						element("td")

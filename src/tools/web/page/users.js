@@ -111,7 +111,7 @@ export async function show(root, context) {
 			element("a", { href: "#/gateway" }, t("Back up or restore the gateway"))),
 		element("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": t("Users") },
 			element("table", { id: "users" },
-				element("thead", {}, element("tr", {}, ["User", "Role", "Drives", "Password", ""].map(
+				element("thead", {}, element("tr", {}, [t("User"), t("Role"), t("Drives"), t("Password"), ""].map(
 					(words) => element("th", { scope: "col" }, words)))),
 				mine.body)),
 		createForm(mine));
