@@ -59,11 +59,11 @@ static json_t *describe_drive(const struct db_named_drive *drive)
 	static const char *const axes[] = { "x", "y", "z", "a" };
 	unsigned axis = drive->config->axis;
 	bool has_axis = drive->bus->driver->axes > 0 && axis < sizeof(axes) / sizeof(axes[0]);
-	json_t *description = json_pack("{s:s, s:s, s:I, s:s, s:I, s:s}", "name",
-	                                drive->config->name, "bus", drive->bus->name, "address",
-	                                (json_int_t)drive->config->address, "axis",
-	                                has_axis ? axes[axis] : "", "unit",
-	                                (json_int_t)drive->config->unit, "unit_name", drive->unit);
+	json_t *description = json_pack(
+		"{s:s, s:s, s:I, s:s, s:I, s:s, s:b}", "name", drive->config->name, "bus",
+		drive->bus->name, "address", (json_int_t)drive->config->address, "axis",
+		has_axis ? axes[axis] : "", "unit", (json_int_t)drive->config->unit, "unit_name",
+		drive->unit, "controlled", drive->controlled);
 
 	if (!isnan(drive->config->min_position))
 		json_object_set_new(description, "min_position",
