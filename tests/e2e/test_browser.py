@@ -23,7 +23,8 @@ STANDS_WITHIN = 0.5
 RAMP = 640000
 # The watchdog has no part in it.
 UNITS = {"counts-per-unit": 320.0, "unit-name": "mm", "max-velocity": 100.0, "watchdog-ms": 30000}
-VIEWS = ["", "drive/drive1", "commission/drive1", "parameters/drive1", "scan", "scope", "trace", "events", "audit", "config"]
+VIEWS = ["", "drive/drive1", "commission/drive1", "parameters/drive1", "scan", "scope", "trace", "events", "health", "health/drive1",
+         "audit", "config", "gateway"]
 
 
 @pytest.fixture(scope="module")

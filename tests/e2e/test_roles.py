@@ -108,6 +108,15 @@ PAGE = {
     "the audit trail of the drive": [lambda page: page.ask("POST", "/api/audit", {"drive": "drive1"}),
                                      download("/api/audit.jsonl?drive=drive1")],
     "the whole audit trail, whether it is whole": [lambda page: page.ask("POST", "/api/audit/verify", {})],
+    "health of all drives, of which he sees his": [
+        lambda page: page.ask("POST", "/api/health/rows", {"for_s": 60, "step_s": 60}),
+        lambda page: page.ask("POST", "/api/alarms", {"after": 0})],
+    "health of the drive": [
+        lambda page: page.ask("POST", "/api/health", {"for_s": 60, "step_s": 60, "drive": "drive1"})],
+    "acknowledging an alarm of the drive": [lambda page: page.call("AcknowledgeAlarm", id=1, drive="drive1")],
+    "acknowledging one of a bus or the configuration": [
+        lambda page: page.call("AcknowledgeAlarm", id=1), lambda page: page.call("AcknowledgeAlarm", id=1, drive="")],
+    "the gateway as one file": [lambda page: page.ask("POST", "/api/gateway", {})],
     "the own password": [
         lambda page: page.ask("POST", "/api/password", {"password": "x", "fresh": "short"})],
 }

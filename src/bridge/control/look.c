@@ -61,10 +61,10 @@ static json_t *describe_drive(const struct db_named_drive *drive)
 	bool has_axis = drive->bus->driver->axes > 0 && axis < sizeof(axes) / sizeof(axes[0]);
 	const char *endpoint = drive->config->endpoint_name;
 	json_t *description = json_pack(
-		"{s:s, s:s, s:I, s:s, s:I, s:s, s:s}", "name", drive->config->name, "bus",
+		"{s:s, s:s, s:I, s:s, s:I, s:s, s:s, s:b}", "name", drive->config->name, "bus",
 		drive->bus->name, "address", (json_int_t)drive->config->address, "axis",
 		has_axis ? axes[axis] : "", "unit", (json_int_t)drive->config->unit, "unit_name",
-		drive->unit, "endpoint", endpoint ? endpoint : "");
+		drive->unit, "endpoint", endpoint ? endpoint : "", "controlled", drive->controlled);
 
 	if (!isnan(drive->config->min_position))
 		json_object_set_new(description, "min_position",

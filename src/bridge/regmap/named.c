@@ -32,7 +32,8 @@ size_t db_named_drive_count(const struct db_registers *registers)
 	return registers->roster->drive_count;
 }
 
-static void describe_drive(const struct db_view_drive *drive, struct db_named_drive *described)
+static void describe_drive(const struct db_registers *registers, const struct db_view_drive *drive,
+                           struct db_named_drive *described)
 {
 	struct db_snapshot snapshot;
 	bool known;
@@ -45,6 +46,7 @@ static void describe_drive(const struct db_view_drive *drive, struct db_named_dr
 		.bus = drive->bus_config,
 		.commands = db_driver_commands(drive->bus_config, drive->config),
 		.unit = known ? db_scale_unit(drive->driver, drive->config) : "",
+		.controlled = registers->roster->modbus->control == DB_CONTROL_DRIVE,
 	};
 }
 
@@ -53,7 +55,7 @@ bool db_named_drive_at(const struct db_registers *registers, size_t place,
 {
 	if (place >= registers->roster->drive_count || registers->roster->drives[place]->leaving)
 		return false;
-	describe_drive(registers->roster->drives[place], drive);
+	describe_drive(registers, registers->roster->drives[place], drive);
 	return true;
 }
 

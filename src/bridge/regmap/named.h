@@ -23,6 +23,7 @@ struct db_named_drive {
 	const struct db_bus_config *bus;
 	uint64_t commands; /* supported commands, as DB_COMMAND_BIT()s */
 	const char *unit;  /* unit of its positions for people; "": counts only */
+	bool controlled;   /* clients take control of it before they command it */
 };
 
 /* Buses and drives in the order of the configuration. False: there are fewer, or it is being

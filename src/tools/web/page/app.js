@@ -377,6 +377,8 @@ function markNavigation(name) {
 /* What may not be done is not offered. */
 function showRights() {
 	find("stop-all").hidden = !api.may("stop");
+	/* Without a login each of them would lead back to it. */
+	find("navigation").hidden = api.getSession().role === "none";
 	for (const anchor of find("navigation").querySelectorAll("a")) {
 		const { needs } = VIEWS[anchor.dataset.view];
 
@@ -616,6 +618,9 @@ function start() {
 		if (!find("main").contains(document.activeElement))
 			find("main").focus({ preventScroll: true });
 	});
+	window.addEventListener("beforeprint", () => setText(find("printed"),
+		`${location.host}, printed ${new Date().toLocaleString("en-GB")}` +
+		(link === "live" ? "" : `; ${sayOld()}`)));
 	watchVisibility();
 	api.onSession(takeSession);
 	api.startApi();

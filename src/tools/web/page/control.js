@@ -24,6 +24,8 @@ function describeWatchdog({ watchdog_ms, watchdog_remaining_ms }) {
 /* The panel; update(values) with streamed values, learn() after a command of this tab was
  * accepted. */
 export function createControl({ context, drive }) {
+	/* A service of before does not tell. */
+	const controlled = context.plant.drives.get(drive)?.description.controlled !== false;
 	const drawing = icon("hint");
 	/* Screen readers do not announce the seconds next to it. */
 	const who = element("span", { id: "control-holder", role: "status" });
@@ -34,10 +36,11 @@ export function createControl({ context, drive }) {
 		hidden: true, onclick: () => write(0) }, t("Release control"));
 	const problem = element("p", { class: "problem", role: "alert" });
 	const watchdog = element("p", { id: "watchdog", class: "muted" });
-	const node = element("section", { id: "control", class: "panel control", "aria-label": t("Control") },
-		element("div", { class: "panel-head" }, element("h2", {}, t("Control")),
-			element("span", { class: "push" }), context.may("move", drive) ? [take, release] : null),
-		element("p", { class: "control-line" }, drawing, who, until), watchdog,
+	const node = element("section", { id: "control", class: "panel control", "aria-label": controlled ? t("Control") : t("Watchdog") },
+		element("div", { class: "panel-head" }, element("h2", {}, controlled ? t("Control") : t("Watchdog")),
+			element("span", { class: "push" }),
+			controlled && context.may("move", drive) ? [take, release] : null),
+		controlled ? element("p", { class: "control-line" }, drawing, who, until) : null, watchdog,
 		problem);
 	/* The session of this tab, after it has had control; 0 before. */
 	let mine = 0;

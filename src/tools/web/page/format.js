@@ -65,6 +65,17 @@ export function formatReal(value) {
 	return withMinus(String(value));
 }
 
+/* The shortest number that means the same count: 90.000056 deg is 90, where a count is 0.0001125 deg. */
+export function formatFine(value, step) {
+	for (let decimals = 0; decimals < 9; decimals++) {
+		const rounded = Number(value.toFixed(decimals));
+
+		if (Math.abs(rounded - value) < step / 2)
+			return formatReal(rounded);
+	}
+	return formatReal(value);
+}
+
 function withMinus(text) { return text.startsWith("-") ? MINUS + text.slice(1) : text; }
 
 /* Always with this number of decimals, so that a changing value does not move its neighbours. */
@@ -214,6 +225,8 @@ export function createScale(unitName, countsPerUnit) {
 			return register.unit === "counts" ? fine : Math.min(fine, 2);
 		},
 		isScaled: (register) => per(register) !== 1,
+		/* One count in user units; 0: values are exact. */
+		step: (register) => (per(register) === 1 ? 0 : Math.abs(1 / per(register))),
 		/* The register for typing: with its range in user units it is no integer. */
 		typed(register) {
 			if (per(register) === 1)

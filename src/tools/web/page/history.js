@@ -8,7 +8,7 @@
  */
 import { askAudit, call } from "./api.js";
 import { element } from "./dom.js";
-import { asLabel, formatAddress, formatDuration, formatReal, formatTime, formatValue, formatWithUnit,
+import { asLabel, formatAddress, formatDuration, formatFine, formatTime, formatValue, formatWithUnit,
 	inWords } from "./format.js";
 import { hasTrait } from "./parameter_set.js";
 import { t } from "./words.js";
@@ -79,7 +79,7 @@ export function readHistory(values, number, registers, commands, scale) {
 
 			return `${inWords(argument)} ${text}${unit ? ` ${unit}` : ""}`;
 		}
-		return `${inWords(argument)} ${formatReal(scale.show(register, value(field)))} ${scale.unit(register)}`;
+		return `${inWords(argument)} ${formatFine(scale.show(register, value(field)), scale.step(register))} ${scale.unit(register)}`;
 	}).filter(Boolean);
 	const written = readWritten(value, registers);
 

@@ -95,3 +95,15 @@ test("a label has no unit that stands beside it", () => {
 	assert.equal(format.labelOf({ name: "target_position", unit: "counts" }), "Target position");
 	assert.equal(format.labelOf({ name: "items", unit: "" }), "Items");
 });
+
+test("a position has no more digits than the drive's counts", () => {
+	const scale = format.createScale("deg", 8888.8889);
+	const counts = { unit: "counts", type: "i32" };
+	const ninety = Math.round(90 * 8888.8889);
+
+	assert.equal(format.formatFine(scale.show(counts, ninety), scale.step(counts)), "90");
+	/* The next count is another number. */
+	assert.equal(format.formatFine(scale.show(counts, ninety + 1), scale.step(counts)), "90.0001");
+	assert.equal(format.formatFine(-0.5, 0), "−0.5");
+	assert.equal(scale.step({ unit: "ms", type: "u16" }), 0);
+});
