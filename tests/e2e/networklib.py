@@ -239,7 +239,9 @@ class Bus:
                 continue
             moment, drive, what = int(match[1]) / 1e6, match[2], match[3] or match[4]
             if what in ("mov", "pos"):
-                self.since.setdefault(drive, moment)
+                # To where it stands it does not move.
+                if "moving=1" in line:
+                    self.since.setdefault(drive, moment)
             elif what == "stands" and drive in self.since:
                 found.append((drive, self.since.pop(drive), moment))
         return found

@@ -54,6 +54,6 @@ export default [{
 		"prefer-const": ["error", { destructuring: "all" }],
 		"use-isnan": "error",
 		"valid-typeof": "error",
-		"max-lines-per-function": ["error", { max: 400, skipComments: true, skipBlankLines: true }],
+		"max-lines-per-function": ["error", { max: 320, skipComments: true, skipBlankLines: true }],
 	},
 }];
