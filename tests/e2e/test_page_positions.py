@@ -111,6 +111,8 @@ def test_what_takes_the_hand_away_stops_it(site, view):  # noqa: F811
         eventually(lambda: time.monotonic() - since > 1)
         assert not is_moving(bridge) and len(motions(bridge)) == orders, f"{how}: no further step"
         assert 320 < bridge.sim.get()["position"] < 16000, how
+        if how == "left":
+            page.evaluate("() => { location.hash = '#/positions/drive1'; }")
         if how == "hidden":
             page.evaluate(HIDE, False)
         if how != "closed":

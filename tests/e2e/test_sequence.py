@@ -126,6 +126,7 @@ def prepared(gateway, **options):
         bridge.drive(number).settle("enable")
         for name, target in (("far", FAR), ("near", NEAR)):
             move(bridge, number, target)
+            bridge.wait_ready(number)
             page.call("Teach", drive=f"drive{number}", name=name)
         move(bridge, number, 0)
     return bridge, webd, page

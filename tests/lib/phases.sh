@@ -227,6 +227,12 @@ check_page_types() {
 		build/page/venv/bin/node build/page/node_modules/typescript/bin/tsc -p src/tools/web/page/tsconfig.json
 }
 
+# Mistakes in the page's modules that types do not show, and functions that are too long.
+check_page_lint() {
+	need_page &&
+		build/page/venv/bin/node build/page/node_modules/eslint/bin/eslint.js -c tests/lib/eslint.config.mjs src/tools/web/page
+}
+
 phase_style() {
 	step format check_format
 	step text check_text
@@ -235,6 +241,7 @@ phase_style() {
 	step spelling tests/tools/spelling
 	step texts tests/tools/texts
 	step "types of the page" check_page_types
+	step "lint of the page" check_page_lint
 	step shellcheck check_shell
 	step cppcheck check_cppcheck
 	step clang-tidy check_clang_tidy

@@ -19,7 +19,7 @@ export const SAMPLES_MAX = 50000;
  */
 export function createCapture({ mode, trigger, beforeUs, durationUs }) {
 	const capture = { state: "waiting", shown: null, count: 0, lost: 0 };
-	let held = [];
+	const held = [];
 	let zeroUs = 0; /* time of the current trigger */
 	let sinceUs = 0; /* begin of the wait for a trigger; 0: the next sample */
 
@@ -139,7 +139,7 @@ function writeSeconds(us) {
 	return `${us < 0 ? "-" : ""}${digits.slice(0, -6)}.${digits.slice(-6)}`;
 }
 
-/* With ten digits, as formatCsv() of plot.js. */
+/* With ten digits, as formatCsv() of ring.js. */
 function writeValue(value, show) {
 	return writeField(typeof value === "number" && show
 		? Number(show(value).toPrecision(10))

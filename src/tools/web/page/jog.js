@@ -21,14 +21,16 @@ const STEPS = [0.01, 0.1, 1, 10, 100];
 /* In counts, where no finer unit is known. */
 const COUNT_STEPS = [1, 10, 100, 1000, 10000];
 
+let lastGrip = 0;
+
 /*
  * Presses and their beats. `send(grip, beat, velocity)` is a promise of { held, why, text };
  * `onChange(state)` gets { velocity, held, why, text }: velocity 0 when nothing is pressed, held
  * from the server, why and text for the end of the last grip unless it was released. `timers` are
- * setInterval and clearInterval. Pure but for those.
+ * setInterval and clearInterval. Pure but for those, and for the numbers of presses: to the server a
+ * lower number is an older press of this page, whichever view it was on.
  */
 export function createGrips({ send, onChange, timers = globalThis }) {
-	let grip = 0;
 	let current = null;
 
 	function tell(change) {
@@ -82,7 +84,7 @@ export function createGrips({ send, onChange, timers = globalThis }) {
 		press(velocity) {
 			if (current)
 				this.release();
-			current = { grip: ++grip, beat: 0, velocity, held: false, over: false, underWay: 0, timer: 0 };
+			current = { grip: ++lastGrip, beat: 0, velocity, held: false, over: false, underWay: 0, timer: 0 };
 			const mine = current;
 
 			mine.timer = timers.setInterval(() => beat(mine), BEAT_EVERY_MS);

@@ -26,7 +26,7 @@ export function show(root) {
 		try {
 			await logIn(user.value, password.value);
 		} catch (error) {
-			setText(problem, error.retry_s ? 
+			setText(problem, error.retry_s ?
 				t("{message}; again in {retry_s} s", { message: error.message, retry_s: error.retry_s }) : error.message);
 			password.value = "";
 			password.focus();

@@ -27,7 +27,7 @@ const SECONDS_MOST = 600;
 const GRACE_MS = 500;
 const DRAW_EVERY_MS = 100;
 
-let view = null;
+let scope = null;
 
 /* How a drive's counts are shown. */
 async function readScale(context, drive) {
@@ -38,521 +38,425 @@ async function readScale(context, drive) {
 	return createScale(values.unit_name, values.counts_per_unit);
 }
 
+/* --- choosing a value -------------------------------------------------------------------------- */
+
 /*
  * Chooses a drive and one of its values; `none` is the word for no drive. onChange() is called
- * after another choice.
+ * after another choice. Of what it returns, `registers` and `scale` are of the chosen drive.
  */
 function createChooser(context, { prefix, words, none, onChange }) {
 	const drive = element("select", { id: `${prefix}-drive` });
 	const value = element("select", { id: `${prefix}-value` });
-	let registers = new Map();
-	let scale = createScale("", NaN);
-	let turn = 0;
-
-	/* First the drive's cyclic values, then its parameters. */
-	async function fillValues(wanted) {
-		const mine = ++turn;
-		const name = drive.value;
-
-		value.replaceChildren();
-		value.disabled = true;
-		if (!name)
-			return;
-		const [known, { values }, drivesScale] = await Promise.all([
-			context.registers(name),
-			call("Read", { drive: name, names: [] }),
-			readScale(context, name)
-		]);
-
-		if (mine !== turn)
-			return;
-		scale = drivesScale;
-		const isNumber = (register) => register && register.type !== "text";
-		const options = (list) =>
-			list.map((register) =>
-				element(
-					"option",
-					{ value: register.name },
-					register.name + (register.unit ? ` [${scale.unit(register)}]` : "")
-				)
-			);
-
-		registers = known;
-		value.append(
-			element(
-				"optgroup",
-				{ label: t("Process data") },
-				options(
-					Object.keys(values)
-						.map((each) => known.get(each))
-						.filter(isNumber)
-				)
-			),
-			element(
-				"optgroup",
-				{ label: t("Parameters") },
-				options(
-					[...known.values()].filter(
-						(register) =>
-							register.parameter && isNumber(register)
-					)
-				)
-			)
-		);
-		value.disabled = false;
-		if (wanted && known.has(wanted))
-			value.value = wanted;
-	}
-
-	function fillDrives(wanted) {
-		const before = drive.value || wanted;
-
-		drive.replaceChildren(
-			...(none ? [element("option", { value: "" }, none)] : []),
-			...[...context.plant.drives.keys()].map((name) =>
-				element("option", { value: name }, name)
-			)
-		);
-		if (context.plant.drives.has(before))
-			drive.value = before;
-	}
-
-	drive.addEventListener("change", () =>
-		fillValues(value.value).then(onChange, context.report)
-	);
-	value.addEventListener("change", onChange);
-	return {
+	const chooser = {
+		context,
+		none,
 		drive,
 		value,
-		fillDrives,
-		fillValues,
-		register: () => registers.get(value.value),
-		scale: () => scale,
+		registers: new Map(),
+		scale: createScale("", NaN),
+		turn: 0, /* of the latest choice of a drive */
 		fields: [createField(words[0], drive), createField(words[1], value)]
+	};
+
+	drive.addEventListener("change", () =>
+		fillValues(chooser, value.value).then(onChange, context.report));
+	value.addEventListener("change", onChange);
+	return chooser;
+}
+
+function registerOf({ registers, value }) { return registers.get(value.value); }
+
+function isNumber(register) { return register && register.type !== "text"; }
+
+function makeOptions({ scale }, label, registers) {
+	return element("optgroup", { label }, registers.filter(isNumber).map((register) =>
+		element("option", { value: register.name },
+			register.name + (register.unit ? ` [${scale.unit(register)}]` : ""))));
+}
+
+/* First the drive's cyclic values, then its parameters. */
+async function fillValues(chooser, wanted) {
+	const { context, value } = chooser;
+	const turn = ++chooser.turn;
+	const drive = chooser.drive.value;
+
+	value.replaceChildren();
+	value.disabled = true;
+	if (!drive)
+		return;
+	const [registers, { values }, scale] = await Promise.all([
+		context.registers(drive),
+		call("Read", { drive, names: [] }),
+		readScale(context, drive)
+	]);
+
+	if (turn !== chooser.turn)
+		return;
+	Object.assign(chooser, { registers, scale });
+	value.append(
+		makeOptions(chooser, t("Process data"), Object.keys(values).map((name) => registers.get(name))),
+		makeOptions(chooser, t("Parameters"), [...registers.values()].filter(({ parameter }) => parameter)));
+	value.disabled = false;
+	if (wanted && registers.has(wanted))
+		value.value = wanted;
+}
+
+function fillDrives({ context, drive, none }, wanted) {
+	const before = drive.value || wanted;
+
+	drive.replaceChildren(
+		...(none ? [element("option", { value: "" }, none)] : []),
+		...[...context.plant.drives.keys()].map((name) => element("option", { value: name }, name)));
+	if (context.plant.drives.has(before))
+		drive.value = before;
+}
+
+/* --- its elements ----------------------------------------------------------------------------- */
+
+function makeSeconds(id, min, value) {
+	return element("input", { id, type: "number", min, max: SECONDS_MOST, step: "any", value });
+}
+
+function makeParts() {
+	const codes = element("datalist", { id: newId("codes") });
+
+	return {
+		list: element("ul", { id: "scope-channels", class: "chips", "aria-label": t("Values that are captured") }),
+		addButton: element("button", { id: "scope-add", type: "button" }, t("Add")),
+		relation: element("select", { id: "scope-relation" }, RELATIONS.map((sign, at) =>
+			element("option", { value: sign }, RELATION_WORDS[at]))),
+		codes,
+		limit: element("input", { id: "scope-limit", type: "text", autocomplete: "off", list: codes.id }),
+		unit: element("span", { id: "scope-unit", class: "unit" }),
+		move: element("button", { id: "scope-move", type: "button" }, t("Wait for the next move")),
+		mode: element("select", { id: "scope-mode" }, Object.entries(MODES).map(([value, words]) =>
+			element("option", { value }, words))),
+		before: makeSeconds("scope-before", 0, 0.5),
+		duration: makeSeconds("scope-duration", 0.01, 2),
+		start: element("button", { id: "scope-start", class: "primary", type: "submit" }, t("Start")),
+		stop: element("button", { id: "scope-stop", type: "button", hidden: true }, t("Stop")),
+		save: element("button", { id: "scope-save", type: "button", disabled: true }, t("Download as CSV")),
+		problem: element("p", { id: "scope-problem", class: "problem", role: "alert" }),
+		said: element("p", { id: "scope-said", role: "status" },
+			t("Choose values, and perhaps a trigger; then start.")),
+		place: element("div")
 	};
 }
 
-function createView(root, context, driveName) {
-	const channels = [];
-	const add = createChooser(context, {
-		prefix: "scope-add",
-		words: [t("Drive"), t("Value")],
-		none: "",
-		onChange() {}
-	});
-	const source = createChooser(context, {
-		prefix: "scope-trigger",
-		words: [t("Trigger"), t("Value")],
-		none: t("none: at once"),
-		onChange: () => showCondition()
-	});
-	const list = element("ul", {
-		id: "scope-channels",
-		class: "chips",
-		"aria-label": t("Values that are captured")
-	});
-	const addButton = element("button", { id: "scope-add", type: "button" }, t("Add"));
-	const relation = element(
-		"select",
-		{ id: "scope-relation" },
-		RELATIONS.map((sign, at) =>
-			element(
-				"option",
-				{ value: sign },
-				RELATION_WORDS[at]
-			)
-		)
-	);
-	const codes = element("datalist", { id: newId("codes") });
-	const limit = element("input", {
-		id: "scope-limit",
-		type: "text",
-		autocomplete: "off",
-		list: codes.id
-	});
-	const unit = element("span", { id: "scope-unit", class: "unit" });
-	const move = element(
-		"button",
-		{ id: "scope-move", type: "button" },
-		t("Wait for the next move")
-	);
-	const mode = element(
-		"select",
-		{ id: "scope-mode" },
-		Object.entries(MODES).map(([value, words]) => element("option", { value }, words))
-	);
-	const before = element("input", {
-		id: "scope-before",
-		type: "number",
-		min: 0,
-		max: SECONDS_MOST,
-		step: "any",
-		value: 0.5
-	});
-	const duration = element("input", {
-		id: "scope-duration",
-		type: "number",
-		min: 0.01,
-		max: SECONDS_MOST,
-		step: "any",
-		value: 2
-	});
-	const start = element(
-		"button",
-		{ id: "scope-start", class: "primary", type: "submit" },
-		t("Start")
-	);
-	const stop = element("button", { id: "scope-stop", type: "button", hidden: true }, t("Stop"));
-	const save = element(
-		"button",
-		{ id: "scope-save", type: "button", disabled: true },
-		t("Download as CSV")
-	);
-	const problem = element("p", { id: "scope-problem", class: "problem", role: "alert" });
-	const said = element(
-		"p",
-		{ id: "scope-said", role: "status" },
-		t("Choose values, and perhaps a trigger; then start.")
-	);
-	const place = element("div");
-	const conditions = [
-		source.fields[1],
-		createField(t("Condition"), relation),
-		element(
-			"label",
-			{ class: "field", for: limit.id },
-			t("Value it waits for"),
-			element("span", { class: "with-unit" }, limit, unit)
-		)
-	];
-	const form = element(
-		"form",
-		{ class: "panel scope-settings", "aria-label": t("What is captured") },
-		element("div", { class: "toolbar filters" }, add.fields, addButton, list),
-		element("div", { class: "toolbar filters" }, source.fields[0], conditions, codes),
-		element(
-			"div",
-			{ class: "toolbar filters" },
-			createField(t("Mode"), mode),
-			createField(t("Before, s"), before),
-			createField(t("After, s"), duration),
-			start,
-			move,
-			stop,
-			save
-		)
-	);
-	let capture = null;
-	let captured = []; /* channels of the capture */
-	let stream = null;
-	let plot = null;
-	let dirty = false;
-	let drawnAt = 0;
-	let triggeredAt = 0;
-	let ending = "";
-	let turn = 0; /* of the latest start */
-
-	/* --- settings --- */
-
-	function showChannels() {
-		list.replaceChildren(
-			...channels.map((channel, index) => {
-				const name = `${channel.drive}.${channel.name}`;
-				const button = element(
-					"button",
-					{
-						class: "quiet small",
-						type: "button",
-						"aria-label": t("Leave out {name}", { name })
-					},
-					icon("close")
-				);
-
-				button.addEventListener("click", () => {
-					channels.splice(index, 1);
-					showChannels();
-					addButton.focus();
-				});
-				return element("li", { class: "badge" }, name, button);
-			})
-		);
-		addButton.disabled = channels.length >= CHANNELS_MOST;
-	}
-
-	function addChannel(drive, register) {
-		if (
-			!register ||
-			channels.length >= CHANNELS_MOST ||
-			channels.some(
-				(channel) =>
-					channel.drive === drive && channel.name === register.name
-			)
-		)
-			return;
-		channels.push({ drive, name: register.name, register });
-		showChannels();
-	}
-
-	function showCondition() {
-		const register = source.register();
-		const bits = hasBits(register);
-
-		setText(unit, register ? source.scale().unit(register) : "");
-		conditions.forEach((each) => {
-			each.hidden = source.drive.value === "";
-		});
-		/* Without a trigger there is nothing before it, and nothing to wait for. */
-		before.disabled = mode.disabled = source.drive.value === "";
-		codes.replaceChildren(
-			...Object.values(register?.codes ?? {}).map((name) =>
-				element("option", { value: bits ? name : inWords(name) })
-			)
-		);
-		if (bits && relation.selectedIndex > 1)
-			relation.selectedIndex = 0;
-		relation.options[2].disabled = relation.options[3].disabled = bits;
-	}
-
-	/* The server reads it, and marks the samples. A number is typed in the users' unit, and told in
-	 * the drive's own; names, and what is wrong, are told as they are. */
-	function readTrigger() {
-		const register = source.register();
-		const scale = source.scale();
-		const name = register?.name;
-		const typed = limit.value.trim().replace("−", "-");
-		const { value } = register ? parseValue(scale.typed(register), typed) : {};
-		const isScaled = scale.isScaled(register) && typeof value === "number";
-		const told = isScaled ? scale.take(register, value) : typed;
-		const relates = RELATION_WORDS[relation.selectedIndex];
-
-		return {
-			drive: source.drive.value,
-			name,
-			words: `${source.drive.value}.${name}${relation.value}${told}`,
-			said: `${source.drive.value}.${name} ${relates} ${`${typed} ${unit.textContent}`.trim()}`,
-			level: typeof value === "number" && Number(told) !== 0 && !register.codes && !hasBits(register)
-				? { unit: scale.unit(register), value: Number(value) }
-				: null
-		};
-	}
-
-	function showProblem(error) {
-		const isWrong = error?.name === "BadValue";
-
-		setText(problem, isWrong ? error.message : "");
-		limit.setAttribute("aria-invalid", isWrong);
-		if (isWrong)
-			limit.focus();
-		return isWrong;
-	}
-
-	/* A drive moves when its velocity is not 0 any more. */
-	async function waitForMove() {
-		source.drive.value = channels[0]?.drive ?? add.drive.value;
-		await source.fillValues("velocity");
-		relation.value = "!=";
-		limit.value = "0";
-		mode.value = "single";
-		showCondition();
-		await begin();
-	}
-
-	/* --- capturing --- */
-
-	/* A drive that has just answered for the first time has its unit only now. */
-	async function scaleChannel({ drive, name, register }) {
-		const scale = await readScale(context, drive);
-
-		return {
-			drive,
-			name,
-			register,
-			unit: scale.unit(register),
-			show: (value) => scale.show(register, value)
-		};
-	}
-
-	async function begin() {
-		const triggered = source.drive.value !== "";
-		const trigger = triggered ? readTrigger() : null;
-
-		if (!form.reportValidity())
-			return;
-		if (channels.length === 0) {
-			setText(problem, t("no value is chosen: add one"));
-			return;
-		}
-		end("");
-		showProblem(null);
-		const mine = ++turn;
-		const scaled = await Promise.all(channels.map(scaleChannel));
-
-		/* Another start was pressed, or the page left. */
-		if (mine !== turn)
-			return;
-		captured = scaled;
-		capture = createCapture({
-			mode: triggered ? mode.value : "single",
-			trigger: triggered,
-			beforeUs: triggered ? Number(before.value) * 1e6 : 0,
-			durationUs: Number(duration.value) * 1e6
-		});
-		capture.waitsFor = trigger?.said ?? t("the first sample");
-		plot?.destroy();
-		plot = createCapturePlot(captured, trigger?.level ?? null);
-		place.replaceChildren(plot.node);
-		const wanted = trigger ? [...captured, trigger] : captured;
-
-		save.disabled = true;
-		ending = "";
-		stream = openStream(
-			"Subscribe",
-			{
-				drives: [...new Set(wanted.map((each) => each.drive))],
-				names: [...new Set(wanted.map((each) => each.name))],
-				interval_ms: 0,
-				...(trigger ? { trigger: trigger.words } : {})
-			},
-			{
-				once: true,
-				onData: take,
-				onState(state, error) {
-					if (state === "failed")
-						end(showProblem(error) ? t("Stopped.") : t("It came to an end: {message}.", { message: error.message }));
-				}
-			}
-		);
-		showState();
-	}
-
-	function take({ samples }) {
-		for (const sample of samples) {
-			const waited = capture.state === "waiting";
-
-			dirty = capture.take(sample) || dirty;
-			if (waited && capture.state === "triggered")
-				triggeredAt = performance.now();
-		}
-		if (capture.state === "stopped")
-			end("");
-	}
-
-	function end(why) {
-		stream?.close();
-		stream = null;
-		ending = why;
-		dirty = capture?.stop() || dirty;
-		if (capture)
-			frame(Infinity);
-	}
-
-	function frame(now) {
-		/* Silent drives send no more times. */
-		if (
-			capture?.state === "triggered" &&
-			now - triggeredAt > Number(duration.value) * 1000 + GRACE_MS
-		)
-			dirty = capture.flush() || dirty;
-		if (now - drawnAt < DRAW_EVERY_MS)
-			return;
-		drawnAt = Number.isFinite(now) ? now : drawnAt;
-		if (dirty && capture.shown.rows.length > 0) {
-			plot.show(capture.shown);
-			save.disabled = false;
-		}
-		dirty = false;
-		showState();
-	}
-
-	function showState() {
-		if (!capture)
-			return;
-		const { shown, count, lost, state } = capture;
-		const words = {
-			waiting: t("Waits for {waitsFor}.", { waitsFor: capture.waitsFor }),
-			triggered: `${capture.waitsFor} came.`,
-			stopped:
-				ending ||
-				(count === 0
-					? t("Stopped; {waitsFor} did not come.", { waitsFor: capture.waitsFor })
-					: t("Stopped."))
-		}[state];
-
-		start.hidden = state !== "stopped";
-		move.hidden = start.hidden;
-		stop.hidden = !start.hidden;
-		const parts = shown
-			? [
-					count > 1 ? t("Capture {count}: ", { count }) : "",
-					t("{count} samples", { count: shown.rows.length }),
-					shown.triggered ? "" : t(" without a trigger"),
-					shown.cut ? t(", more were cut off") : "",
-					t(", {lost} lost.", { lost })
-				]
-			: [];
-
-		setText(said, `${words} ${parts.join("")}`.trim());
-	}
-
-	addButton.addEventListener("click", () =>
-		addChannel(add.drive.value, add.register())
-	);
-	move.addEventListener("click", () => waitForMove().catch(context.report));
-	stop.addEventListener("click", () => {
-		end("");
-		start.focus();
-	});
-	save.addEventListener("click", () =>
-		saveFile(
-			`capture-${nameTime()}.csv`,
-			[writeCsv(capture.shown, captured)],
-			"text/csv"
-		)
-	);
-	form.addEventListener("submit", (event) => {
-		event.preventDefault();
-		begin().catch(context.report);
-	});
-	root.append(
-		element("div", { class: "view-head" }, element("h1", {}, t("Oscilloscope"))),
-		form,
-		problem,
-		element("section", { class: "panel", "aria-label": t("Capture") }, said, place)
-	);
-	context.on("frame", frame);
-
-	/* With the usual values, unless something is already chosen. */
-	async function fill() {
-		add.fillDrives(driveName);
-		source.fillDrives("");
-		if (!add.drive.value || channels.length > 0)
-			return;
-		await add.fillValues(FIRST_NAMES[0]);
-		const known = await context.registers(add.drive.value);
-
-		if (channels.length === 0)
-			FIRST_NAMES.forEach((name) =>
-				addChannel(add.drive.value, known.get(name))
-			);
-	}
-
-	showCondition();
-	context.on("describe", () => fill().catch(context.report));
-	fill().catch(context.report);
-	return {
-		close() {
-			turn++;
-			stream?.close();
-			plot?.destroy();
-		}
-	};
+function makeForm({ add, source, conditions, ...parts }) {
+	return element("form", { class: "panel scope-settings", "aria-label": t("What is captured") },
+		element("div", { class: "toolbar filters" }, add.fields, parts.addButton, parts.list),
+		element("div", { class: "toolbar filters" }, source.fields[0], conditions, parts.codes),
+		element("div", { class: "toolbar filters" },
+			createField(t("Mode"), parts.mode),
+			createField(t("Before, s"), parts.before),
+			createField(t("After, s"), parts.duration),
+			parts.start, parts.move, parts.stop, parts.save));
 }
 
 export function show(root, context, driveName) {
-	view = createView(root, context, driveName);
+	const mine = scope = {
+		context,
+		driveName,
+		channels: [],
+		...makeParts(),
+		add: createChooser(context, { prefix: "scope-add", words: [t("Drive"), t("Value")], none: "", onChange() {} }),
+		source: createChooser(context, { prefix: "scope-trigger", words: [t("Trigger"), t("Value")],
+			none: t("none: at once"), onChange: () => showCondition(mine) }),
+		conditions: [],
+		form: null,
+		capture: null,
+		captured: [], /* channels of the capture */
+		stream: null,
+		plot: null,
+		dirty: false,
+		drawnAt: 0,
+		triggeredAt: 0,
+		ending: "",
+		turn: 0 /* of the latest start */
+	};
+
+	mine.conditions = [
+		mine.source.fields[1],
+		createField(t("Condition"), mine.relation),
+		element("label", { class: "field", for: mine.limit.id }, t("Value it waits for"),
+			element("span", { class: "with-unit" }, mine.limit, mine.unit))
+	];
+	mine.form = makeForm(mine);
+	listen(mine);
+	root.append(element("div", { class: "view-head" }, element("h1", {}, t("Oscilloscope"))), mine.form, mine.problem,
+		element("section", { class: "panel", "aria-label": t("Capture") }, mine.said, mine.place));
+	context.on("frame", (now) => frame(mine, now));
+	showCondition(mine);
+	context.on("describe", () => fill(mine).catch(context.report));
+	fill(mine).catch(context.report);
 }
 
 export function hide() {
-	view?.close();
-	view = null;
+	if (!scope)
+		return;
+	scope.turn++;
+	scope.stream?.close();
+	scope.plot?.destroy();
+	scope = null;
+}
+
+function listen(mine) {
+	const { context, add } = mine;
+
+	mine.addButton.addEventListener("click", () => addChannel(mine, add.drive.value, registerOf(add)));
+	mine.move.addEventListener("click", () => waitForMove(mine).catch(context.report));
+	mine.stop.addEventListener("click", () => {
+		end(mine, "");
+		mine.start.focus();
+	});
+	mine.save.addEventListener("click", () => saveFile(`capture-${nameTime()}.csv`,
+		[writeCsv(mine.capture.shown, mine.captured)], "text/csv"));
+	mine.form.addEventListener("submit", (event) => {
+		event.preventDefault();
+		begin(mine).catch(context.report);
+	});
+}
+
+/* With the usual values, unless something is already chosen. */
+async function fill(mine) {
+	const { add, channels, context } = mine;
+
+	fillDrives(add, mine.driveName);
+	fillDrives(mine.source, "");
+	if (!add.drive.value || channels.length > 0)
+		return;
+	await fillValues(add, FIRST_NAMES[0]);
+	const known = await context.registers(add.drive.value);
+
+	if (channels.length === 0)
+		FIRST_NAMES.forEach((name) => addChannel(mine, add.drive.value, known.get(name)));
+}
+
+/* --- settings --------------------------------------------------------------------------------- */
+
+function showChannels(mine) {
+	const { channels, addButton } = mine;
+
+	mine.list.replaceChildren(...channels.map((channel, index) => {
+		const name = `${channel.drive}.${channel.name}`;
+		const leaveOut = () => {
+			channels.splice(index, 1);
+			showChannels(mine);
+			addButton.focus();
+		};
+
+		return element("li", { class: "badge" }, name, element("button", { class: "quiet small", type: "button",
+			"aria-label": t("Leave out {name}", { name }), onclick: leaveOut }, icon("close")));
+	}));
+	addButton.disabled = channels.length >= CHANNELS_MOST;
+}
+
+function addChannel(mine, drive, register) {
+	const { channels } = mine;
+	const isThere = channels.some((channel) => channel.drive === drive && channel.name === register?.name);
+
+	if (!register || channels.length >= CHANNELS_MOST || isThere)
+		return;
+	channels.push({ drive, name: register.name, register });
+	showChannels(mine);
+}
+
+function showCondition(mine) {
+	const { source, relation } = mine;
+	const register = registerOf(source);
+	const bits = hasBits(register);
+
+	setText(mine.unit, register ? source.scale.unit(register) : "");
+	mine.conditions.forEach((each) => {
+		each.hidden = source.drive.value === "";
+	});
+	/* Without a trigger there is nothing before it, and nothing to wait for. */
+	mine.before.disabled = mine.mode.disabled = source.drive.value === "";
+	mine.codes.replaceChildren(...Object.values(register?.codes ?? {}).map((name) =>
+		element("option", { value: bits ? name : inWords(name) })));
+	if (bits && relation.selectedIndex > 1)
+		relation.selectedIndex = 0;
+	relation.options[2].disabled = relation.options[3].disabled = bits;
+}
+
+/* The server reads it, and marks the samples. A number is typed in the users' unit, and told in
+ * the drive's own; names, and what is wrong, are told as they are. */
+function readTrigger({ source, limit, relation, unit }) {
+	const { scale } = source;
+	const drive = source.drive.value;
+	const register = registerOf(source);
+	const name = register?.name;
+	const typed = limit.value.trim().replace("−", "-");
+	const { value } = register ? parseValue(scale.typed(register), typed) : {};
+	const isScaled = scale.isScaled(register) && typeof value === "number";
+	const told = isScaled ? scale.take(register, value) : typed;
+	const relates = RELATION_WORDS[relation.selectedIndex];
+
+	return {
+		drive,
+		name,
+		words: `${drive}.${name}${relation.value}${told}`,
+		said: `${drive}.${name} ${relates} ${`${typed} ${unit.textContent}`.trim()}`,
+		level: typeof value === "number" && Number(told) !== 0 && !register.codes && !hasBits(register)
+			? { unit: scale.unit(register), value: Number(value) }
+			: null
+	};
+}
+
+function showProblem({ problem, limit }, error) {
+	const isWrong = error?.name === "BadValue";
+
+	setText(problem, isWrong ? error.message : "");
+	limit.setAttribute("aria-invalid", isWrong);
+	if (isWrong)
+		limit.focus();
+	return isWrong;
+}
+
+/* A drive moves when its velocity is not 0 any more. */
+async function waitForMove(mine) {
+	const { source } = mine;
+
+	source.drive.value = mine.channels[0]?.drive ?? mine.add.drive.value;
+	await fillValues(source, "velocity");
+	mine.relation.value = "!=";
+	mine.limit.value = "0";
+	mine.mode.value = "single";
+	showCondition(mine);
+	await begin(mine);
+}
+
+/* --- capturing -------------------------------------------------------------------------------- */
+
+/* A drive that has just answered for the first time has its unit only now. */
+async function scaleChannel(context, { drive, name, register }) {
+	const scale = await readScale(context, drive);
+
+	return {
+		drive,
+		name,
+		register,
+		unit: scale.unit(register),
+		show: (value) => scale.show(register, value)
+	};
+}
+
+async function begin(mine) {
+	const trigger = mine.source.drive.value !== "" ? readTrigger(mine) : null;
+
+	if (!mine.form.reportValidity())
+		return;
+	if (mine.channels.length === 0) {
+		setText(mine.problem, t("no value is chosen: add one"));
+		return;
+	}
+	end(mine, "");
+	showProblem(mine, null);
+	const turn = ++mine.turn;
+	const captured = await Promise.all(mine.channels.map((channel) => scaleChannel(mine.context, channel)));
+
+	/* Another start was pressed, or the page left. */
+	if (turn !== mine.turn)
+		return;
+	mine.captured = captured;
+	mine.capture = createCapture({
+		mode: trigger ? mine.mode.value : "single",
+		trigger: trigger !== null,
+		beforeUs: trigger ? Number(mine.before.value) * 1e6 : 0,
+		durationUs: Number(mine.duration.value) * 1e6
+	});
+	mine.capture.waitsFor = trigger?.said ?? t("the first sample");
+	mine.plot?.destroy();
+	mine.plot = createCapturePlot(captured, trigger?.level ?? null);
+	mine.place.replaceChildren(mine.plot.node);
+	mine.save.disabled = true;
+	mine.ending = "";
+	subscribe(mine, trigger);
+	showState(mine);
+}
+
+function subscribe(mine, trigger) {
+	const wanted = trigger ? [...mine.captured, trigger] : mine.captured;
+
+	mine.stream = openStream("Subscribe", {
+		drives: [...new Set(wanted.map((each) => each.drive))],
+		names: [...new Set(wanted.map((each) => each.name))],
+		interval_ms: 0,
+		...(trigger ? { trigger: trigger.words } : {})
+	}, {
+		once: true,
+		onData: ({ samples }) => take(mine, samples),
+		onState(state, error) {
+			if (state === "failed")
+				end(mine, showProblem(mine, error) ? t("Stopped.") : t("It came to an end: {message}.", { message: error.message }));
+		}
+	});
+}
+
+function take(mine, samples) {
+	const { capture } = mine;
+
+	for (const sample of samples) {
+		const waited = capture.state === "waiting";
+
+		mine.dirty = capture.take(sample) || mine.dirty;
+		if (waited && capture.state === "triggered")
+			mine.triggeredAt = performance.now();
+	}
+	if (capture.state === "stopped")
+		end(mine, "");
+}
+
+function end(mine, why) {
+	mine.stream?.close();
+	mine.stream = null;
+	mine.ending = why;
+	mine.dirty = mine.capture?.stop() || mine.dirty;
+	if (mine.capture)
+		frame(mine, Infinity);
+}
+
+function frame(mine, now) {
+	const { capture } = mine;
+
+	/* Silent drives send no more times. */
+	if (capture?.state === "triggered" &&
+	    now - mine.triggeredAt > Number(mine.duration.value) * 1000 + GRACE_MS)
+		mine.dirty = capture.flush() || mine.dirty;
+	if (now - mine.drawnAt < DRAW_EVERY_MS)
+		return;
+	mine.drawnAt = Number.isFinite(now) ? now : mine.drawnAt;
+	if (mine.dirty && capture.shown.rows.length > 0) {
+		mine.plot.show(capture.shown);
+		mine.save.disabled = false;
+	}
+	mine.dirty = false;
+	showState(mine);
+}
+
+function showState({ capture, ending, start, move, stop, said }) {
+	if (!capture)
+		return;
+	const { shown, count, lost, state } = capture;
+	const words = {
+		waiting: t("Waits for {waitsFor}.", { waitsFor: capture.waitsFor }),
+		triggered: `${capture.waitsFor} came.`,
+		stopped: ending || (count === 0 ? `Stopped; ${capture.waitsFor} did not come.` : t("Stopped."))
+	}[state];
+
+	start.hidden = state !== "stopped";
+	move.hidden = start.hidden;
+	stop.hidden = !start.hidden;
+	const parts = shown
+		? [
+				count > 1 ? t("Capture {count}: ", { count }) : "",
+				t("{count} samples", { count: shown.rows.length }),
+				shown.triggered ? "" : t(" without a trigger"),
+				shown.cut ? t(", more were cut off") : "",
+				t(", {lost} lost.", { lost })
+			]
+		: [];
+
+	setText(said, `${words} ${parts.join("")}`.trim());
 }

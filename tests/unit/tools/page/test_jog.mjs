@@ -7,11 +7,13 @@ const HELD = { held: true, why: "", text: "" };
 
 /* A server that a test plays, in made-up time. */
 function makeBench(answer = () => HELD) {
-	const bench = { sent: [], states: [], beats: [], timers: new Map(), next: 1 };
+	const bench = { first: 0, sent: [], states: [], beats: [], timers: new Map(), next: 1 };
 
 	bench.grips = createGrips({
 		send(grip, beat, velocity) {
-			bench.sent.push([grip, beat, velocity]);
+			/* Presses are numbered through all panels. */
+			bench.first ||= grip;
+			bench.sent.push([grip - bench.first + 1, beat, velocity]);
 			return Promise.resolve().then(() => answer(grip, beat, velocity));
 		},
 		onChange: (state) => bench.states.push(state),
@@ -56,6 +58,21 @@ test("each press has a number of its own, also when one follows without a releas
 	await bench.settle();
 	assert.deepEqual(bench.sent, [[1, 1, 1], [1, 2, 0], [2, 1, -1]]);
 	assert.equal(bench.timers.size, 1);
+});
+
+test("a panel that is shown later goes on with the numbers: the server takes a lower one for an older press", async () => {
+	const before = makeBench();
+	const later = makeBench();
+
+	before.grips.press(1);
+	before.grips.press(1);
+	await before.settle();
+	before.grips.release();
+	later.grips.press(1);
+	await later.settle();
+	assert.ok(later.first > before.first + 1, `${later.first} is not after ${before.first}`);
+	later.grips.release();
+	await later.settle();
 });
 
 test("a server that has ended the grip ends it here, with its reason, and is not asked again", async () => {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { createRing, formatCsv } from "../../../../src/tools/web/page/plot.js";
+import { createRing, formatCsv } from "../../../../src/tools/web/page/ring.js";
 
 const lists = (arrays) => arrays.map((array) => [...array]);
 
