@@ -142,4 +142,5 @@ def picture(page, name):
     """For docs/guide/pictures: into the folder that DRIVEBRIDGE_PICTURES names, where it does. pngquant makes them small."""
     folder = os.environ.get("DRIVEBRIDGE_PICTURES")
     if folder:
+        page.evaluate("scrollTo(0, 0)")
         page.screenshot(path=Path(folder) / f"{name}.png")
