@@ -94,7 +94,7 @@ static const struct method {
 	{ CONTROL ".Audit", db_audit_call, " from since_us drive who refused verify ", false },
 	{ CONTROL ".Health", db_health_call, " drive since_us step_s ", false },
 	{ CONTROL ".Alarms", db_alarms_call, " after ", false },
-	{ CONTROL ".AcknowledgeAlarm", db_alarms_acknowledge_call, " id ", false },
+	{ CONTROL ".AcknowledgeAlarm", db_alarms_acknowledge_call, " id comment ", false },
 	{ CONTROL ".Note", db_audit_note, " kind what user from text refused drive ", false },
 };
 
