@@ -16,6 +16,8 @@
 #define INTERVAL (100 * DB_NS_PER_MS)
 /* More would keep Modbus waiting. */
 #define AT_ONCE 64
+/* Bytes of what somebody says who acknowledges. */
+#define COMMENT_MAX 160
 #define NUMBER_MAX INT64_C(9007199254740992)
 
 struct wait {
@@ -139,16 +141,17 @@ void db_alarms_look(struct db_session *session, db_time now)
 
 /* --- acknowledging ---------------------------------------------------------------------------- */
 
-static void record(struct db_session *session, const struct db_alarm *alarm)
+static void record(struct db_session *session, const struct db_alarm *alarm, const char *comment)
 {
 	bool of_bus = alarm->kind == DB_ALARM_BUS;
 	bool of_drive = alarm->kind == DB_ALARM_DRIVE;
-	char text[64];
+	char text[64 + COMMENT_MAX];
 
-	snprintf(text, sizeof(text), "alarm %llu: %s", (unsigned long long)alarm->id,
+	snprintf(text, sizeof(text), "alarm %llu: %s%s%s", (unsigned long long)alarm->id,
 	         of_bus || of_drive ?
 	                 db_trouble_name(alarm->cause) :
-	                 db_troubles_of_configuration((enum db_configuration_state)alarm->cause));
+	                 db_troubles_of_configuration((enum db_configuration_state)alarm->cause),
+	         comment[0] ? ": " : "", comment);
 	db_session_record(session, &(struct db_audit_entry){
 					   .kind = DB_AUDIT_ALARM,
 					   .what = "acknowledged",
@@ -175,14 +178,20 @@ void db_alarms_acknowledge_call(const struct db_call *call)
 {
 	struct db_session *session = call->session;
 	const struct db_alarm *alarm = NULL;
+	const char *comment = "";
 	char by[DB_CLIENT_TEXT_MAX];
 	const char *drive = "";
 	bool fresh = false;
 	int64_t id;
 
 	if (!db_session_require_act(session) || !db_call_number(call, "id", 1, NUMBER_MAX, &id) ||
-	    !db_call_optional_text(call, "drive", &drive))
+	    !db_call_optional_text(call, "drive", &drive) ||
+	    !db_call_optional_text(call, "comment", &comment))
 		return;
+	if (strlen(comment) > COMMENT_MAX) {
+		db_session_fail_parameter(session, "comment");
+		return;
+	}
 	if (!health_of(session)) {
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
@@ -197,6 +206,6 @@ void db_alarms_acknowledge_call(const struct db_call *call)
 		return;
 	}
 	if (fresh)
-		record(session, alarm);
+		record(session, alarm, comment);
 	db_session_reply(session, json_pack("{s:o}", "alarm", describe(alarm)), false);
 }

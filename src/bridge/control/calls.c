@@ -96,7 +96,7 @@ static const struct method {
 	{ CONTROL ".Health", db_health_call, " drive since_us step_s ", false },
 	{ CONTROL ".HealthRows", db_health_rows_call, " since_us step_s ", false },
 	{ CONTROL ".Alarms", db_alarms_call, " after ", false },
-	{ CONTROL ".AcknowledgeAlarm", db_alarms_acknowledge_call, " id drive ", false },
+	{ CONTROL ".AcknowledgeAlarm", db_alarms_acknowledge_call, " id drive comment ", false },
 	{ CONTROL ".Positions", db_positions_call, " drive ", false },
 	{ CONTROL ".Teach", db_positions_teach, " drive name keep ", false },
 	{ CONTROL ".Forget", db_positions_forget, " drive name ", false },

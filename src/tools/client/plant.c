@@ -16,7 +16,7 @@
 /* The service is on this machine: an attempt to connect costs next to nothing. */
 #define CONNECT_INTERVAL (1 * DB_NS_PER_S)
 
-enum { CALLS, VALUES, EVENTS, TROUBLES, LINKS };
+enum { CALLS, VALUES, EVENTS, TROUBLES, ALARMS, LINKS };
 
 struct db_plant {
 	sd_event *loop;
@@ -38,6 +38,7 @@ struct db_plant {
 	char logged[512]; /* the last logged error; "" while the service is there */
 	struct db_client_events events;
 	struct db_client_troubles troubles;
+	bool alarms_came;  /* over this connection */
 	db_time look_at;   /* DB_TIME_NEVER while the answer is awaited */
 	db_time answer_by; /* to a call; DB_TIME_NEVER */
 };
@@ -89,6 +90,7 @@ static void disconnect(struct db_plant *plant)
 	db_client_troubles_clear(&plant->troubles);
 	plant->found = false;
 	plant->changed = false;
+	plant->alarms_came = false;
 	plant->failed = false;
 	plant->look_at = DB_TIME_NEVER;
 	plant->answer_by = DB_TIME_NEVER;
@@ -192,6 +194,18 @@ static void on_troubles(void *data, json_t *parameters, const struct db_client_e
 	plant->ops->troubles(plant->context, &plant->troubles, parameters);
 }
 
+static void on_alarms(void *data, json_t *parameters, const struct db_client_error *error,
+                      bool more)
+{
+	struct db_plant *plant = data;
+	bool first = !plant->alarms_came;
+
+	if (db_client_troubles_are_missing(error) || !goes_on(plant, "alarms", error, more))
+		return;
+	plant->alarms_came = true;
+	plant->ops->alarms(plant->context, parameters, first);
+}
+
 static void open_link(struct db_plant *plant, size_t link)
 {
 	struct db_client_error error = { .parameters = NULL };
@@ -239,6 +253,8 @@ static void begin(struct db_plant *plant)
 		call(plant, EVENTS, "Events", NULL, on_events);
 	if (plant->wishes.troubles)
 		call(plant, TROUBLES, "Troubles", json_pack("{s:[]}", "drives"), on_troubles);
+	if (plant->wishes.alarms)
+		call(plant, ALARMS, "Alarms", NULL, on_alarms);
 	if (plant->wishes.interval > 0)
 		plant->look_at = 0;
 }
@@ -393,6 +409,8 @@ static void connect_all(struct db_plant *plant)
 		open_link(plant, EVENTS);
 	if (plant->wishes.troubles)
 		open_link(plant, TROUBLES);
+	if (plant->wishes.alarms)
+		open_link(plant, ALARMS);
 	if (!plant->failed)
 		call(plant, CALLS, "Describe", NULL, on_description);
 }

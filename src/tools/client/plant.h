@@ -29,6 +29,7 @@ struct db_plant_wishes {
 	bool gateway; /* it counts as a drive without a name, the last one */
 	bool events;
 	bool troubles;
+	bool alarms;
 	/* The figures are asked for at this interval, and then the description; 0: neither is. */
 	db_time interval;
 };
@@ -57,6 +58,9 @@ struct db_plant_ops {
 	/* What is wrong has changed: `news` is the answer with the changes. */
 	void (*troubles)(void *context, const struct db_client_troubles *troubles,
 	                 const json_t *news);
+	/* Alarms, an answer to the interface's method Alarms: after `first` all there are, also in
+	 * further answers, and then what changes. A service that has none never answers. */
+	void (*alarms)(void *context, const json_t *answer, bool first);
 };
 
 /* Its texts and `ops` must outlive it. NULL without memory; freed with db_plant_free(), NULL is

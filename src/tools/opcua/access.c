@@ -654,6 +654,8 @@ static UA_StatusCode add_policies(UA_ServerConfig *settings, const UA_ByteString
 		status = add_endpoints(settings, UA_MESSAGESECURITYMODE_SIGN);
 	for (size_t i = 0; i < settings->endpointsSize; i++)
 		settings->endpoints[i].securityLevel = (UA_Byte)(settings->endpointsSize - i);
+	for (size_t i = 0; i < settings->securityPoliciesSize; i++)
+		db_opcua_security_mend(&settings->securityPolicies[i]);
 	/* Without it no client could ask for the endpoints. */
 	if (status == UA_STATUSCODE_GOOD)
 		status = UA_ServerConfig_addSecurityPolicyNone(settings, certificate);

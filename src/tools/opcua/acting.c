@@ -246,7 +246,7 @@ static struct link *find_link(struct db_opcua_acting *acting, unsigned session, 
 
 static const char *words_of(const struct db_opcua_outcome *outcome)
 {
-	return outcome->reason[0] ? outcome->reason : outcome->result;
+	return outcome->reason[0] ? outcome->reason : outcome->result[0] ? outcome->result : "done";
 }
 
 /* The call was sent, and no answer has arrived or will: it is unknown whether it was carried
@@ -563,6 +563,24 @@ void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua
 		keeper->block = json_object();
 	if (keeper)
 		(void)json_object_set(keeper->block, reg, value);
+}
+
+void db_opcua_acting_acknowledge(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
+                                 int64_t alarm, const char *comment,
+                                 struct db_opcua_outcome *outcome)
+{
+	char what[64];
+
+	if (!has_right_place(actor, false, outcome))
+		return;
+	(void)snprintf(what, sizeof(what), "acknowledgement of alarm %lld", (long long)alarm);
+	act(acting, actor, "", what, SHARED, "AcknowledgeAlarm",
+	    json_pack("{s:I, s:s*}", "id", (json_int_t)alarm, "comment",
+	              comment[0] ? comment : NULL),
+	    outcome);
+	/* Its answer is the alarm, without a result. */
+	if (!outcome->pending && outcome->result[0] == '\0')
+		(void)snprintf(outcome->result, sizeof(outcome->result), "ok");
 }
 
 /* --- watchdogs -------------------------------------------------------------------------------- */

@@ -69,6 +69,11 @@ void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua
                            const char *drive, const char *reg, json_t *value, bool block,
                            bool command, bool stops, struct db_opcua_outcome *outcome);
 
+/* Acknowledges the service's alarm of this number; `comment` for its audit trail, "": none. */
+void db_opcua_acting_acknowledge(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
+                                 int64_t alarm, const char *comment,
+                                 struct db_opcua_outcome *outcome);
+
 /* The session is alive: feeds the watchdogs of what it has moved when they are due, and keeps its
  * control. */
 void db_opcua_acting_feed(struct db_opcua_acting *acting, unsigned session, db_time now);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/network.h"
+#include "opcua/operands.h"
 
 #include "client/clock.h"
 #include "client/log.h"
@@ -28,6 +29,9 @@
 
 /* Size of a message's header, which includes the message's length. */
 #define HEAD_SIZE 8
+
+/* Longest chunk of a message, of the server's configuration: longer ones are not valid. */
+#define CHUNK_MAX 65535
 
 /* The library's timed work may be delayed by this time, to do more of it at once. */
 #define TOGETHER (5 * DB_NS_PER_MS)
@@ -67,7 +71,11 @@ struct connection {
 	UA_Byte head[HEAD_SIZE];
 	size_t head_size;
 	size_t left; /* of the incoming message */
-	char *out;   /* NULL while nothing waits */
+	/* Its messages are not signed, or it is not known yet: each is passed on as a whole. */
+	bool plain;
+	UA_Byte *in; /* the begin of an incoming message; NULL: none */
+	size_t in_size;
+	char *out; /* NULL while nothing waits */
 	size_t out_size;
 	size_t out_sent;
 	db_time out_since; /* when it last accepted bytes */
@@ -252,6 +260,7 @@ static struct connection *add_connection(struct db_opcua_network *network, const
 		.door = door,
 		.listener = listens != 0,
 		.opening = opening,
+		.plain = true,
 		.since = network->now,
 		.heard = network->now,
 	};
@@ -308,6 +317,7 @@ static void pass_on(struct db_opcua_network *network, struct connection *connect
 		listener = connection->listener;
 		watch_connection(network, connection, EPOLL_CTL_DEL);
 		free(connection->out);
+		free(connection->in);
 		*connection = (struct connection){ .id = 0 };
 		if (!listener)
 			network->gone(network->context, id);
@@ -317,6 +327,50 @@ static void pass_on(struct db_opcua_network *network, struct connection *connect
 
 static void serve_before(struct db_opcua_network *network, enum db_role role);
 
+/* A message that opens a channel says whether that has security. */
+static bool is_secured(UA_ByteString message)
+{
+	static const char none[] = "http://opcfoundation.org/UA/SecurityPolicy#None";
+	const size_t at = HEAD_SIZE + 4;
+	const size_t size = sizeof(none) - 1;
+
+	return message.length < at + 4 + size || message.data[at] != size ||
+	       memcmp(message.data + at + 4, none, size) != 0;
+}
+
+/* Puts a message of a connection without security together, and mends it. False: more of it is to
+ * come, or the connection is being closed. What is passed on is valid until the next call. */
+static bool gather(struct db_opcua_network *network, struct connection *connection,
+                   UA_ByteString *message)
+{
+	bool whole = connection->left == 0 && connection->head_size == 0;
+	size_t size = connection->in_size + message->length;
+	/* The library refuses one that says to be longer, without waiting for the rest. */
+	bool valid = size + connection->left <= CHUNK_MAX;
+	UA_Byte *grown;
+
+	if (!connection->plain || (connection->in_size == 0 && !whole && !valid))
+		return true;
+	if (!whole || connection->in_size > 0) {
+		grown = size <= CHUNK_MAX ? realloc(connection->in, size) : NULL;
+		if (!grown) {
+			drop_connection(network, connection);
+			return false;
+		}
+		memcpy(grown + connection->in_size, message->data, message->length);
+		connection->in = grown;
+		connection->in_size = size;
+		if (!whole && valid)
+			return false;
+		*message = (UA_ByteString){ .data = connection->in, .length = size };
+		connection->in_size = 0;
+	}
+	if (message->length > HEAD_SIZE && memcmp(message->data, "OPN", 3) == 0)
+		connection->plain = !is_secured(*message);
+	db_opcua_operands_mend(message->data, message->length);
+	return true;
+}
+
 /* One message after the other; before each one, clients that must not wait for it have their
  * turn. */
 static void pass_messages_on(struct db_opcua_network *network, struct connection *connection,
@@ -325,12 +379,19 @@ static void pass_messages_on(struct db_opcua_network *network, struct connection
 	connection->served = true;
 	while (bytes.length > 0 && !connection->closing) {
 		UA_ByteString message = { .data = bytes.data };
+		size_t taken = find_end(connection, bytes.data, bytes.length);
 
-		message.length = find_end(connection, bytes.data, bytes.length);
+		message.length = taken;
+		bytes.data += taken;
+		bytes.length -= taken;
+		if (!gather(network, connection, &message))
+			continue;
 		serve_before(network, connection->role);
 		pass_on(network, connection, UA_CONNECTIONSTATE_ESTABLISHED, params, message);
-		bytes.data += message.length;
-		bytes.length -= message.length;
+		if (connection->in_size == 0) {
+			free(connection->in);
+			connection->in = NULL;
+		}
 	}
 	connection->served = false;
 }
@@ -573,8 +634,10 @@ void db_opcua_network_free(struct db_opcua_network *network)
 		return;
 	if (network->loop && !network->given)
 		(void)network->loop->free(network->loop);
-	for (size_t i = 0; i < network->places; i++)
+	for (size_t i = 0; i < network->places; i++) {
 		free(network->connections[i].out);
+		free(network->connections[i].in);
+	}
 	if (network->watched >= 0)
 		(void)close(network->watched);
 	free(network);

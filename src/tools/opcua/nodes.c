@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/nodes.h"
+#include "opcua/conditions.h"
 #include "opcua/enumerations.h"
 #include "opcua/events.h"
 #include "opcua/properties.h"
@@ -33,6 +34,7 @@ struct db_opcua_nodes {
 	struct db_opcua_plant *plant;
 	struct db_opcua_store *store;
 	struct db_opcua_roster roster;
+	struct db_opcua_conditions *conditions;
 	UA_MonitoredItem *listeners; /* of the events of all drives */
 	UA_DataTypeArray *enumerations;
 	/* Of the drives that came and went, for clients; told together. The ids are owned. */
@@ -149,6 +151,13 @@ static UA_StatusCode read_value(UA_Server *server, const UA_NodeId *session, voi
 		return db_opcua_value_from_json(subject->fact->value, subject->fact->time_us,
 		                                quality_of_facts(nodes), value);
 	}
+	if (subject->type == DB_OPCUA_CONDITION) {
+		return db_opcua_condition_read(&nodes->roster, subject,
+		                               quality_of_facts(nodes) == DB_OPCUA_GOOD ?
+		                                       UA_STATUSCODE_GOOD :
+		                                       UA_STATUSCODE_BADNOCOMMUNICATION,
+		                               value);
+	}
 	if (branch->type == DB_OPCUA_CLOCK)
 		return read_clock(nodes, value);
 	if (branch->type == DB_OPCUA_CERTIFICATE_ENDS)
@@ -188,6 +197,21 @@ static UA_StatusCode write_value(UA_Server *server, const UA_NodeId *session, vo
 	                           json);
 	json_decref(json);
 	return status;
+}
+
+/* The library writes what it knows of an event into its node; a condition has that already. */
+static UA_StatusCode drop_value(UA_Server *server, const UA_NodeId *session, void *session_context,
+                                const UA_NodeId *node, void *node_context,
+                                const UA_NumericRange *range, const UA_DataValue *value)
+{
+	(void)server;
+	(void)session;
+	(void)session_context;
+	(void)node;
+	(void)node_context;
+	(void)range;
+	(void)value;
+	return UA_STATUSCODE_GOOD;
 }
 
 static const json_t *command_of(const struct db_opcua_tree *tree,
@@ -474,6 +498,22 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 	}
 }
 
+static void fill_condition(const struct db_opcua_nodes *nodes, struct db_opcua_node *node)
+{
+	const struct db_opcua_alarm *alarm = node->subject.alarm;
+	enum db_opcua_member member = node->subject.member;
+
+	if (member == DB_OPCUA_MEMBERS) {
+		fill_object(node, db_opcua_condition_name(&nodes->roster, alarm), alarm->text);
+		return;
+	}
+	set_head(node, UA_NODECLASS_VARIABLE,
+	         (UA_QualifiedName){ .name = db_opcua_string(db_opcua_members[member].name) }, "");
+	set_variable(node, db_opcua_condition_type(member)->typeId, false, false,
+	             nodes->config->interval_ms);
+	node->node.variableNode.value.dataSource.write = drop_value;
+}
+
 /* Members of types have no values and no actions. */
 static void fill_row(const struct db_opcua_nodes *nodes, struct db_opcua_node *node, bool valued)
 {
@@ -523,6 +563,13 @@ static void fill_node(void *context, struct db_opcua_node *node, bool valued)
 	case DB_OPCUA_ALL_BUSES:
 		fill_object(node, db_opcua_member_name(&nodes->roster, "Buses"),
 		            "The lines that they are on");
+		break;
+	case DB_OPCUA_ALL_ALARMS:
+		fill_object(node, db_opcua_member_name(&nodes->roster, "Alarms"),
+		            "The alarms that there have been, as conditions");
+		break;
+	case DB_OPCUA_CONDITION:
+		fill_condition(nodes, node);
 		break;
 	case DB_OPCUA_BUS:
 		fill_object(node, db_opcua_own_name(&nodes->roster, bus->name),
@@ -709,6 +756,13 @@ static void set_troubles(void *context, json_t *buses)
 	db_opcua_buses_diagnose(nodes->roster.buses, buses, db_client_wall_us());
 }
 
+static void take_alarms(void *context, const json_t *answer, bool first)
+{
+	const struct db_opcua_nodes *nodes = context;
+
+	db_opcua_conditions_take(nodes->conditions, answer, first);
+}
+
 /* From its drive, or from all drives if there is no such drive. */
 static void show_event(void *context, const json_t *event)
 {
@@ -728,6 +782,7 @@ const struct db_opcua_plant_ops db_opcua_nodes_plant_ops = {
 	.buses = set_buses,
 	.figures = set_figures,
 	.troubles = set_troubles,
+	.alarms = take_alarms,
 	.event = show_event,
 };
 
@@ -749,8 +804,9 @@ struct db_opcua_nodes *db_opcua_nodes_new(const struct db_opcua_config *config,
 	nodes->ops = ops;
 	nodes->context = context;
 	nodes->store = db_opcua_store_new(&store_ops, nodes);
-	if (!nodes->store) {
-		free(nodes);
+	nodes->conditions = db_opcua_conditions_new(&nodes->roster, ops->acknowledge, context);
+	if (!nodes->store || !nodes->conditions) {
+		db_opcua_nodes_free(nodes);
 		return NULL;
 	}
 	return nodes;
@@ -760,6 +816,7 @@ void db_opcua_nodes_free(struct db_opcua_nodes *nodes)
 {
 	if (!nodes)
 		return;
+	db_opcua_conditions_free(nodes->conditions);
 	db_opcua_roster_clear(&nodes->roster);
 	db_opcua_store_free(nodes->store);
 	db_opcua_enumerations_free(nodes->enumerations);
@@ -799,6 +856,7 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 {
 	struct db_opcua_id drives = db_opcua_id_of(DB_OPCUA_DRIVES, "");
 	struct db_opcua_id buses = db_opcua_id_of(DB_OPCUA_BUSES, "");
+	struct db_opcua_id alarms = db_opcua_id_of(DB_OPCUA_ALARMS, "");
 	char uri[DB_OPCUA_URI_MAX];
 	UA_StatusCode status;
 
@@ -813,6 +871,8 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 	UA_Server_getConfig(server)->customDataTypes = nodes->enumerations;
 	UA_Server_getConfig(server)->context = nodes;
 	db_opcua_store_begin(nodes->store, nodes->roster.space, nodes->roster.types);
+	nodes->roster.has_condition = db_opcua_store_reference_type(nodes->store,
+	                                                            UA_NS0ID_HASCONDITION);
 	status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
 	                 db_opcua_node_id(&nodes->roster, &drives), "Drives");
 	if (status == UA_STATUSCODE_GOOD)
@@ -822,6 +882,11 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 		status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
 		                 db_opcua_node_id(&nodes->roster, &buses), "Buses");
 	if (status == UA_STATUSCODE_GOOD)
+		status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
+		                 db_opcua_node_id(&nodes->roster, &alarms), "Alarms");
+	if (status == UA_STATUSCODE_GOOD)
+		status = db_opcua_conditions_begin(nodes->conditions, server);
+	if (status == UA_STATUSCODE_GOOD)
 		status = link_types(nodes);
 	return status;
 }
@@ -829,6 +894,11 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 UA_UInt16 db_opcua_nodes_types(const struct db_opcua_nodes *nodes)
 {
 	return nodes->roster.types;
+}
+
+db_time db_opcua_nodes_tend(struct db_opcua_nodes *nodes, db_time now)
+{
+	return db_opcua_conditions_tend(nodes->conditions, now);
 }
 
 void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, bool removed)

@@ -6,6 +6,7 @@
 #ifndef DRIVEBRIDGE_OPCUA_NODES_H
 #define DRIVEBRIDGE_OPCUA_NODES_H
 
+#include "opcua/conditions.h"
 #include "opcua/config.h"
 #include "opcua/plant.h"
 #include "users/roles.h"
@@ -27,6 +28,8 @@ struct db_opcua_nodes_ops {
 	 * outputs. */
 	UA_StatusCode (*run)(void *context, const UA_NodeId *session, struct db_opcua_drive *drive,
 	                     const char *command, json_t *arguments);
+	/* A client acknowledges an alarm. */
+	db_opcua_acknowledge_fn *acknowledge;
 };
 
 /* Shows what `config` selects of each drive; `config` must outlive it. NULL without memory; freed
@@ -58,6 +61,9 @@ struct db_opcua_need {
 
 struct db_opcua_need db_opcua_nodes_need(const struct db_opcua_nodes *nodes, const UA_NodeId *node,
                                          void *node_context);
+
+/* Does the work that is due; returns when it is to be called next. */
+db_time db_opcua_nodes_tend(struct db_opcua_nodes *nodes, db_time now);
 
 /* A monitored item of a node's value was added or removed. */
 void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, bool removed);

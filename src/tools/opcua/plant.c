@@ -84,6 +84,13 @@ static void on_event(void *context, json_t *event)
 	plant->ops->event(plant->context, event);
 }
 
+static void on_alarms(void *context, const json_t *answer, bool first)
+{
+	struct db_opcua_plant *plant = context;
+
+	plant->ops->alarms(plant->context, answer, first);
+}
+
 static void on_figures(void *context, json_t *buses)
 {
 	struct db_opcua_plant *plant = context;
@@ -431,6 +438,7 @@ struct db_opcua_plant *db_opcua_plant_new(sd_event *loop, const struct db_opcua_
 		.event = on_event,
 		.figures = on_figures,
 		.troubles = on_troubles,
+		.alarms = on_alarms,
 	};
 	const struct db_plant_wishes wishes = {
 		.socket = config->socket,
@@ -438,6 +446,7 @@ struct db_opcua_plant *db_opcua_plant_new(sd_event *loop, const struct db_opcua_
 		.gateway = true,
 		.events = true,
 		.troubles = true,
+		.alarms = true,
 		.interval = LOOK_INTERVAL,
 	};
 	struct db_opcua_plant *plant = calloc(1, sizeof(*plant));

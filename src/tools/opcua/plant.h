@@ -34,6 +34,8 @@ struct db_opcua_plant_ops {
 	/* What is wrong with buses: records by their names. A drive's record is in its
 	 * diagnosis. */
 	void (*troubles)(void *context, json_t *buses);
+	/* Alarms, of the interface's type Alarm; `first`: all there are follow. */
+	void (*alarms)(void *context, const json_t *answer, bool first);
 	void (*event)(void *context, const json_t *event);
 };
 

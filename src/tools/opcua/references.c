@@ -3,6 +3,7 @@
 #include "opcua/values.h"
 
 #include <stdio.h>
+#include <string.h>
 
 struct db_opcua_id db_opcua_id_of(const char *owner, const char *part)
 {
@@ -98,6 +99,134 @@ static void refer_to_type(struct db_opcua_references *references, UA_UInt32 type
 	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false, type, "");
 }
 
+/* --- conditions ------------------------------------------------------------------------------- */
+
+UA_QualifiedName db_opcua_condition_name(const struct db_opcua_roster *roster,
+                                         const struct db_opcua_alarm *alarm)
+{
+	/* Its id begins with that of the folder. */
+	return db_opcua_own_name(roster, alarm->id + sizeof(DB_OPCUA_ALARMS));
+}
+
+/* From what an alarm is about to its condition. */
+static void refer_to_conditions(const struct db_opcua_roster *roster,
+                                struct db_opcua_references *references, const char *kind,
+                                const char *name)
+{
+	if (roster->has_condition == 0 ||
+	    !db_opcua_store_wants(references, roster->has_condition, false))
+		return;
+	for (const struct db_opcua_alarm *alarm = roster->alarms.list; alarm; alarm = alarm->next) {
+		if (strcmp(alarm->kind, kind) == 0 && strcmp(alarm->name, name) == 0)
+			refer_to(roster, references, roster->has_condition, false, alarm->id, "",
+			         db_opcua_condition_name(roster, alarm));
+	}
+}
+
+/* ... and back. */
+static void refer_to_source(const struct db_opcua_roster *roster,
+                            struct db_opcua_references *references,
+                            const struct db_opcua_alarm *alarm)
+{
+	if (roster->has_condition == 0)
+		return;
+	if (strcmp(alarm->kind, "drive") == 0) {
+		if (db_opcua_roster_find(roster, alarm->name, strlen(alarm->name)))
+			refer_to(roster, references, roster->has_condition, true, alarm->name, "",
+			         db_opcua_own_name(roster, alarm->name));
+	} else if (strcmp(alarm->kind, "bus") == 0) {
+		refer_to(roster, references, roster->has_condition, true, DB_OPCUA_BUSES,
+		         alarm->name, db_opcua_own_name(roster, alarm->name));
+	} else {
+		refer_to(roster, references, roster->has_condition, true, DB_OPCUA_GATEWAY, "",
+		         db_opcua_member_name(roster, "Gateway"));
+	}
+}
+
+/* Its methods are those of its types: a client calls them by their ids. */
+static void refer_to_methods(struct db_opcua_references *references)
+{
+	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+	                  UA_NS0ID_ACKNOWLEDGEABLECONDITIONTYPE_ACKNOWLEDGE, "Acknowledge");
+	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+	                  UA_NS0ID_CONDITIONTYPE_ENABLE, "Enable");
+	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+	                  UA_NS0ID_CONDITIONTYPE_DISABLE, "Disable");
+	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+	                  UA_NS0ID_CONDITIONTYPE_ADDCOMMENT, "AddComment");
+}
+
+static UA_UInt32 type_of_member(enum db_opcua_member member)
+{
+	switch (member) {
+	case DB_OPCUA_MEMBER_ENABLED:
+	case DB_OPCUA_MEMBER_ACKED:
+	case DB_OPCUA_MEMBER_ACTIVE:
+		return UA_NS0ID_TWOSTATEVARIABLETYPE;
+	case DB_OPCUA_MEMBER_QUALITY:
+	case DB_OPCUA_MEMBER_LAST_SEVERITY:
+	case DB_OPCUA_MEMBER_COMMENT:
+		return UA_NS0ID_CONDITIONVARIABLETYPE;
+	default:
+		return UA_NS0ID_PROPERTYTYPE;
+	}
+}
+
+static bool is_property(enum db_opcua_member member)
+{
+	return type_of_member(member) == UA_NS0ID_PROPERTYTYPE;
+}
+
+/* Members of a condition, or of one of its variables: one kind after the other. */
+static void refer_to_members(const struct db_opcua_roster *roster,
+                             struct db_opcua_references *references,
+                             const struct db_opcua_alarm *alarm, enum db_opcua_member above,
+                             bool properties)
+{
+	UA_Byte tie = properties ? UA_REFERENCETYPEINDEX_HASPROPERTY :
+	                           UA_REFERENCETYPEINDEX_HASCOMPONENT;
+
+	for (size_t i = 0; i < DB_OPCUA_MEMBERS; i++) {
+		const struct db_opcua_member_row *row = &db_opcua_members[i];
+
+		if (row->above == above && is_property((enum db_opcua_member)i) == properties)
+			refer_to(roster, references, tie, false, alarm->id, row->path,
+			         (UA_QualifiedName){ .name = db_opcua_string(row->name) });
+	}
+}
+
+static void refer_of_condition(const struct db_opcua_roster *roster,
+                               const struct db_opcua_subject *subject,
+                               struct db_opcua_references *references)
+{
+	const struct db_opcua_alarm *alarm = subject->alarm;
+	const struct db_opcua_member_row *row;
+
+	if (subject->member == DB_OPCUA_MEMBERS) {
+		refer_to_type(references, UA_NS0ID_DISCRETEALARMTYPE);
+		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
+		         DB_OPCUA_ALARMS, "", db_opcua_member_name(roster, "Alarms"));
+		refer_to_source(roster, references, alarm);
+		refer_to_methods(references);
+	} else {
+		row = &db_opcua_members[subject->member];
+		refer_to_type(references, type_of_member(subject->member));
+		refer_to(roster, references,
+		         is_property(subject->member) ? UA_REFERENCETYPEINDEX_HASPROPERTY :
+		                                        UA_REFERENCETYPEINDEX_HASCOMPONENT,
+		         true, alarm->id,
+		         row->above == DB_OPCUA_MEMBERS ? "" : db_opcua_members[row->above].path,
+		         row->above == DB_OPCUA_MEMBERS ?
+		                 db_opcua_condition_name(roster, alarm) :
+		                 (UA_QualifiedName){ .name = db_opcua_string(
+							     db_opcua_members[row->above].name) });
+	}
+	refer_to_members(roster, references, alarm, subject->member, false);
+	refer_to_members(roster, references, alarm, subject->member, true);
+}
+
+/* --- drives ----------------------------------------------------------------------------------- */
+
 static void refer_of_branch(const struct db_opcua_roster *roster,
                             const struct db_opcua_shown *shown,
                             const struct db_opcua_branch *branch,
@@ -135,6 +264,9 @@ static void refer_of_branch(const struct db_opcua_roster *roster,
 		refer_to(roster, references, tie_of(child->type), false, shown->name, child->path,
 		         name);
 	}
+	if (branch->type == DB_OPCUA_ROOT)
+		refer_to_conditions(roster, references, gateway ? "configuration" : "drive",
+		                    gateway ? "" : shown->name);
 }
 
 /* --- types ------------------------------------------------------------------------------------ */
@@ -229,6 +361,18 @@ void db_opcua_refer(const struct db_opcua_roster *roster, const struct db_opcua_
 			refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
 			         DB_OPCUA_BUSES, bus->name, db_opcua_own_name(roster, bus->name));
 		break;
+	case DB_OPCUA_ALL_ALARMS:
+		refer_to_type(references, UA_NS0ID_FOLDERTYPE);
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_ORGANIZES, true,
+		                  UA_NS0ID_OBJECTSFOLDER, "Objects");
+		for (const struct db_opcua_alarm *alarm = roster->alarms.list; alarm;
+		     alarm = alarm->next)
+			refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+			         alarm->id, "", db_opcua_condition_name(roster, alarm));
+		break;
+	case DB_OPCUA_CONDITION:
+		refer_of_condition(roster, subject, references);
+		break;
 	case DB_OPCUA_BUS:
 		db_opcua_store_refer(references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false,
 		                     db_opcua_type_id(roster, db_opcua_type_of_bus()),
@@ -242,6 +386,7 @@ void db_opcua_refer(const struct db_opcua_roster *roster, const struct db_opcua_
 			refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
 			         DB_OPCUA_BUSES, path, db_opcua_member_name(roster, fact->name));
 		}
+		refer_to_conditions(roster, references, "bus", bus->name);
 		break;
 	case DB_OPCUA_FACT:
 		refer_to_type(references, UA_NS0ID_BASEDATAVARIABLETYPE);

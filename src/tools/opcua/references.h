@@ -21,6 +21,9 @@ UA_NodeId db_opcua_type_id(const struct db_opcua_roster *roster,
  * matches its type's by it. */
 UA_QualifiedName db_opcua_own_name(const struct db_opcua_roster *roster, const char *name);
 UA_QualifiedName db_opcua_member_name(const struct db_opcua_roster *roster, const char *name);
+/* "drive.feeder.no_answer". */
+UA_QualifiedName db_opcua_condition_name(const struct db_opcua_roster *roster,
+                                         const struct db_opcua_alarm *alarm);
 /* The name of a row: that of a property is the standard's. */
 UA_QualifiedName db_opcua_row_name(const struct db_opcua_roster *roster,
                                    const struct db_opcua_type_row *row);

@@ -110,6 +110,7 @@ void db_opcua_roster_clear(struct db_opcua_roster *roster)
 		free_shown(roster->drives[i]);
 	free(roster->drives);
 	db_opcua_buses_free(&roster->buses);
+	db_opcua_alarms_free(&roster->alarms);
 	*roster = (struct db_opcua_roster){ .count = 0 };
 }
 
@@ -134,10 +135,26 @@ static bool identify_bus(const struct db_opcua_roster *roster, const char *id, s
 	return true;
 }
 
+static bool identify_alarm(const struct db_opcua_roster *roster, const char *id, size_t length,
+                           struct db_opcua_subject *subject)
+{
+	enum db_opcua_member member = DB_OPCUA_MEMBERS;
+	const struct db_opcua_alarm *alarm = db_opcua_alarms_find(&roster->alarms, id, length,
+	                                                          &member);
+
+	*subject = (struct db_opcua_subject){
+		.type = DB_OPCUA_CONDITION,
+		.alarm = alarm,
+		.member = member,
+	};
+	return alarm;
+}
+
 bool db_opcua_roster_identify(const struct db_opcua_roster *roster, const char *id, size_t length,
                               struct db_opcua_subject *subject)
 {
 	static const char of_bus[] = DB_OPCUA_BUSES ".";
+	static const char of_alarm[] = DB_OPCUA_ALARMS ".";
 	bool drives = is_text(id, length, DB_OPCUA_DRIVES);
 
 	/* Names end with a zero byte; an id from a client may have bytes after one. */
@@ -149,6 +166,12 @@ bool db_opcua_roster_identify(const struct db_opcua_roster *roster, const char *
 		};
 		return true;
 	}
+	if (is_text(id, length, DB_OPCUA_ALARMS)) {
+		*subject = (struct db_opcua_subject){ .type = DB_OPCUA_ALL_ALARMS };
+		return true;
+	}
+	if (length >= sizeof(of_alarm) && memcmp(id, of_alarm, sizeof(of_alarm) - 1) == 0)
+		return identify_alarm(roster, id, length, subject);
 	if (length >= sizeof(of_bus) && memcmp(id, of_bus, sizeof(of_bus) - 1) == 0)
 		return identify_bus(roster, id + sizeof(of_bus) - 1, length - (sizeof(of_bus) - 1),
 		                    subject);

@@ -9,6 +9,7 @@
 #ifndef DRIVEBRIDGE_OPCUA_ROSTER_H
 #define DRIVEBRIDGE_OPCUA_ROSTER_H
 
+#include "opcua/alarms.h"
 #include "opcua/buses.h"
 #include "opcua/config.h"
 #include "opcua/model.h"
@@ -38,15 +39,19 @@ struct db_opcua_roster {
 	struct db_opcua_shown **drives; /* sorted by their names */
 	size_t count;
 	struct db_opcua_bus *buses;
+	struct db_opcua_alarms alarms;
+	uint8_t has_condition; /* the library's index of this type of references; 0: it has none */
 };
 
 enum db_opcua_subject_type {
 	DB_OPCUA_ALL_DRIVES,
 	DB_OPCUA_ALL_BUSES,
-	DB_OPCUA_OF_DRIVE, /* `shown` and `branch` */
-	DB_OPCUA_BUS,      /* `bus` */
-	DB_OPCUA_FACT,     /* `bus` and `fact` */
-	DB_OPCUA_OF_TYPES, /* `row` */
+	DB_OPCUA_ALL_ALARMS,
+	DB_OPCUA_OF_DRIVE,  /* `shown` and `branch` */
+	DB_OPCUA_BUS,       /* `bus` */
+	DB_OPCUA_FACT,      /* `bus` and `fact` */
+	DB_OPCUA_OF_TYPES,  /* `row` */
+	DB_OPCUA_CONDITION, /* `alarm`, and `member` if it is not DB_OPCUA_MEMBERS */
 };
 
 /* What a node stands for. Fields not mentioned above are NULL. */
@@ -57,6 +62,8 @@ struct db_opcua_subject {
 	const struct db_opcua_bus *bus;
 	const struct db_opcua_fact *fact;
 	const struct db_opcua_type_row *row;
+	const struct db_opcua_alarm *alarm;
+	enum db_opcua_member member;
 };
 
 /* The drive must outlive its entry here; `description` of the interface's type Drive. NULL without

@@ -99,6 +99,7 @@ static UA_StatusCode status_of(const struct db_opcua_outcome *outcome)
 		{ "cancelled", UA_STATUSCODE_BADOPERATIONABANDONED },
 		{ "latched", UA_STATUSCODE_BADINVALIDSTATE },
 		{ "unsupported", UA_STATUSCODE_BADNOTSUPPORTED },
+		{ "NoSuchAlarm", UA_STATUSCODE_BADEVENTIDUNKNOWN },
 		{ "NoSuchCommand", UA_STATUSCODE_BADNOTSUPPORTED },
 		{ "bus_down", UA_STATUSCODE_BADNOCOMMUNICATION },
 		{ "offline", UA_STATUSCODE_BADNOCOMMUNICATION },
@@ -212,6 +213,31 @@ static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct d
 	keep_outcome(item->drive, &outcome);
 	/* OPC UA's status for a value that was passed on and is not verified. */
 	return outcome.pending ? UA_STATUSCODE_GOODCOMPLETESASYNCHRONOUSLY : status_of(&outcome);
+}
+
+static UA_StatusCode acknowledge(void *context, const UA_NodeId *id,
+                                 const struct db_opcua_alarm *alarm, const char *comment)
+{
+	struct db_opcua_server *server = context;
+	const struct db_opcua_session *session = db_opcua_access_find(server->access, id);
+	/* What is of no single drive may be acknowledged by whoever moves one. */
+	const char *drive = strcmp(alarm->kind, "drive") == 0 ? alarm->name : NULL;
+	struct db_opcua_outcome outcome;
+
+	if (!session || !db_grant_has(&session->grant, DB_MAY_MOVE, drive))
+		return db_opcua_access_deny(server->access, session, "acknowledge", drive,
+		                            DB_MAY_MOVE, drive);
+	db_opcua_acting_acknowledge(
+		server->acting,
+		&(struct db_opcua_actor){
+			.session = session->number,
+			.user = session->user,
+			.label = session->label,
+			.from = db_opcua_plant_has_audit(server->plant) ? session->from : "",
+			.token = "",
+			.stops_only = session->stops_only },
+		alarm->number, comment, &outcome);
+	return outcome.pending ? UA_STATUSCODE_BADREQUESTNOTCOMPLETE : status_of(&outcome);
 }
 
 static void on_end(void *context, const char *name, const struct db_opcua_outcome *outcome)
@@ -404,6 +430,7 @@ struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcu
 		.write_clock = write_clock,
 		.certificate_ends = tell_certificate_ends,
 		.run = run_command,
+		.acknowledge = acknowledge,
 	};
 	struct db_opcua_server *server = calloc(1, sizeof(*server));
 	UA_StatusCode status = UA_STATUSCODE_BADOUTOFMEMORY;
@@ -488,6 +515,9 @@ db_time db_opcua_server_turn(void *context, db_time now, int64_t us)
 	db_opcua_access_look(server->access, us);
 	(void)db_waker_take(&server->network_waker);
 	due = db_opcua_plant_tend(server->plant, now);
+	other = db_opcua_nodes_tend(server->nodes, now);
+	if (other < due)
+		due = other;
 	db_opcua_acting_begin(server->acting, now);
 	db_opcua_access_review(server->access);
 	db_opcua_network_flush(server->network, now);

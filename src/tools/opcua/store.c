@@ -121,6 +121,22 @@ static bool add_references(const struct db_opcua_store *store, struct db_opcua_n
 	return true;
 }
 
+UA_Byte db_opcua_store_reference_type(const struct db_opcua_store *store, UA_UInt32 type)
+{
+	UA_NodeId id = UA_NODEID_NUMERIC(0, type);
+	const UA_Node *node = store->plain.getNode(
+		store->plain.context, &id, UA_NODEATTRIBUTESMASK_ALL, UA_REFERENCETYPESET_NONE,
+		UA_BROWSEDIRECTION_INVALID);
+	UA_Byte index = 0;
+
+	if (!node)
+		return 0;
+	if (node->head.nodeClass == UA_NODECLASS_REFERENCETYPE)
+		index = node->referenceTypeNode.referenceTypeIndex;
+	store->plain.releaseNode(store->plain.context, node);
+	return index;
+}
+
 UA_StatusCode db_opcua_store_link(struct db_opcua_store *store, UA_UInt32 from, UA_Byte type,
                                   UA_NodeId target, UA_QualifiedName name, bool comes)
 {

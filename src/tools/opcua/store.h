@@ -72,6 +72,9 @@ bool db_opcua_store_wants(const struct db_opcua_references *references, UA_Byte 
 void db_opcua_store_refer(struct db_opcua_references *references, UA_Byte type, bool inverse,
                           UA_NodeId target, UA_QualifiedName name);
 
+/* The library's index of this type of references of the standard; 0: it has none. */
+UA_Byte db_opcua_store_reference_type(const struct db_opcua_store *store, UA_UInt32 type);
+
 /* A reference of one of the library's own nodes is added or removed. */
 UA_StatusCode db_opcua_store_link(struct db_opcua_store *store, UA_UInt32 from, UA_Byte type,
                                   UA_NodeId target, UA_QualifiedName name, bool comes);

@@ -441,8 +441,8 @@ function showState({ capture, ending, start, move, stop, said }) {
 	const { shown, count, lost, state } = capture;
 	const words = {
 		waiting: t("Waits for {waitsFor}.", { waitsFor: capture.waitsFor }),
-		triggered: `${capture.waitsFor} came.`,
-		stopped: ending || (count === 0 ? `Stopped; ${capture.waitsFor} did not come.` : t("Stopped."))
+		triggered: t("{waitsFor} came.", { waitsFor: capture.waitsFor }),
+		stopped: ending || (count === 0 ? t("Stopped; {waitsFor} did not come.", { waitsFor: capture.waitsFor }) : t("Stopped."))
 	}[state];
 
 	start.hidden = state !== "stopped";
