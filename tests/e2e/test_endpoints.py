@@ -32,8 +32,9 @@ HALL = {3: {"endpoint": "hall2", "unit": 1}, 4: {"endpoint": "hall2", "unit": 2}
 
 
 @pytest.fixture
-def two(make_bridge):
+def two(make_bridge, tmp_path, monkeypatch):
     """drive1 and drive2 are units 1 and 2 of the first endpoint, drive3 and drive4 those of hall2."""
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))  # for the files of the audit trail
 
     def make(endpoint=None, per_drive=None, **options):
         drives = {number: {**HALL.get(number, {}), **(per_drive or {}).get(number, {})} for number in range(1, 5)}
