@@ -96,7 +96,7 @@ def test_mistakes_have_their_lines_and_nothing_is_written(bridge):
         assert why(tool.CheckConfiguration, "#" * 24577) == "long"
 
 
-@pytest.mark.parametrize("section", ["modbus", "control", "role press"])
+@pytest.mark.parametrize("section", ["modbus", "control", "role press", "modbus-rtu press", "endpoint hall2"])
 def test_who_may_is_for_root_to_say(bridge, section):
     with Tool(bridge) as tool:
         checked = tool.CheckConfiguration(f"{section} {{\n}}\n")

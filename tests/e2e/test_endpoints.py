@@ -6,6 +6,7 @@ import json
 import socket
 import struct
 import subprocess
+import tomllib
 
 import pytest
 from bridgelib import (
@@ -17,7 +18,9 @@ from bridgelib import (
     MOVE_ABSOLUTE,
     NO_PATH,
     STANDSTILL,
+    RESULT_OK,
     Raw,
+    Refused,
     eventually,
     find_program,
 )
@@ -29,8 +32,9 @@ HALL = {3: {"endpoint": "hall2", "unit": 1}, 4: {"endpoint": "hall2", "unit": 2}
 
 
 @pytest.fixture
-def two(make_bridge):
+def two(make_bridge, tmp_path, monkeypatch):
     """drive1 and drive2 are units 1 and 2 of the first endpoint, drive3 and drive4 those of hall2."""
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))  # for the files of the audit trail
 
     def make(endpoint=None, per_drive=None, **options):
         drives = {number: {**HALL.get(number, {}), **(per_drive or {}).get(number, {})} for number in range(1, 5)}
@@ -77,8 +81,9 @@ def test_the_same_unit_is_another_drive(two):
     # Each id is a drive's own: the same one on the other endpoint is no repetition.
     for number in (1, 3):
         assert bridge.drive(number).command("move_relative", command_id=7, target_position=1, target_velocity=FAST) != 0
-        assert bridge.drive(number).settle("move_relative", command_id=8, target_position=20, target_velocity=FAST) == 0
-    eventually(lambda: (position(bridge, 1), position(bridge, 3)) == (120, -280))
+        assert bridge.drive(number).settle("move_relative", command_id=8, target_position=20, target_velocity=FAST) == RESULT_OK
+    for number, there in ((1, 120), (3, -280)):
+        eventually(lambda number=number, there=there: bridge.drive(number).read("position") == there)
     # Units that only the other one has are not there.
     with Raw(bridge.port) as first, Raw(bridge.ports["hall2"]) as hall:
         read = struct.pack(">BHH", 3, 0, 2)
@@ -89,14 +94,15 @@ def test_the_same_unit_is_another_drive(two):
         assert b"drive3" in hall.request(b"\x11", unit=1) and b"drive1" in first.request(b"\x11", unit=1)
         assert b"drive4" in hall.request(b"\x2b\x0e\x04\x06", unit=2)
         messages = [struct.unpack(">H", one.request(b"\x08\x00\x0e\x00\x00")[3:5])[0] for one in (first, hall)]
-        assert messages[1] == messages[0] + 3
+        assert messages[1] == messages[0] + 2
     # The gateway's own unit shows the drives of its endpoint, in their order.
     for endpoint, units in ((None, [1, 2]), ("hall2", [1, 2])):
         gateway = bridge.at(endpoint, 255, "gateway")
         assert (gateway.read("drive_count"), gateway.read("drives_online"), gateway.read("bus_count")) == (2, 2, 1)
         assert [gateway.read(f"window{n}_unit") for n in (1, 2)] == units
-        assert gateway.read("window1_position") == (120 if endpoint is None else -280)
-        assert gateway.words(gateway.row("window3_unit").address, 1) == NO_PATH - 8  # 02, no such register
+        assert gateway.read("window1_position") == (-280 if endpoint else 120)
+        with pytest.raises(Refused, match="exception 02"):
+            gateway.read("window3_unit")
         gateway.close()
     check_tools(bridge)
 
@@ -108,6 +114,18 @@ def check_tools(bridge):
     assert {record["drive"] for record in records if record.get("endpoint") == "hall2"} >= {"drive3"}
     assert not any(record.get("endpoint") for record in records if record.get("drive") in ("drive1", "drive2"))
     bridge.told("endpoint hall2, may read and write")
+    # The files for other programs have the drives, units and port of one endpoint: what telegraf would ask is answered.
+    host = f"127.0.0.1:{bridge.ports['hall2']}"
+    (device,) = tomllib.loads(ctl(bridge, "export", "--for", "telegraf", "--endpoint", "hall2", "--host", host))["inputs"]["modbus"]
+    assert device["controller"] == f"tcp://{host}"
+    requests = [one for one in device["request"] if "drive" in one.get("tags", {})]
+    assert [one["tags"]["drive"] for one in requests] == ["drive3", "drive4"]
+    with Raw(bridge.ports["hall2"]) as raw:
+        for request, there in zip(requests, (-280, 0)):
+            (field,) = [field for field in request["fields"] if field["name"] == "position"]
+            answer = raw.request(struct.pack(">BHH", 3, field["address"], 2), unit=request["slave_id"])
+            assert struct.unpack(">i", answer[2:6])[0] == there
+    assert "drive1" in ctl(bridge, "export", "--for", "telegraf") and "unit 1 of endpoint hall2" in ctl(bridge, "show", "drive3")
 
 
 def test_what_crosses_and_what_does_not(two):
@@ -168,13 +186,13 @@ def test_a_watchdog_is_fed_on_its_endpoint_alone(two):
 
 
 def test_rights_and_places_of_an_endpoint(two):
-    bridge = two(endpoint={"allow-write": ["10.9.9.9"], "max-clients": 2},
+    bridge = two(endpoint={"allow-write": ["10.9.9.9"], "max-clients": 3},
                  modbus={"max-clients": 5, "reserved-writers": 1})
     assert bridge.drive(1).command("move_absolute", target_position=10, target_velocity=FAST) == 0
     assert bridge.drive(3).command("move_velocity", target_velocity=FAST) == ILLEGAL_FUNCTION
     gateway = bridge.gateway()
     bridge.told("write refused: it is not in allow-write")
-    # drive3 and drive4 have the two places of hall2, one of them reserved for writers; the first endpoint has its own.
+    # drive3 and drive4 have the two places of hall2 for readers; the first endpoint has its own.
     bridge.drive(3).close()
     bridge.drive(4).close()
     bridge.units = {key: unit for key, unit in bridge.units.items() if key not in (3, 4)}
@@ -211,7 +229,7 @@ def test_reloads(two):
         assert old.request(read, unit=2)[0] == 3
         still_runs(bridge, 2)
         bridge.units.pop(3).close()
-        bridge.wait_ready(3)
+        eventually(lambda: bridge.drive(3).online())
         stand(bridge, 3)
         assert b"drive3" in bridge_id(bridge.ports["aisle"], 2)
         assert b"drive4" in bridge_id(bridge.ports["hall2"], 2)
@@ -226,7 +244,7 @@ def test_reloads(two):
         with pytest.raises(ConnectionRefusedError):
             socket.create_connection(("127.0.0.1", port), 1)
         assert kept.request(read, unit=2)[0] == 3
-        bridge.wait_ready(4)
+        eventually(lambda: bridge.drive(4).online())
         still_runs(bridge, 2)
         assert b"drive4" in bridge_id(bridge.ports["aisle"], 3)
     assert bridge.gateway().write("group_stop", 1) == 0

@@ -155,16 +155,7 @@ static void check_endpoint(struct db_load *load, size_t index)
 	const struct db_endpoint_config *endpoint = &modbus->endpoints[index];
 	const char *name = endpoint->name;
 	unsigned head = endpoint->source_line;
-	size_t drives = 0;
 
-	for (size_t i = 0; i < load->config->drive_count; i++)
-		drives += load->config->drives[i].endpoint == endpoint->number;
-	if (drives == 0)
-		db_messages_add_warning(
-			&load->messages, head,
-			"endpoint '%s' has no drive: only the gateway's own unit "
-			"answers there; endpoint = %s in a section drive gives it one",
-			name, name);
 	for (size_t i = 0; i <= index; i++) {
 		const struct db_endpoint_config other = db_modbus_endpoint_at(modbus, i);
 		const char *where = other.name ? other.name : "modbus";
@@ -192,6 +183,18 @@ static void check_endpoint(struct db_load *load, size_t index)
 				"another name for one of them",
 				name, where);
 	}
+}
+
+static void warn_of_no_drives(struct db_load *load, const struct db_endpoint_config *endpoint)
+{
+	for (size_t i = 0; i < load->config->drive_count; i++) {
+		if (load->config->drives[i].endpoint == endpoint->number)
+			return;
+	}
+	db_messages_add_warning(&load->messages, endpoint->source_line,
+	                        "endpoint '%s' has no drive: only the gateway's own unit answers "
+	                        "there; endpoint = %s in a section drive gives it one",
+	                        endpoint->name, endpoint->name);
 }
 
 /* Checks the second unit of this drive against all units of the other one. */
@@ -506,4 +509,7 @@ void db_check(struct db_load *load)
 		db_times_check(load);
 	for (size_t i = 0; load->messages.errors == 0 && i < load->config->modbus.line_count; i++)
 		check_line(load, &load->config->modbus.lines[i]);
+	for (size_t i = 0; load->messages.errors == 0 && i < load->config->modbus.endpoint_count;
+	     i++)
+		warn_of_no_drives(load, &load->config->modbus.endpoints[i]);
 }

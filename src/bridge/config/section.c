@@ -89,6 +89,8 @@ static void describe_range(const struct db_config_key *key, char *text, size_t s
 		snprintf(text, size, "the name of a family such as %s", db_drivers[0]->name);
 	else if (key->kind == DB_KEY_BUS)
 		snprintf(text, size, "the name of a bus section");
+	else if (key->kind == DB_KEY_LISTEN)
+		snprintf(text, size, "an address and a port such as \"0.0.0.0:503\"");
 	else
 		snprintf(text, size, "%.0f to %.0f characters", key->min, key->max);
 }

@@ -84,10 +84,40 @@ static bool read_host(struct db_ctl_clients *of, const char *text)
 	return true;
 }
 
-/* From --host; else this machine's name and the port that the service listens on. */
-static enum db_ctl_status choose_host(const struct db_ctl *ctl, struct db_ctl_clients *of)
+/* Its drives are what the program reaches with one connection. "" is the section modbus. */
+static enum db_ctl_status choose_endpoint(struct db_ctl *ctl, struct db_ctl_clients *of,
+                                          const char *drive, const char **listen)
 {
-	const char *listen = db_words_text(ctl->description, "listen");
+	const json_t *all = json_object_get(ctl->description, "drives");
+	const json_t *endpoints = json_object_get(ctl->description, "endpoints");
+	const json_t *named = drive ? db_words_look_up(all, drive) : NULL;
+	const char *endpoint = ctl->endpoint ? ctl->endpoint : db_words_text(named, "endpoint");
+	const json_t *found = db_words_look_up(endpoints, endpoint);
+	char nearest[256] = "";
+	const json_t *one;
+	size_t i;
+
+	*listen = db_words_text(found ? found : ctl->description, "listen");
+	if (ctl->endpoint && !found) {
+		db_words_nearest_names(endpoints, ctl->endpoint, nearest, sizeof(nearest));
+		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		                       "there is no endpoint %s%s", ctl->endpoint, nearest);
+	}
+	json_array_foreach(all, i, one)
+	{
+		if (strcmp(db_words_text(one, "endpoint"), endpoint) == 0)
+			(void)json_array_append_new(of->drives, json_deep_copy(one));
+	}
+	if (!ctl->endpoint && !drive && json_array_size(of->drives) < json_array_size(all))
+		(void)fprintf(stderr, "only the drives of the section modbus; --endpoint NAME for "
+		                      "those of another one\n");
+	return DB_CTL_OK;
+}
+
+/* From --host; else this machine's name and the port that the service listens on. */
+static enum db_ctl_status choose_host(const struct db_ctl *ctl, const char *listen,
+                                      struct db_ctl_clients *of)
+{
 	const char *colon = strrchr(listen, ':');
 	unsigned long port = colon ? strtoul(colon + 1, NULL, 10) : 0;
 
@@ -185,22 +215,27 @@ enum db_ctl_status db_ctl_export(struct db_ctl *ctl, int count, char **arguments
 {
 	struct db_ctl_clients of = {
 		.buses = json_object_get(ctl->description, "buses"),
-		.drives = json_object_get(ctl->description, "drives"),
+		.drives = json_array(),
 		.low_word_first = json_is_true(json_object_get(ctl->description, "low_word_first")),
 		.registers = json_array(),
 		.scales = json_array(),
 	};
 	const struct form *form = find_form(ctl);
+	const char *name = count > 0 ? arguments[0] : NULL;
+	const char *listen = "";
 	enum db_ctl_status status = form ? DB_CTL_OK : DB_CTL_USAGE;
 
 	if (status == DB_CTL_OK)
-		status = choose_drive(ctl, form, &of, count > 0 ? arguments[0] : NULL);
+		status = choose_endpoint(ctl, &of, name, &listen);
 	if (status == DB_CTL_OK)
-		status = choose_host(ctl, &of);
+		status = choose_drive(ctl, form, &of, name);
+	if (status == DB_CTL_OK)
+		status = choose_host(ctl, listen, &of);
 	if (status == DB_CTL_OK)
 		status = gather(ctl, &of);
 	if (status == DB_CTL_OK)
 		status = write_form(ctl, form, &of);
+	json_decref(of.drives);
 	json_decref(of.gateway);
 	json_decref(of.windows);
 	json_decref(of.registers);

@@ -15,13 +15,14 @@ struct db_ctl_clients {
 	char host[256]; /* without the port */
 	unsigned port;
 	bool low_word_first;
-	const json_t *buses;  /* of Describe */
-	const json_t *drives; /* also of Describe, in the order of their windows */
-	json_t *gateway;      /* the gateway's own registers */
-	json_t *windows;      /* those of the drives' windows */
-	json_t *registers;    /* registers of each drive, in the same order */
-	json_t *scales;       /* counts_per_unit of each drive, null where it is not known */
-	size_t chosen;        /* index of the named drive; the number of drives: all of them */
+	const json_t *buses; /* of Describe */
+	/* Also of Describe, those of one endpoint, in the order of their windows. */
+	json_t *drives;
+	json_t *gateway;   /* the gateway's own registers */
+	json_t *windows;   /* those of the drives' windows */
+	json_t *registers; /* registers of each drive, in the same order */
+	json_t *scales;    /* counts_per_unit of each drive, null where it is not known */
+	size_t chosen;     /* index of the named drive; the number of drives: all of them */
 };
 
 /* What the programs call a data type of the map. */

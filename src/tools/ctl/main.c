@@ -52,10 +52,10 @@ static void keep_option(struct db_ctl *ctl, const char *name, const char *value)
 		{ "before", &ctl->before },     { "plot", &ctl->plot },
 		{ "step", &ctl->step },         { "answers", &ctl->answers },
 		{ "state", &ctl->state },       { "for", &ctl->form },
-		{ "host", &ctl->host },         { "ports", &ctl->ports },
-		{ "drive", &ctl->drive },       { "user", &ctl->user },
-		{ "since", &ctl->since },       { "folder", &ctl->folder },
-		{ "days", &ctl->days },
+		{ "host", &ctl->host },         { "endpoint", &ctl->endpoint },
+		{ "ports", &ctl->ports },       { "drive", &ctl->drive },
+		{ "user", &ctl->user },         { "since", &ctl->since },
+		{ "folder", &ctl->folder },     { "days", &ctl->days },
 	};
 
 	for (size_t i = 0; i < sizeof(flags) / sizeof(flags[0]); i++) {

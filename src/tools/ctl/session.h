@@ -59,6 +59,7 @@ struct db_ctl {
 	const char *state;
 	const char *form;
 	const char *host;
+	const char *endpoint;
 	const char *ports;
 	const char *drive;
 	const char *user;

@@ -71,13 +71,15 @@ static void print_head(const struct db_ctl *ctl, const json_t *drive)
 		             db_words_text(ctl->description, "configuration"));
 		return;
 	}
-	(void)printf("%s%s%s: %s on bus %s (%s), address %lld%s%s, unit %lld\n\n",
+	(void)printf("%s%s%s: %s on bus %s (%s), address %lld%s%s, unit %lld%s%s\n\n",
 	             db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD), db_words_text(drive, "name"),
 	             db_ctl_colour_end(ctl->colour, DB_CTL_BOLD), db_words_text(bus, "protocol"),
 	             db_words_text(drive, "bus"), db_words_text(bus, "device"),
 	             (long long)json_integer_value(json_object_get(drive, "address")),
 	             axis[0] ? " axis " : "", axis,
-	             (long long)json_integer_value(json_object_get(drive, "unit")));
+	             (long long)json_integer_value(json_object_get(drive, "unit")),
+	             db_words_text(drive, "endpoint")[0] ? " of endpoint " : "",
+	             db_words_text(drive, "endpoint"));
 }
 
 enum db_ctl_status db_ctl_show(struct db_ctl *ctl, int count, char **arguments)

@@ -231,6 +231,8 @@ const struct db_ctl_option db_ctl_options[] = {
 	{ "days", "N", " certificate authority certificate server certificate client ",
 	  "How long it is valid; 825, the authority 7305 when not given" },
 	{ "host", "ADDRESS[:PORT]", " export ", "Where the program finds the gateway; this machine's name when not given" },
+	{ "endpoint", "NAME", " export ",
+	  "The drives of this section endpoint, with their units there; when not given those of the section modbus, or of DRIVE's" },
 	{ "output", "FILE", " trace record commission export ",
 	  "Into a file, with commission the report (DRIVE.commissioning.txt when not given); a trace of CAN as pcapng, of a serial line as text that drivebridge-sim --replay takes, or as pcapng into FILE.pcapng" },
 	{ "duration", "S", " trace record commission ",

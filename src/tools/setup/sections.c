@@ -74,7 +74,9 @@ char *db_setup_write_sections(const json_t *bus, const json_t *finds, const json
 	json_array_foreach(drives, i, one)
 	{
 		(void)snprintf(key, sizeof(key), "%lld", (long long)number_of(one, "unit"));
-		(void)json_object_set_new(taken, key, json_true());
+		/* The same unit of another endpoint is free for these. */
+		if (db_words_text(one, "endpoint")[0] == '\0')
+			(void)json_object_set_new(taken, key, json_true());
 		(void)json_object_set_new(taken, db_words_text(one, "name"), json_true());
 	}
 	json_array_foreach(finds, i, one)

@@ -22,6 +22,8 @@
 #define FAST_BUS BUS_HEAD " baud = 115200\n}\n" /* lines 1 to 5 */
 #define RS232_BUS BUS_HEAD " line = rs232\n}\n" /* lines 1 to 5 */
 #define DRIVE "drive d {\n bus = b\n address = 1\n unit = 1\n}\n"
+#define ENDPOINT "endpoint e {\n listen = \"0.0.0.0:503\"\n}\n"
+#define DRIVE_OF_E "drive d {\n bus = b\n address = 1\n unit = 1\n endpoint = e\n}\n"
 #define VENDOR_DRIVE "drive d {\n bus = b\n address = 1\n unit = 1\n vendor-unit = 9\n}\n"
 
 struct loaded {
@@ -239,6 +241,30 @@ static const struct wrong_case WRONG[] = {
 	{ BUS DRIVE "drive e {\n bus = b\n address = 2\n unit = 1\n}\n", 13,
 	  "unit = 1 belongs to drive 'd' on line 5 already" },
 	{ "modbus {\n gateway-unit = 1\n}\n" BUS DRIVE, 11, "gateway's own unit" },
+
+	/* Endpoints. */
+	{ "endpoint e {\n}\n", 1, "has no key 'listen'" },
+	{ "endpoint e {\n listen = 503\n}\n", 2, "is no address and port" },
+	{ "endpoint \"a b\" {\n listen = \"0.0.0.0:503\"\n}\n", 1, "is no name for a endpoint" },
+	{ ENDPOINT ENDPOINT, 4, "there is a endpoint 'e' on line 1 already" },
+	{ ENDPOINT "endpoint f {\n listen = \"0.0.0.0:503\"\n}\n", 5,
+	  "listen = 0.0.0.0:503 is where e listens already" },
+	{ "modbus {\n listen = \"0.0.0.0:503\"\n}\n" ENDPOINT, 5,
+	  "listen = 0.0.0.0:503 is where modbus listens already" },
+	{ "modbus {\n secure-socket = \"/run/x\"\n}\n"
+	  "endpoint e {\n listen = \"0.0.0.0:503\"\n secure-socket = \"/run/x\"\n}\n",
+	  6, "secure-socket = /run/x is that of modbus already" },
+	{ BUS "drive d {\n bus = b\n address = 1\n unit = 1\n endpoint = e\n}\n", 9,
+	  "there is no endpoint 'e'" },
+	{ "modbus-rtu p {\n device = \"/dev/ttyP\"\n endpoint = e\n}\n", 3,
+	  "there is no endpoint 'e'" },
+	{ ENDPOINT BUS DRIVE_OF_E
+	  "drive f {\n bus = b\n address = 2\n unit = 1\n endpoint = e\n}\n",
+	  17,
+	  "unit = 1 belongs to drive 'd' on line 8 already; a unit of its own for each drive of "
+	  "endpoint e" },
+	{ "endpoint e {\n listen = \"0.0.0.0:503\"\n gateway-unit = 1\n}\n" BUS DRIVE_OF_E, 12,
+	  "gateway's own unit" },
 	{ "modbus {\n max-clients = 4\n reserved-writers = 4\n}\n", 3,
 	  "reserved-writers = 4 leaves none of max-clients = 4" },
 

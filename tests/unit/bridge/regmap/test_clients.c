@@ -200,6 +200,35 @@ static void what_reaches_the_bus_needs_all_of_its_drives(void **state)
 	fake_registers_close(&fake);
 }
 
+/* Whatever its rights: drives of another endpoint of the same bus are none of its units. */
+static void what_reaches_the_bus_stays_on_the_endpoint(void **state)
+{
+	static struct db_endpoint_config hall = { .name = (char *)"hall2" };
+	struct db_client client = with_role(NULL);
+
+	FAKE();
+	hall.number = db_endpoint_number(hall.name);
+	fake.config.modbus.endpoints = &hall;
+	fake.config.modbus.endpoint_count = 1;
+	fake.drives[2].endpoint = hall.number;
+	fake_registers_open(&fake);
+	assert_int_equal(write1(&fake, &client, 2, 101, DB_CMD_SYNC_START), ILLEGAL_FUNCTION);
+	assert_non_null(strstr(fake.record.text, "drives of another endpoint"));
+	assert_int_equal(write1(&fake, &client, 2, 101, DB_CMD_RAW_FRAME), ILLEGAL_FUNCTION);
+	assert_int_equal(fake.submitted, 0);
+	/* That drive is not there for this client. */
+	assert_int_equal(db_registers_backend.unit(fake.registers, &client, 3), 0x0A);
+	client.endpoint = hall.number;
+	assert_int_equal(db_registers_backend.unit(fake.registers, &client, 3), 0);
+	assert_int_equal(write1(&fake, &client, 3, 101, DB_CMD_SYNC_START), ILLEGAL_FUNCTION);
+	/* And nothing is, for a client of an endpoint that is gone. */
+	client.endpoint = db_endpoint_number("hall3");
+	for (unsigned unit = 0; unit < 256; unit++)
+		assert_int_equal(db_registers_backend.unit(fake.registers, &client, (uint8_t)unit),
+		                 0x0A);
+	fake_registers_close(&fake);
+}
+
 /* A stop beside something that is not permitted is carried out all the same. */
 static void a_stop_is_a_stop_beside_what_is_not_permitted(void **state)
 {
@@ -493,6 +522,7 @@ int main(void)
 		cmocka_unit_test(a_role_sees_its_own_drives),
 		cmocka_unit_test(parameters_need_a_permission_of_their_own),
 		cmocka_unit_test(what_reaches_the_bus_needs_all_of_its_drives),
+		cmocka_unit_test(what_reaches_the_bus_stays_on_the_endpoint),
 		cmocka_unit_test(a_stop_is_a_stop_beside_what_is_not_permitted),
 		cmocka_unit_test(claims_and_the_gateway_need_a_permission_of_their_own),
 		cmocka_unit_test(writes_that_no_drive_was_asked_for_are_on_record),

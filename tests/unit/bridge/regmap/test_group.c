@@ -157,6 +157,131 @@ static void a_bus_whose_drives_all_start_begins_with_one_frame(void **state)
 	fake_registers_close(&fake);
 }
 
+/* --- several endpoints ------------------------------------------------------------------------ */
+
+/* Drive 0 is unit 1 of the first endpoint, drives 1 and 2 are units 1 and 2 of hall2; the last two are
+ * on one bus. */
+static void make_two(struct fake_registers *fake)
+{
+	static struct db_endpoint_config hall = { .name = (char *)"hall2" };
+
+	hall.number = db_endpoint_number(hall.name);
+	make(fake, &(struct db_modbus_config){
+			   .confirm_ms = 40, .endpoints = &hall, .endpoint_count = 1 });
+	for (size_t i = 1; i < 3; i++) {
+		fake->drives[i].endpoint = hall.number;
+		fake->drives[i].unit = (unsigned)i;
+	}
+	fake_registers_open(fake);
+}
+
+static struct db_client client_of_hall(void)
+{
+	return (struct db_client){ .id = 2,
+		                   .address = { 9 },
+		                   .port = 5,
+		                   .may_write = true,
+		                   .endpoint = db_endpoint_number("hall2") };
+}
+
+static int put_at_hall(struct fake_registers *fake, uint8_t unit, uint16_t address, uint16_t value)
+{
+	const struct db_client client = client_of_hall();
+
+	return db_registers_backend.write(fake->registers, &client, unit, DB_TABLE_HOLDING, address,
+	                                  1, &value,
+	                                  (struct db_write_token){ 2, FAKE_TOKEN.sequence });
+}
+
+static uint16_t get_at_hall(struct fake_registers *fake, uint16_t address)
+{
+	const struct db_client client = client_of_hall();
+	uint16_t value = 0;
+
+	assert_int_equal(db_registers_backend.read(fake->registers, &client, GATEWAY,
+	                                           DB_TABLE_HOLDING, address, 1, &value),
+	                 0);
+	return value;
+}
+
+static void groups_of_two_endpoints_at_once(void **state)
+{
+	struct fake_registers fake;
+
+	(void)state;
+	make_two(&fake);
+	stage(&fake, 1);
+	assert_int_equal(put_at_hall(&fake, 1, 124, DB_CMD_HOME), 0);
+	/* What is staged starts for its own endpoint. */
+	assert_int_equal(start(&fake), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(fake.requests[0].drive, 0);
+	assert_int_equal(put_at_hall(&fake, GATEWAY, 61, 1), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 2);
+	assert_int_equal(fake.requests[1].drive, 1);
+	/* Neither writer is answered by the other's command. */
+	assert_int_equal(fake.answered, 0);
+	fake_complete(&fake, 1, DB_RESULT_REFUSED);
+	assert_int_equal(fake.answered, 1);
+	assert_int_equal(fake.answered_to.client, 2);
+	assert_int_equal(fake.answered_with, FAILURE);
+	assert_int_equal(fake_get1(&fake, GATEWAY, 65), 1);
+	fake_complete(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 2);
+	assert_int_equal(fake.answered_to.client, FAKE_TOKEN.client);
+	assert_int_equal(fake.answered_with, 0);
+	assert_int_equal(fake_get1(&fake, GATEWAY, 64), 0);
+	assert_int_equal(get_at_hall(&fake, 64), FAILURE);
+	fake_registers_close(&fake);
+}
+
+/* All drives of hall2 are staged, but the frame would reach a drive of the first endpoint as well. */
+static void one_frame_is_not_for_the_drives_of_another_endpoint(void **state)
+{
+	struct fake_registers fake;
+
+	(void)state;
+	make_two(&fake);
+	fake.buses[1].starts_by_broadcast = true;
+	assert_int_equal(put_at_hall(&fake, 1, 124, DB_CMD_HOME), 0);
+	assert_int_equal(put_at_hall(&fake, 2, 124, DB_CMD_HOME), 0);
+	assert_int_equal(put_at_hall(&fake, GATEWAY, 61, 1), DB_WRITE_LATER);
+	assert_int_not_equal(fake.requests[0].group, 0);
+	assert_int_equal(fake.requests[0].group, fake.requests[1].group);
+	fake_complete(&fake, 0, DB_RESULT_OK);
+	fake_complete(&fake, 1, DB_RESULT_OK);
+	/* Now the second of them is the first endpoint's, where it is staged, too. */
+	fake.drives[2].endpoint = DB_ENDPOINT_FIRST;
+	fake_registers_open(&fake);
+	stage(&fake, 2);
+	fake.submitted = 0;
+	assert_int_equal(put_at_hall(&fake, 1, 124, DB_CMD_HOME), 0);
+	assert_int_equal(put_at_hall(&fake, GATEWAY, 61, 1), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 1);
+	assert_int_equal(fake.requests[0].group, 0);
+	fake_registers_close(&fake);
+}
+
+static void a_stop_of_all_is_for_all_endpoints(void **state)
+{
+	struct fake_registers fake;
+
+	(void)state;
+	make_two(&fake);
+	assert_int_equal(put_at_hall(&fake, GATEWAY, 60, 1), DB_WRITE_LATER);
+	assert_int_equal(fake.submitted, 3);
+	assert_int_equal(get_at_hall(&fake, 63), 3);
+	assert_int_equal(fake_get1(&fake, GATEWAY, 63), 0);
+	/* Each has a list of units of its own. */
+	assert_int_equal(fake_put(&fake, GATEWAY, 70, 1, 1), 0);
+	assert_int_equal(put_at_hall(&fake, GATEWAY, 70, 2), 0);
+	assert_int_equal(put_at_hall(&fake, GATEWAY, 86, 1), DB_WRITE_LATER);
+	assert_int_equal(get_at_hall(&fake, 63), 1);
+	assert_int_equal(fake_get1(&fake, GATEWAY, 70), 1);
+	assert_int_equal(get_at_hall(&fake, 70), 2);
+	fake_registers_close(&fake);
+}
+
 /* One part is refused at once, and the others are awaited all the same. */
 static void a_part_that_cannot_start_is_the_worst(void **state)
 {
@@ -373,6 +498,9 @@ int main(void)
 		cmocka_unit_test(listed_units_are_stopped),
 		cmocka_unit_test(a_listed_unit_without_a_drive_is_said),
 		cmocka_unit_test(either_unit_of_a_drive_names_it),
+		cmocka_unit_test(groups_of_two_endpoints_at_once),
+		cmocka_unit_test(one_frame_is_not_for_the_drives_of_another_endpoint),
+		cmocka_unit_test(a_stop_of_all_is_for_all_endpoints),
 		cmocka_unit_test(the_skew_is_from_the_first_to_the_last_command_sent),
 	};
 

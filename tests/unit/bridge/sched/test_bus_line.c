@@ -238,7 +238,8 @@ static struct db_scan_progress scan_at(struct story *story, unsigned first, unsi
 	scan_begin(story->bus->engine, story->scan, story->bus->now);
 	for (unsigned i = 0; i < 1000 && progress.end == DB_SCAN_RUNS; i++) {
 		fake_pass(story->bus, 10 * MS);
-		scan_read(story->scan, &progress);
+		db_seqlock_read(&story->scan->sequence, story->scan->words, &progress,
+		                sizeof(progress));
 	}
 	return progress;
 }
@@ -256,8 +257,8 @@ static void a_scan_has_the_line_at_each_speed_and_gives_it_back(void **state)
 	progress = scan_at(&story, 250000, 1000000);
 	assert_int_equal(progress.end, DB_SCAN_DONE);
 	assert_int_equal(progress.finds, 2);
-	assert_int_equal(scan_find(story.scan, 0)->speed, 250000);
-	assert_int_equal(scan_find(story.scan, 1)->speed, 1000000);
+	assert_int_equal(story.scan->finds[0].speed, 250000);
+	assert_int_equal(story.scan->finds[1].speed, 1000000);
 	assert_false(fake_is_online(story.bus, 0));
 	fake_pass(story.bus, 1000 * MS);
 	assert_true(fake_is_online(story.bus, 0));

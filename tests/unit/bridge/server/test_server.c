@@ -54,10 +54,12 @@ struct rig {
 
 /* The address that cannot be listened on, of the latest attempt. */
 static const char *where;
+/* In whose units the latest request was. */
+static uint32_t asked_endpoint;
 
 static uint8_t fake_unit(void *context, const struct db_client *client, uint8_t unit)
 {
-	(void)client;
+	asked_endpoint = client->endpoint;
 	(void)context;
 	return unit == NO_UNIT ? 0x0A : 0;
 }
@@ -1271,6 +1273,81 @@ static int connect_to(uint32_t address, uint16_t port)
 	return -1;
 }
 
+static struct db_endpoint_config endpoint_at(char *name, char *listen)
+{
+	return (struct db_endpoint_config){
+		.name = name, .number = db_endpoint_number(name), .listen = listen, .max_clients = 2
+	};
+}
+
+static void expect_served_at(struct rig *rig, int fd, const char *endpoint)
+{
+	expect_served(rig, fd);
+	assert_int_equal(asked_endpoint, db_endpoint_number(endpoint));
+}
+
+static int connect_at(const struct rig *rig, const char *endpoint)
+{
+	return connect_to(INADDR_LOOPBACK,
+	                  db_server_port(rig->server, db_endpoint_number(endpoint)));
+}
+
+static void endpoints_exchange_their_ports(void **state)
+{
+	struct rig *rig = *state;
+	static char name_a[] = "a";
+	static char name_b[] = "b";
+	static char listen_a[32] = "127.0.0.1:0";
+	static char listen_b[32] = "127.0.0.1:0";
+	/* The server is ended after this function. */
+	static struct db_endpoint_config before[2];
+	static struct db_endpoint_config after[2];
+	static char swapped[2][32];
+	int a, b, first, full;
+
+	before[0] = endpoint_at(name_a, listen_a);
+	before[1] = endpoint_at(name_b, listen_b);
+	rig->config.endpoints = before;
+	rig->config.endpoint_count = 2;
+	start(rig);
+	a = connect_at(rig, "a");
+	b = connect_at(rig, "b");
+	first = connect_client(rig);
+	expect_served_at(rig, a, "a");
+	expect_served_at(rig, b, "b");
+	expect_served_at(rig, first, "");
+	/* The places of each are its own. */
+	expect_served_at(rig, full = connect_at(rig, "a"), "a");
+	expect_closed(rig, connect_at(rig, "a"));
+	expect_served_at(rig, connect_at(rig, "b"), "b");
+	close(full);
+	/* Each listens on fixed ports from now on, in the other order of the file. */
+	snprintf(swapped[0], sizeof(swapped[0]), "127.0.0.1:%u",
+	         db_server_port(rig->server, before[0].number));
+	snprintf(swapped[1], sizeof(swapped[1]), "127.0.0.1:%u",
+	         db_server_port(rig->server, before[1].number));
+	copy_settings(rig);
+	after[0] = endpoint_at(name_b, swapped[0]);
+	after[1] = endpoint_at(name_a, swapped[1]);
+	rig->next.endpoints = after;
+	assert_int_equal(change(rig, &rig->next), 0);
+	/* Who is connected stays where it is; who connects anew gets what the port stands for. */
+	expect_served_at(rig, a, "a");
+	expect_served_at(rig, b, "b");
+	close(b);
+	settle(rig);
+	expect_served_at(rig,
+	                 connect_to(INADDR_LOOPBACK, (uint16_t)atoi(strrchr(swapped[0], ':') + 1)),
+	                 "b");
+	/* An endpoint that is gone takes its clients with it, and nobody else's. */
+	rig->config = rig->next;
+	rig->config.endpoint_count = 1;
+	assert_int_equal(change(rig, &rig->config), 0);
+	expect_closed(rig, a);
+	expect_served_at(rig, first, "");
+	close(first);
+}
+
 static void listens_elsewhere(void **state)
 {
 	struct rig *rig = *state;
@@ -1593,6 +1670,7 @@ int main(void)
 		TEST(survives_without_descriptors),
 		TEST(listens_on_ipv6),
 		TEST(errors_of_new),
+		TEST(endpoints_exchange_their_ports),
 		TEST(listens_elsewhere),
 		TEST(listens_on_the_same_port),
 		TEST(where_it_cannot_listen_it_stays),
