@@ -892,6 +892,14 @@ static void an_axis_that_has_answered_is_always_asked(void **state)
 	assert_int_not_equal(feedback(f, 1).state, DB_AXIS_OFFLINE);
 	for (unsigned i = 0; i < 5; i++)
 		assert_string_equal(poll_up_to(f, ask_y), ask_y);
+	/* Another controller may come back in its place: all begins anew. */
+	for (unsigned axis = 0; axis < 2; axis++)
+		db_driver_xyza.gone(f->axes[axis]);
+	assert_string_equal(poll_up_to(f, ask_y), ask_y);
+	assert_string_equal(poll_up_to(f, ask_y), ask_y);
+	assert_string_equal(poll_up_to(f, ask_y), "=ok");
+	f->now += 2000 * MS;
+	assert_string_equal(poll_up_to(f, ask_y), ask_y);
 	drop(f);
 }
 

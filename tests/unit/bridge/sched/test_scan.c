@@ -168,6 +168,32 @@ static void says_when_a_cycle_leaves_no_time(void **state)
 	close_world(&world);
 }
 
+/* Its frames are in the trace; they answer none of the questions to drives that are told there. */
+static void its_answers_are_told_in_the_trace(void **state)
+{
+	struct db_trace_record record;
+	struct db_trace_place place;
+	unsigned answers = 0;
+	struct world world;
+	uint32_t lost;
+
+	(void)state;
+	open_world(&world, 20);
+	place = db_trace_end(db_engine_trace(world.bus->engine));
+	begin(&world, 1);
+	fake_pass(world.bus, 2000 * MS);
+	while (db_trace_read(db_engine_trace(world.bus->engine), &place, &record, &lost)) {
+		if (record.kind != DB_TRACE_ANSWER ||
+		    fake_frame_at(record.bytes, record.length).kind != FAKE_INQUIRY)
+			continue;
+		assert_int_equal(record.question, 0);
+		answers++;
+	}
+	/* As often as a drive is asked that answers. */
+	assert_int_equal(answers, 5);
+	close_world(&world);
+}
+
 /* The made-up bus fails where its engine wants to be called again and again while nothing has changed. */
 static void waits_in_peace_for_what_it_asked_a_drive_that_is_away(void **state)
 {
@@ -511,6 +537,7 @@ int main(void)
 		cmocka_unit_test(finds_who_is_there_and_makes_no_cycle_late),
 		cmocka_unit_test(a_stop_waits_for_one_question_at_most),
 		cmocka_unit_test(says_when_a_cycle_leaves_no_time),
+		cmocka_unit_test(its_answers_are_told_in_the_trace),
 		cmocka_unit_test(waits_in_peace_for_what_it_asked_a_drive_that_is_away),
 		cmocka_unit_test(waits_in_peace_for_a_port_that_takes_nothing),
 		cmocka_unit_test(is_ended_by_its_client_and_with_the_port),
