@@ -412,7 +412,7 @@ function showUser() {
 		box.replaceChildren(icon("user"),
 			element("a", { class: "user-name", id: "account-link", href: "#/account",
 				title: t("What you may do, and your password") },
-				user, element("small", {}, role)),
+				user, element("small", {}, t(role))),
 			out);
 	} else if (role !== "none") {
 		box.replaceChildren(element("a", { id: "login-link", href: "#/login" }, t("Log in")));

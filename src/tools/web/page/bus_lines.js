@@ -3,7 +3,7 @@
 import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import { formatFixed, formatSpeed, inWords, NONE } from "./format.js";
 import { readRecord } from "./plant.js";
-import { t } from "./words.js";
+import { inLanguage, t } from "./words.js";
 
 function makeFact(label, node) {
 	return element("span", { class: "bus-fact" }, element("span", { class: "muted" }, label), node);
@@ -33,7 +33,7 @@ function makeLine(bus) {
 		makeFact(t("Cycle"), cells.cycle), makeFact(t("Overruns"), cells.late),
 		makeFact(t("No answer"), cells.bad),
 		element("small", { class: "muted bus-device", title: protocol },
-			`${family} · ${device} · ${formatSpeed(speed)}`),
+			`${inLanguage(family)} · ${device} · ${formatSpeed(speed)}`),
 		cells.trouble);
 	return cells;
 }

@@ -194,7 +194,7 @@ function createSearch(context, findBus, onChoose) {
 			{ class: "toolbar filters" },
 			first.field,
 			last.field,
-			createField(t("Speed"), speed),
+			createField(t("Bit rate"), speed),
 			start,
 			cancel
 		),
