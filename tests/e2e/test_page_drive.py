@@ -49,7 +49,27 @@ def test_a_drive_without_a_highest_velocity_is_jogged_at_part_of_its_own(make_si
     wait_moving(site.bridge)
     visitor.page.mouse.up()
     expect(view.locator("#drive-state")).to_have_text("Standstill")
+    # Nobody takes control where that is not configured; the watchdog is there all the same.
+    expect(view.locator("#control")).to_contain_text(re.compile(r"Watchdog .*30 s"))
+    expect(view.locator("#control")).not_to_contain_text("Nobody has control")
+    assert view.locator("#control-take").count() == 0
     assert findings(visitor.page) == []
+    # A limit that is reached is named, with its value, and so is one that lets nothing begin.
+    assert site.bridge.drive(1).command("set_position", target_position=31968) == 0
+    expect(bar).to_have_attribute("data-end", "true")
+    said = view.locator("#jog-state")
+    limited = 0
+    while limited < 2:
+        hold.hover()
+        visitor.page.mouse.down()
+        expect(said).to_contain_text("Ended")
+        # A busy machine's beats come late, which the page says as well.
+        if "late" not in said.inner_text():
+            expect(said).to_have_text(re.compile(
+                "^Ended: (stopped at max-position 100 mm|max-position 100 mm is reached). Let go, then press again.$"))
+            limited += 1
+        visitor.page.mouse.up()
+        expect(view.locator("#drive-state")).to_have_text("Standstill")
 
 
 def test_lamps_are_few_and_say_what_they_mean(site, visit):  # noqa: F811

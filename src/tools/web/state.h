@@ -75,7 +75,7 @@ struct db_web_server {
 	struct db_web_setup *setups;
 	struct db_web_trail *trail;
 	unsigned health_links; /* connections that wait for health values */
-	uint64_t last_number; /* of requests */
+	uint64_t last_number;  /* of requests */
 	struct db_web_connections *connections;
 	struct db_web_counts counts;
 };

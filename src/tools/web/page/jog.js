@@ -16,6 +16,11 @@ const BEATS_AT_ONCE = 2;
 const RELEASE_TRIES = 3;
 /* Percentages of the maximum, offered as speeds. */
 const SHARES = [1, 5, 10, 25, 50, 100];
+/* The service stops a motion before it crosses a limit: it stands as near to it, as a part of the
+ * way between the limits, after these looks at most. */
+const NEAR_LIMIT = 0.005;
+const LIMIT_TRIES = 5;
+const LIMIT_EVERY_MS = 200;
 const SHARE_FIRST = 10;
 const STEPS = [0.01, 0.1, 1, 10, 100];
 /* In counts, where no finer unit is known. */
@@ -168,6 +173,9 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 	});
 	let ready = null;
 	let whyNot = "";
+	/* The sign of the last motion in the user's unit; of ends and begins, which one is the newest. */
+	let towards = 0;
+	let ends = 0;
 
 	function makeHold(direction) {
 		const drawing = icon(direction < 0 ? "backward" : "forward");
@@ -232,15 +240,52 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 			button.classList.toggle("held", pressed && held);
 		}
 		node.dataset.held = moving === 0 ? "no" : held ? "yes" : "asked";
+		if (moving !== 0) {
+			towards = Math.sign(scale.show(velocity, moving));
+			ends++;
+		}
 		if (moving !== 0)
 			setText(said, `${held ? t("Moving") : t("Asking for")} ` +
 				`${formatFixed(scale.show(velocity, moving), decimals)} ${velocityUnit}`);
 		else if (why)
-			setText(said, t("Ended: {why}. Let go, then press again.", { why: text || inWords(why) }));
+			showEnd(why, text);
 		else
 			setText(said, t("Let go: stopped"));
 		if (began)
 			onMoved();
+	}
+
+	/* Names a limit of the configuration at which a motion ended, where it stands there a moment later;
+	 * "": it does not. */
+	async function sayLimit(why, text, end) {
+		const { min_position: min, max_position: max } = context.plant.drives.get(drive)?.description ?? {};
+		const [name, edge] = towards > 0 ? ["max-position", max] : ["min-position", min];
+		const words = `${name} ${formatReal(edge ?? 0)} ${distanceUnit}`;
+
+		if (typeof edge !== "number")
+			return "";
+		if (text.startsWith("limit"))
+			return t("{limit} is reached", { limit: words });
+		for (let tries = 0; why === "stopped" && tries < LIMIT_TRIES && end === ends; tries++) {
+			const { values } = await call("Read", { drive, names: ["position", "position_units"] });
+
+			if (Math.abs((values.position_units ?? values.position) - edge) <=
+			    NEAR_LIMIT * (max > min ? max - min : Math.abs(edge)))
+				return t("stopped at {limit}", { limit: words });
+			await new Promise((resolve) => setTimeout(resolve, LIMIT_EVERY_MS));
+		}
+		return "";
+	}
+
+	async function showEnd(why, text) {
+		const end = ++ends;
+		const say = (words) => setText(said, t("Ended: {why}. Let go, then press again.", { why: words }));
+
+		say(text || inWords(why));
+		const limit = await sayLimit(why, text, end).catch(() => "");
+
+		if (limit && end === ends)
+			say(limit);
 	}
 
 	function sayWhyNot({ state, why }, old) {
