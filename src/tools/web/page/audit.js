@@ -8,7 +8,7 @@ import { cleanText, writeClock, writeDay } from "./plain.js";
 export const title = "Audit";
 
 const KINDS = ["command", "write", "end", "control", "denied", "reload", "set-up", "login", "users",
-	"service", "repeated", "lost", "trail", "alarm"];
+	"service", "repeated", "lost", "trail", "alarm", "position"];
 const WAYS = ["page", "OPC UA", "MQTT", "control socket", "Modbus", "Modbus over TLS", "Modbus RTU", "service"];
 const MORE = 100;
 const ROWS_MOST = 1000;
