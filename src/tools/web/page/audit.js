@@ -12,7 +12,7 @@ export const title = t("Audit");
 const KINDS = { "command": t("command"), "write": t("write"), "end": t("end"), "control": t("control"),
 	"denied": t("denied"), "reload": t("reload"), "set-up": t("set-up"), "login": t("login"),
 	"users": t("users"), "service": t("service"), "repeated": t("repeated"), "lost": t("lost"),
-	"trail": t("trail"), "alarm": t("alarm") };
+	"trail": t("trail"), "alarm": t("alarm"), "position": t("position") };
 const WAYS = { "page": t("page"), "OPC UA": "OPC UA", "MQTT": "MQTT", "control socket": t("control socket"),
 	"Modbus": "Modbus", "Modbus over TLS": t("Modbus over TLS"), "Modbus RTU": "Modbus RTU",
 	"service": t("service") };
