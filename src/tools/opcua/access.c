@@ -477,6 +477,9 @@ static UA_UInt32 get_rights(UA_Server *server, UA_AccessControl *control, const 
 	return 0;
 }
 
+/* What everybody may who is let in. */
+#define READ_LEVEL (UA_ACCESSLEVELMASK_READ | UA_ACCESSLEVELMASK_HISTORYREAD)
+
 static UA_Byte get_access_level(UA_Server *server, UA_AccessControl *control, const UA_NodeId *id,
                                 void *session_context, const UA_NodeId *node, void *node_context)
 {
@@ -485,7 +488,7 @@ static UA_Byte get_access_level(UA_Server *server, UA_AccessControl *control, co
 
 	(void)session_context;
 	if (has(session, &need))
-		return UA_ACCESSLEVELMASK_READ | UA_ACCESSLEVELMASK_WRITE;
+		return READ_LEVEL | UA_ACCESSLEVELMASK_WRITE;
 	/* Also who reads is asked about here. */
 	if (need.written && need.name) {
 		char deed[32];
@@ -494,7 +497,7 @@ static UA_Byte get_access_level(UA_Server *server, UA_AccessControl *control, co
 		(void)db_opcua_access_deny(control->context, session, deed, need.of, need.may,
 		                           need.drive);
 	}
-	return UA_ACCESSLEVELMASK_READ;
+	return READ_LEVEL;
 }
 
 /* Also to be read by clients, as an attribute. */

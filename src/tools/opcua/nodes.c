@@ -3,6 +3,8 @@
 #include "opcua/conditions.h"
 #include "opcua/enumerations.h"
 #include "opcua/events.h"
+#include "opcua/historian.h"
+#include "opcua/history.h"
 #include "opcua/properties.h"
 #include "opcua/references.h"
 #include "opcua/roster.h"
@@ -35,6 +37,7 @@ struct db_opcua_nodes {
 	struct db_opcua_store *store;
 	struct db_opcua_roster roster;
 	struct db_opcua_conditions *conditions;
+	struct db_opcua_historian historian;
 	UA_MonitoredItem *listeners; /* of the events of all drives */
 	UA_DataTypeArray *enumerations;
 	/* Of the drives that came and went, for clients; told together. The ids are owned. */
@@ -432,6 +435,22 @@ static const char *text_of(const struct db_opcua_tree *tree, const struct db_opc
 	return row ? row->text : "";
 }
 
+/* The variable of a register; of some the service keeps the values of a week. */
+static void fill_register(const struct db_opcua_nodes *nodes, struct db_opcua_node *node)
+{
+	const struct db_opcua_shown *shown = node->subject.shown;
+	const struct db_opcua_branch *branch = node->subject.branch;
+	const struct db_opcua_register *reg = &shown->tree->kind->list[branch->place];
+
+	set_head(node, UA_NODECLASS_VARIABLE, db_opcua_member_name(&nodes->roster, branch->name),
+	         reg->description[0] ? reg->description : text_of(shown->tree, branch));
+	set_variable(node, type_of(nodes, reg), false, reg->writable, nodes->config->interval_ms);
+	if (!shown->gateway && db_opcua_history_field(reg->name)) {
+		node->node.variableNode.historizing = true;
+		node->node.variableNode.accessLevel |= UA_ACCESSLEVELMASK_HISTORYREAD;
+	}
+}
+
 static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node *node, bool valued)
 {
 	struct db_opcua_shown *shown = node->subject.shown;
@@ -439,7 +458,6 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 	const struct db_opcua_kind *kind = shown->tree->kind;
 	UA_QualifiedName name = db_opcua_member_name(&nodes->roster, branch->name);
 	double interval_ms = nodes->config->interval_ms;
-	const struct db_opcua_register *reg;
 	const char *text;
 
 	switch (branch->type) {
@@ -457,11 +475,7 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 		fill_object(node, name, text_of(shown->tree, branch));
 		break;
 	case DB_OPCUA_VARIABLE:
-		reg = &kind->list[branch->place];
-		text = reg->description;
-		set_head(node, UA_NODECLASS_VARIABLE, name,
-		         text[0] ? text : text_of(shown->tree, branch));
-		set_variable(node, type_of(nodes, reg), false, reg->writable, interval_ms);
+		fill_register(nodes, node);
 		break;
 	case DB_OPCUA_COLUMN:
 		text = text_of(shown->tree, branch);
@@ -870,6 +884,8 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 		return UA_STATUSCODE_BADOUTOFMEMORY;
 	UA_Server_getConfig(server)->customDataTypes = nodes->enumerations;
 	UA_Server_getConfig(server)->context = nodes;
+	nodes->historian = (struct db_opcua_historian){ &nodes->roster, plant };
+	UA_Server_getConfig(server)->historyDatabase = db_opcua_historian_give(&nodes->historian);
 	db_opcua_store_begin(nodes->store, nodes->roster.space, nodes->roster.types);
 	nodes->roster.has_condition = db_opcua_store_reference_type(nodes->store,
 	                                                            UA_NS0ID_HASCONDITION);

@@ -30,6 +30,8 @@ struct db_opcua_plant {
 	struct db_plant *plant;
 	struct db_client *fetcher; /* NULL: to be opened, not before `fetch_at` */
 	db_time fetch_at;          /* no fetch before */
+	/* For what takes the service longer, and must not hold up a fetch; NULL: to be opened. */
+	struct db_client *historian;
 
 	struct db_opcua_kind *kinds;
 	struct db_opcua_drive **drives;
@@ -400,6 +402,29 @@ void db_opcua_plant_fetch(struct db_opcua_plant *plant, struct db_opcua_item *it
 	json_decref(answer);
 }
 
+json_t *db_opcua_plant_ask_health(struct db_opcua_plant *plant, const char *drive, int64_t since_us,
+                                  int wait_ms)
+{
+	struct db_client_error error = { .parameters = NULL };
+	json_t *answer = NULL;
+
+	if (!db_plant_is_there(plant->plant))
+		return NULL;
+	if (!plant->historian &&
+	    db_client_open(plant->config->socket, &plant->historian, &error) != 0)
+		plant->historian = NULL;
+	if (plant->historian && db_client_call(plant->historian, "Health",
+	                                       json_pack("{s:s, s:I}", "drive", drive, "since_us",
+	                                                 (json_int_t)since_us),
+	                                       wait_ms, &answer, &error) != 0) {
+		/* As above. */
+		db_client_close(plant->historian);
+		plant->historian = NULL;
+	}
+	db_client_error_clear(&error);
+	return answer;
+}
+
 bool db_opcua_plant_ask_clock(struct db_opcua_plant *plant, char token[DB_OPCUA_TOKEN_MAX])
 {
 	json_t *answer = ask_now(plant, "Clock", NULL);
@@ -419,6 +444,8 @@ static void on_lost(void *context)
 
 	db_client_close(plant->fetcher);
 	plant->fetcher = NULL;
+	db_client_close(plant->historian);
+	plant->historian = NULL;
 	plant->stream_at = DB_TIME_NEVER;
 	for (size_t i = 0; i < plant->drive_count; i++) {
 		db_opcua_plant_outdate(plant->drives[i]);
@@ -470,6 +497,7 @@ void db_opcua_plant_free(struct db_opcua_plant *plant)
 		return;
 	db_plant_free(plant->plant);
 	db_client_close(plant->fetcher);
+	db_client_close(plant->historian);
 	for (size_t i = 0; i < plant->drive_count; i++)
 		db_opcua_drive_free(&plant->kinds, plant->drives[i]);
 	free(plant->drives);

@@ -4,7 +4,7 @@
  * come as a stream, other values when they are read. When the drives change, unchanged ones are
  * kept.
  *
- * One thread. Never waits, except in db_opcua_plant_fetch() and db_opcua_plant_ask_clock().
+ * One thread. Never waits, except in db_opcua_plant_fetch() and functions that ask.
  */
 #ifndef DRIVEBRIDGE_OPCUA_PLANT_H
 #define DRIVEBRIDGE_OPCUA_PLANT_H
@@ -66,6 +66,11 @@ void db_opcua_plant_fetch(struct db_opcua_plant *plant, struct db_opcua_item *it
 /* A current token of the service's clock. Waits as db_opcua_plant_fetch() does. False: there is
  * none. */
 bool db_opcua_plant_ask_clock(struct db_opcua_plant *plant, char token[DB_OPCUA_TOKEN_MAX]);
+
+/* How the drive was since then, an answer to the service's method Health, waiting as long; NULL: there
+ * is none, or it came too late. */
+json_t *db_opcua_plant_ask_health(struct db_opcua_plant *plant, const char *drive, int64_t since_us,
+                                  int wait_ms);
 
 /* The drive got a command: the known values are older than that. */
 void db_opcua_plant_outdate(struct db_opcua_drive *drive);

@@ -332,6 +332,35 @@ static void refer_of_row(const struct db_opcua_roster *roster, const struct db_o
 	refer_to_rows(roster, row, references);
 }
 
+static void refer_to_all_conditions(const struct db_opcua_roster *roster,
+                                    struct db_opcua_references *references)
+{
+	refer_to_type(references, UA_NS0ID_FOLDERTYPE);
+	refer_to_standard(references, UA_REFERENCETYPEINDEX_ORGANIZES, true, UA_NS0ID_OBJECTSFOLDER,
+	                  "Objects");
+	for (const struct db_opcua_alarm *alarm = roster->alarms.list; alarm; alarm = alarm->next)
+		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false, alarm->id,
+		         "", db_opcua_condition_name(roster, alarm));
+}
+
+static void refer_of_bus(const struct db_opcua_roster *roster, const struct db_opcua_bus *bus,
+                         struct db_opcua_references *references)
+{
+	db_opcua_store_refer(references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false,
+	                     db_opcua_type_id(roster, db_opcua_type_of_bus()),
+	                     db_opcua_member_name(roster, ""));
+	refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true, DB_OPCUA_BUSES, "",
+	         db_opcua_member_name(roster, "Buses"));
+	for (const struct db_opcua_fact *fact = bus->facts; fact; fact = fact->next) {
+		char path[sizeof(bus->name) + sizeof(fact->name)];
+
+		(void)snprintf(path, sizeof(path), "%s.%s", bus->name, fact->name);
+		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+		         DB_OPCUA_BUSES, path, db_opcua_member_name(roster, fact->name));
+	}
+	refer_to_conditions(roster, references, "bus", bus->name);
+}
+
 void db_opcua_refer(const struct db_opcua_roster *roster, const struct db_opcua_subject *subject,
                     struct db_opcua_references *references)
 {
@@ -362,31 +391,13 @@ void db_opcua_refer(const struct db_opcua_roster *roster, const struct db_opcua_
 			         DB_OPCUA_BUSES, bus->name, db_opcua_own_name(roster, bus->name));
 		break;
 	case DB_OPCUA_ALL_ALARMS:
-		refer_to_type(references, UA_NS0ID_FOLDERTYPE);
-		refer_to_standard(references, UA_REFERENCETYPEINDEX_ORGANIZES, true,
-		                  UA_NS0ID_OBJECTSFOLDER, "Objects");
-		for (const struct db_opcua_alarm *alarm = roster->alarms.list; alarm;
-		     alarm = alarm->next)
-			refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
-			         alarm->id, "", db_opcua_condition_name(roster, alarm));
+		refer_to_all_conditions(roster, references);
 		break;
 	case DB_OPCUA_CONDITION:
 		refer_of_condition(roster, subject, references);
 		break;
 	case DB_OPCUA_BUS:
-		db_opcua_store_refer(references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false,
-		                     db_opcua_type_id(roster, db_opcua_type_of_bus()),
-		                     db_opcua_member_name(roster, ""));
-		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
-		         DB_OPCUA_BUSES, "", db_opcua_member_name(roster, "Buses"));
-		for (const struct db_opcua_fact *fact = bus->facts; fact; fact = fact->next) {
-			char path[sizeof(bus->name) + sizeof(fact->name)];
-
-			(void)snprintf(path, sizeof(path), "%s.%s", bus->name, fact->name);
-			refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
-			         DB_OPCUA_BUSES, path, db_opcua_member_name(roster, fact->name));
-		}
-		refer_to_conditions(roster, references, "bus", bus->name);
+		refer_of_bus(roster, bus, references);
 		break;
 	case DB_OPCUA_FACT:
 		refer_to_type(references, UA_NS0ID_BASEDATAVARIABLETYPE);

@@ -4,6 +4,7 @@
 #include "opcua/access.h"
 #include "opcua/acting.h"
 #include "opcua/events.h"
+#include "opcua/history.h"
 #include "opcua/network.h"
 #include "opcua/nodes.h"
 #include "opcua/plant.h"
@@ -367,6 +368,9 @@ static void set_limits(UA_ServerConfig *settings, const struct db_opcua_config *
 	settings->queueSizeLimits = (UA_UInt32Range){ QUEUE_MAX, QUEUE_MAX };
 	settings->maxPublishReqPerSession = 20;
 	settings->maxAsyncOperationQueueSize = 1;
+	settings->historizingEnabled = true;
+	settings->accessHistoryDataCapability = true;
+	settings->maxReturnDataValues = DB_OPCUA_HISTORY_PAGE;
 }
 
 static UA_StatusCode set_url(UA_ServerConfig *settings, const struct db_opcua_config *config)
