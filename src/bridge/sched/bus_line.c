@@ -278,7 +278,7 @@ static void follow_scan(struct bus_line *line, db_time now)
 	if (line->port)
 		set_read_size(line, !scans);
 	if (line->use == LINE_IN_SERVICE && aside) {
-		const char *whose = line->engine->scan->plan.whose;
+		const char *whose = scans ? line->engine->scan->plan.whose : "";
 
 		db_log(line->log, now, DB_EVENT_BUS_ASIDE, NULL,
 		       "%s is out of service for a scan%s%s: its drives are left as on-exit says, and are "
