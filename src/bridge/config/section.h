@@ -65,10 +65,11 @@ const char *db_section_text(const struct db_section *section, const char *name);
 bool db_section_word(const struct db_section *section, const char *name, unsigned *position);
 
 /*
- * Reads all keys into the section's struct (db_modbus_config, db_control_config, db_role_config,
- * db_endpoint_config, db_rtu_config, db_bus_config or db_drive_config), except those that name something else
- * (db_keys_is_reference()). Keys that are not in the file, or are for families of another kind,
- * have their preset, without one 0, null or NAN. Invalid ones are errors, and 0 or null.
+ * Reads all keys into the section's struct (db_modbus_config, db_control_config,
+ * db_endpoint_config, db_role_config, db_rtu_config, db_bus_config or db_drive_config), except
+ * those that name something else (db_keys_is_reference()). Keys that are not in the file, or are
+ * for families of another kind, have their preset, without one 0, null or NAN. Invalid ones are
+ * errors, and 0 or null.
  */
 void db_section_read(const struct db_section *section, void *values);
 

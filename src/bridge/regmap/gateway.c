@@ -13,9 +13,9 @@ static const enum db_command group_stops[] = { DB_CMD_NONE, DB_CMD_STOP, DB_CMD_
 #define GROUP_STOPS (sizeof(group_stops) / sizeof(group_stops[0]))
 
 /*
- * A PLC that uses only this unit is alive for every drive of its endpoint that waits for a heartbeat, as if it had
- * written a new one there. For drives that another client controls it has no effect, which is no
- * error.
+ * A PLC that uses only this unit is alive for every drive of its endpoint that waits for a
+ * heartbeat, as if it had written a new one there. For drives that another client controls it has
+ * no effect, which is no error.
  */
 static int write_gateway_heartbeat(const struct db_registers *registers,
                                    const struct db_view_space *space,

@@ -61,8 +61,8 @@ static const struct db_codes configuration_states = { configuration_state_name,
 
 static const char about_gateway_heartbeat[] =
 	"For PLCs with one unit id only: a new value is like one in the heartbeat of every drive "
-	"of this endpoint with watchdog-feed = heartbeat; with control = drive of those that the client controls; "
-	"reads the value written last";
+	"of this endpoint with watchdog-feed = heartbeat; with control = drive of those that the "
+	"client controls; reads the value written last";
 static const char about_configuration_state[] =
 	"Whether the configuration on disk is what runs; refused and last_good need somebody "
 	"because a restart would not run what runs now; changed is right and waits for a reload";

@@ -94,8 +94,8 @@ struct db_view_space *db_view_space_of(const struct db_registers *registers,
 	return NULL;
 }
 
-/* The gateway's own unit of an endpoint, which stays when a reload takes the endpoint out. Null when
- * out of memory. */
+/* The gateway's own unit of an endpoint, which stays when a reload takes the endpoint out. Null
+ * when out of memory. */
 static struct db_gateway_unit *own_unit(struct db_registers *registers, uint32_t endpoint)
 {
 	struct db_gateway_unit *unit = registers->units;

@@ -21,8 +21,8 @@ bool db_acl_match(const struct db_network *network, const uint8_t address[16]);
 
 /*
  * A client's rights at the endpoint with this number: none where there is no such endpoint (any
- * more). Writing includes reading. An empty allow_read means everyone, an empty allow_write the local
- * machine only.
+ * more). Writing includes reading. An empty allow_read means everyone, an empty allow_write the
+ * local machine only.
  */
 enum db_access db_acl_access(const struct db_modbus_config *config, uint32_t endpoint,
                              const uint8_t address[16]);

@@ -88,10 +88,14 @@ static void log_endpoint(const struct service *service, const struct db_endpoint
 		       "soon as "
 		       "it has. If it never will: correct listen (ip address shows what it has)",
 		       host, endpoint->listen);
-	db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
-	       "listening on %.*s:%u%s%s", host, endpoint->listen,
-	       (unsigned)db_server_port(service->server, endpoint->number),
-	       endpoint->name ? " for endpoint " : "", endpoint->name ? endpoint->name : "");
+	if (endpoint->name)
+		db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
+		       "listening on %.*s:%u for endpoint %s", host, endpoint->listen,
+		       (unsigned)db_server_port(service->server, endpoint->number), endpoint->name);
+	else
+		db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
+		       "listening on %.*s:%u", host, endpoint->listen,
+		       (unsigned)db_server_port(service->server, endpoint->number));
 }
 
 void service_log_listening(const struct service *service, const struct db_modbus_config *before,

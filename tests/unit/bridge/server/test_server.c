@@ -1331,7 +1331,7 @@ static void endpoints_exchange_their_ports(void **state)
 	after[1] = endpoint_at(name_a, swapped[1]);
 	rig->next.endpoints = after;
 	assert_int_equal(change(rig, &rig->next), 0);
-	/* Who is connected stays where it is; who connects anew gets what the port stands for. */
+	/* A client stays where it is connected; a new connection gets what the port stands for. */
 	expect_served_at(rig, a, "a");
 	expect_served_at(rig, b, "b");
 	close(b);
