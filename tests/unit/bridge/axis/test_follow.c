@@ -95,6 +95,29 @@ static int shows_at(float speed, float before, const float *velocities, size_t c
 	return -1;
 }
 
+/* Data of the moment of the command may be from before it. */
+static void data_of_the_moment_of_the_command_show_nothing(void **state)
+{
+	const struct db_args args = { .target_velocity = 1000.0f };
+	const struct db_request request = { .command = DB_CMD_MOVE_VELOCITY,
+		                            .ticket = 1,
+		                            .args = &args };
+	struct db_feedback feedback = { .status = DB_STATUS_ONLINE | DB_STATUS_MOVING,
+		                        .velocity = 1000.0f };
+	struct db_follow follow;
+	unsigned samples = 0;
+
+	(void)state;
+	db_follow_begin(&follow, &request, false, 1000 * MS);
+	feedback.taken = 1000 * MS;
+	assert_false(db_follow_shows(&follow, &feedback));
+	do {
+		samples++;
+		feedback.taken += 10 * MS;
+	} while (!db_follow_shows(&follow, &feedback) && samples < 10);
+	assert_int_equal(samples, 3);
+}
+
 static void a_speed_without_proof_shows_later(void **state)
 {
 	static const float up[] = { 100, 500, 990, 1000, 1010, 1000 };
@@ -331,6 +354,7 @@ static void homing_goes_on_while_either_shows(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(data_of_the_moment_of_the_command_show_nothing),
 		cmocka_unit_test(a_speed_without_proof_shows_later),
 		cmocka_unit_test(what_goes_on_for_ever_and_stands_has_failed),
 		cmocka_unit_test(what_was_taken_without_proof_and_never_begins_has_failed),

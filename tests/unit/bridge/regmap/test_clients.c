@@ -229,6 +229,30 @@ static void what_reaches_the_bus_stays_on_the_endpoint(void **state)
 	fake_registers_close(&fake);
 }
 
+/* Also the first drive of all, and whichever drive is written to. */
+static void every_drive_of_the_bus_counts(void **state)
+{
+	static char *const names[] = { "press\0saw\0", "feeder\0saw\0", "feeder\0press\0" };
+	struct db_role_config role = { .parameters = true };
+	struct db_client client = with_role(&role);
+	struct fake_registers fake;
+
+	(void)state;
+	make(&fake, &(struct db_modbus_config){ .confirm_ms = 40 });
+	for (unsigned i = 0; i < 3; i++)
+		fake.drives[i].bus = 0;
+	fake_registers_open(&fake);
+	for (unsigned missing = 0; missing < 3; missing++) {
+		role.write.names = names[missing];
+		for (unsigned unit = 1; unit <= 3; unit++)
+			assert_int_equal(
+				write1(&fake, &client, (uint8_t)unit, 101, DB_CMD_SYNC_START),
+				ILLEGAL_FUNCTION);
+	}
+	assert_int_equal(fake.refused_by_role, 9);
+	fake_registers_close(&fake);
+}
+
 /* A stop beside something that is not permitted is carried out all the same. */
 static void a_stop_is_a_stop_beside_what_is_not_permitted(void **state)
 {
@@ -523,6 +547,7 @@ int main(void)
 		cmocka_unit_test(parameters_need_a_permission_of_their_own),
 		cmocka_unit_test(what_reaches_the_bus_needs_all_of_its_drives),
 		cmocka_unit_test(what_reaches_the_bus_stays_on_the_endpoint),
+		cmocka_unit_test(every_drive_of_the_bus_counts),
 		cmocka_unit_test(a_stop_is_a_stop_beside_what_is_not_permitted),
 		cmocka_unit_test(claims_and_the_gateway_need_a_permission_of_their_own),
 		cmocka_unit_test(writes_that_no_drive_was_asked_for_are_on_record),

@@ -789,10 +789,14 @@ static void control_is_asked_for_and_let_go(void **state)
 	assert_int_equal(fake_get1(&fake, 1, 56), 0);
 	assert_int_equal(fake_get1(&fake, 1, 57), 50001);
 	assert_int_equal(fake_get2(&fake, 1, 58), 0xC0A80A05);
+	/* As text: 192.168.10.5 */
+	assert_int_equal(fake_get1(&fake, 1, 1056), '1' << 8 | '9');
+	assert_int_equal(fake_get1(&fake, 2, 1056), 0);
 	fake.now += 1500 * MS;
 	assert_int_equal(fake_get2(&fake, 1, 60), 3500);
 	assert_int_equal(fake_put(&fake, 1, 56, 1, 1), BUSY);
 	assert_int_equal(fake_get1(&fake, 1, 24), DB_RESULT_NOT_IN_CONTROL);
+	assert_int_equal(fake_get1(&fake, 1, 67), 0);
 	/* Letting go what one does not have is nothing. */
 	assert_int_equal(fake_put(&fake, 1, 56, 1, 0), 0);
 	assert_int_equal(intruder_sees(&fake, 56), 1);
