@@ -36,6 +36,7 @@ struct db_opcua_conditions *db_opcua_conditions_new(struct db_opcua_roster *rost
                                                     void *context)
 {
 	struct db_opcua_conditions *conditions = calloc(1, sizeof(*conditions));
+	int64_t now_us = db_client_wall_us();
 
 	if (!conditions)
 		return NULL;
@@ -43,9 +44,10 @@ struct db_opcua_conditions *db_opcua_conditions_new(struct db_opcua_roster *rost
 	conditions->acknowledge = acknowledge;
 	conditions->context = context;
 	conditions->due = DB_TIME_NEVER;
-	/* Without random numbers ids of events are those of the run before, which is no harm: they
-	 * name the same states of the same alarms. */
-	(void)getrandom(roster->alarms.salt, sizeof(roster->alarms.salt), GRND_NONBLOCK);
+	/* The time is another one in each run, too. */
+	if (getrandom(roster->alarms.salt, sizeof(roster->alarms.salt), GRND_NONBLOCK) !=
+	    sizeof(roster->alarms.salt))
+		memcpy(roster->alarms.salt, &now_us, sizeof(roster->alarms.salt));
 	return conditions;
 }
 
