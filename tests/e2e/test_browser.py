@@ -5,6 +5,7 @@ Policy forbids, addresses elsewhere) fails each of these tests. When drives move
 import contextlib
 import csv
 import io
+import itertools
 import re
 import signal
 import time
@@ -889,6 +890,21 @@ def test_a_move_is_captured_around_its_trigger(site, visit):
     expect(view.locator("#scope-said")).to_contain_text("Waits for drive1.velocity is not 0 mm/s")
     eventually(captured, 60, "the move")
     expect(view.locator("#scope-said")).to_contain_text("samples")
+    # How it answers to the next move.
+    view.locator("#scope-duration").fill("0.6")
+    view.locator("#scope-move").click()
+    expect(view.locator("#scope-said")).to_contain_text("Waits for")
+    targets = itertools.cycle((960, 0))
+
+    def moved():
+        target = next(targets)
+        site.bridge.drive(1).settle("move_absolute", target_position=target)
+        eventually(lambda: site.bridge.drive(1).read("position") == target, what="its end")
+        return "Waits" not in view.locator("#scope-said").inner_text()
+
+    eventually(moved, 60, "the trigger to come")
+    expect(view.locator("#scope-response")).to_contain_text("drive1.position does not overshoot")
+    expect(view.locator("#scope-response")).to_contain_text("of the step after 0.")
 
 
 def test_the_wire_and_the_log_are_read(site, visit):

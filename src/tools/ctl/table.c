@@ -55,9 +55,9 @@ const struct db_ctl_command db_ctl_commands[] = {
 	{ "jog", "DRIVE", "drives", 1, 1, true, DB_CTL_TASK_MOVE,
 	  "Move while an arrow key is held",
 	  db_ctl_jog },
-	{ "position", "DRIVE [teach|go|forget|keep NAME]", "drives deeds positions -", 1, 3, true, DB_CTL_TASK_MOVE,
-	  "Named positions of a drive; lists them, teaches where the drive stands, goes there and waits "
-	  "for the end of the motion (Ctrl-C stops the drive), forgets one. A drive does not go to a position "
+	{ "position", "DRIVE [ACTION NAME]", "drives deeds positions -", 1, 3, true, DB_CTL_TASK_MOVE,
+	  "Named positions of a drive; lists them, or with teach takes where the drive stands, with go goes there and waits "
+	  "for the end of the motion (Ctrl-C stops the drive), with forget drops one. A drive does not go to a position "
 	  "after its origin, its counts per unit or the drive itself has changed; keep says that the "
 	  "origin is still the one of then",
 	  db_ctl_position },

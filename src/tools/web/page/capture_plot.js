@@ -5,6 +5,7 @@ import { buildChart, createChart } from "./chart.js";
 import { element, newId, setText } from "./dom.js";
 import { NONE, formatFixed, formatReal, formatWithUnit, hasBits } from "./format.js";
 import { DASHES, createSwatch, padRange } from "./plot_line.js";
+import { measureResponse, sayResponse } from "./response.js";
 import { t } from "./words.js";
 
 export const CHANNELS_MOST = DASHES.length;
@@ -12,6 +13,7 @@ const CURSORS = ["A", "B"];
 const CURSORS_FIRST = [250, 750];
 const CURSOR_STEPS = 1000;
 const HEIGHT_PX = 380;
+const FOLLOWS = ["position", "position_units", "velocity", "velocity_units"];
 
 /*
  * channels: { drive, name, register, unit, show }, CHANNELS_MOST at most, unit and show() of the
@@ -84,6 +86,7 @@ function makeParts(channels) {
 		rows: channels.map(({ drive, name }, index) => makeRow(createSwatch(index), `${drive}.${name}`)),
 		between: small("scope-zoom", t("Between the cursors")),
 		all: small("scope-all", t("All of it")),
+		response: element("p", { id: "scope-response", class: "muted" }),
 		node: null,
 	};
 	const head = element("tr", {}, element("td"), [t("Value"), ...CURSORS, "B − A"].map((words, at) =>
@@ -97,7 +100,7 @@ function makeParts(channels) {
 			"aria-label": t("Values at the cursors") },
 		element("table", { class: "plot-legend", id },
 			element("caption", { class: "hidden-label" }, t("Values at the cursors")),
-			element("thead", {}, head), element("tbody", {}, parts.timeRow, parts.rows))));
+			element("thead", {}, head), element("tbody", {}, parts.timeRow, parts.rows))), parts.response);
 	return parts;
 }
 
@@ -197,6 +200,15 @@ function show(plot, capture) {
 			(min <= before.min && max >= before.max));
 	}
 	showCursors(plot);
+	showResponse(plot);
+}
+
+/* Of values that follow a command: how each has answered to the step at the trigger. */
+function showResponse({ channels, data, response }) {
+	const words = channels.map(({ drive, name }, index) => FOLLOWS.includes(name) ?
+		sayResponse(`${drive}.${name}`, measureResponse(data[0], data[index + 1])) : "");
+
+	setText(response, words.filter(Boolean).join(" "));
 }
 
 function zoom(plot, { min, max }) {

@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* How a value answers to a step: how far it goes beyond, and when it stays. Pure. */
+
+/* It has settled where it stays within this part of the step around its end. */
+export const BAND = 0.02;
+/* The end is the mean of this part of the record, and has to be calm. */
+const END_PART = 0.1;
+const SAMPLES_LEAST = 10;
+
+/*
+ * times in seconds, ascending, 0: the moment of the step; values with null where there is none. Returns {
+ * from, to, overshoot, settled }: overshoot as a part of the step (0: it stays below its end), settled in
+ * seconds after 0. null: there is no step, or it has not come to its end.
+ */
+export function measureResponse(times, values) {
+	const samples = times.map((time, i) => ({ time, value: values[i] }))
+		.filter(({ value }) => Number.isFinite(value));
+	const end = samples.slice(-Math.max(3, Math.ceil(samples.length * END_PART)));
+
+	if (samples.length < SAMPLES_LEAST)
+		return null;
+	const before = samples.findLast(({ time }) => time <= 0) ?? samples[0];
+	const from = before.value;
+	const to = end.reduce((sum, { value }) => sum + value, 0) / end.length;
+	const step = to - from;
+	const isOff = ({ value }) => Math.abs(value - to) > BAND * Math.abs(step);
+
+	if (Math.abs(step) < 1e-9 * Math.max(1, Math.abs(to)) || end.some(isOff))
+		return null;
+	const after = samples.filter(({ time }) => time > 0);
+	const beyond = Math.max(0, ...after.map(({ value }) => (value - to) / step));
+
+	return {
+		from,
+		to,
+		/* Less than the band is the last digit of a value that does not overshoot. */
+		overshoot: beyond > BAND / 4 ? beyond : 0,
+		settled: after[after.findLastIndex(isOff) + 1]?.time ?? 0,
+	};
+}
+
+/* As a sentence; "" for null. */
+export function sayResponse(name, response) {
+	if (!response)
+		return "";
+	const { overshoot, settled } = response;
+	const beyond = overshoot > 0 ? `overshoots by ${(overshoot * 100).toFixed(1)} %` : "does not overshoot";
+
+	return `${name} ${beyond}, and stays within ${BAND * 100} % of the step after ${settled.toFixed(3)} s.`;
+}
