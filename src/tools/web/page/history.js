@@ -91,7 +91,7 @@ export function readHistory(values, number, registers, commands, scale) {
 		written,
 		args: written && written.value !== undefined ?
 			formatWithUnit(written.register, written.value) : args.join(", "),
-		result: inWords(registers.get("result")?.codes?.[value("result")] ?? String(value("result"))),
+		result: registers.get("result")?.codes?.[value("result")] ?? String(value("result")),
 		duration_us: value("duration_us"),
 		user: value("user") ?? "",
 		client: formatClient(value("ipv4"), value("port"), value("address"), value("user")),
@@ -167,7 +167,7 @@ function makeEntry(entry) {
 		element("td", { class: "nowrap" }, formatTime(entry.time_us)),
 		element("th", { scope: "row" }, asLabel(entry.command), repeats),
 		element("td", {}, entry.args),
-		element("td", {}, element("span", { class: `badge ${kind}` }, entry.result)),
+		element("td", {}, element("span", { class: `badge ${kind}` }, inWords(entry.result))),
 		element("td", { class: "number" }, formatDuration(entry.duration_us)),
 		element("td", { class: "muted nowrap" }, entry.client));
 }
