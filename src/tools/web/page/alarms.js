@@ -5,8 +5,9 @@ import { createField, element, icon, setText } from "./dom.js";
 import { formatTime, inWords } from "./format.js";
 import { readRecord } from "./plant.js";
 import { recall, remember } from "./kept_choice.js";
+import { t } from "./words.js";
 
-const COLUMNS = ["Alarm", "What", "Last came", "Gone", "Times", "Seen by", ""];
+const COLUMNS = [t("Alarm"), t("What"), t("Last came"), t("Gone"), t("Times"), t("Seen by"), ""];
 /* In whole seconds. */
 const writeTime = (us) => formatTime(us).replace(/\.\d+$/, "");
 
@@ -28,7 +29,7 @@ export function readWhom(words) {
 
 /* What it is of, in words. Pure. */
 function nameOf({ kind, name }) {
-	return kind === "drive" ? name : kind === "bus" ? `Bus ${name}` : "Configuration";
+	return kind === "drive" ? name : kind === "bus" ? t("Bus {name}", { name }) : t("Configuration");
 }
 
 function hrefOf({ kind, name }) {
@@ -39,14 +40,14 @@ function hrefOf({ kind, name }) {
 /* The list. { node, update() }: asks for what has changed. */
 export function createAlarms(context) {
 	const known = new Map();
-	const choice = element("select", { id: "alarms-filter" }, element("option", { value: "open" }, "open"),
-		element("option", { value: "all" }, "all"));
+	const choice = element("select", { id: "alarms-filter" }, element("option", { value: "open" }, t("open")),
+		element("option", { value: "all" }, t("all")));
 	const count = element("p", { id: "alarms-count", class: "muted", role: "status" });
 	const body = element("tbody");
-	const node = element("section", { class: "panel", "aria-label": "Alarms" },
-		element("div", { class: "toolbar" }, element("h2", {}, "Alarms"),
-			createField("Show", choice, "inline"), count),
-		element("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": "List of alarms" },
+	const node = element("section", { class: "panel", "aria-label": t("Alarms") },
+		element("div", { class: "toolbar" }, element("h2", {}, t("Alarms")),
+			createField(t("Show"), choice, "inline"), count),
+		element("div", { class: "table-frame", tabindex: "0", role: "region", "aria-label": t("List of alarms") },
 			element("table", { id: "alarms" }, element("thead", {}, element("tr", {},
 				COLUMNS.map((words) => element("th", { scope: "col" }, words)))), body)));
 	let after = 0;
@@ -72,10 +73,10 @@ export function createAlarms(context) {
 		const why = context.whyNot("move", alarm.kind === "drive" ? alarm.name : "");
 		const button = element("button", { class: "small", type: "button", disabled: why !== "",
 			title: why || null, "data-acknowledge": alarm.id,
-			"aria-label": `Acknowledge the alarm of ${nameOf(alarm)}` }, "Acknowledge");
+			"aria-label": t("Acknowledge the alarm of {alarm}", { alarm: nameOf(alarm) }) }, t("Acknowledge"));
 
 		button.addEventListener("click", () => acknowledge(alarm, button));
-		return ["nobody yet", button];
+		return [t("nobody yet"), button];
 	}
 
 	function makeRow(alarm) {
@@ -88,8 +89,8 @@ export function createAlarms(context) {
 				element("a", { href: hrefOf(alarm) }, nameOf(alarm))),
 			[why || inWords(alarm.cause),
 				[writeTime(alarm.came_us), alarm.times > 1 ?
-					element("small", { class: "muted" }, ` first ${writeTime(alarm.since_us)}`) : null],
-				present ? "still there" : writeTime(alarm.gone_us), alarm.times, seen, button]
+					element("small", { class: "muted" }, t(" first {since_us}", { since_us: writeTime(alarm.since_us) })) : null],
+				present ? t("still there") : writeTime(alarm.gone_us), alarm.times, seen, button]
 				.map((content, index) => element("td", { "data-label": COLUMNS[index + 1] }, content)));
 	}
 
@@ -98,13 +99,13 @@ export function createAlarms(context) {
 		const wanted = JSON.stringify(list);
 		const open = [...known.values()].filter(isOpen).length;
 
-		setText(count, state || `${open} open, ${known.size} kept`);
+		setText(count, state || t("{open} open, {count} kept", { open, count: known.size }));
 		if (wanted === shown)
 			return;
 		shown = wanted;
 		body.replaceChildren(...(list.length > 0 ? list.map(makeRow) :
 			[element("tr", {}, element("td", { colspan: COLUMNS.length, class: "empty" },
-				choice.value === "all" ? "There are no alarms." : "No alarm is open."))]));
+				choice.value === "all" ? t("There are no alarms.") : t("No alarm is open.")))]));
 	}
 
 	choice.value = recall("alarms", "open");
@@ -125,7 +126,7 @@ export function createAlarms(context) {
 				answer.alarms.forEach((alarm) => known.set(alarm.id, alarm));
 				({ change: after, over } = answer);
 				state = answer.on ? answer.trouble &&
-					`They are not kept over a restart: ${answer.trouble}` : "Alarms are switched off: health = off";
+					t("They are not kept over a restart: {trouble}", { trouble: answer.trouble }) : t("Alarms are switched off: health = off");
 			}
 			draw();
 		},

@@ -619,7 +619,7 @@ function start() {
 			find("main").focus({ preventScroll: true });
 	});
 	window.addEventListener("beforeprint", () => setText(find("printed"),
-		`${location.host}, printed ${new Date().toLocaleString("en-GB")}` +
+		t("{host}, printed {time}", { host: location.host, time: new Date().toLocaleString("en-GB") }) +
 		(link === "live" ? "" : `; ${sayOld()}`)));
 	watchVisibility();
 	api.onSession(takeSession);

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+import { t } from "./words.js";
 /*
  * Files in one file, as tar and gzip make it: so a terminal can look into it as well. Paths have up to
  * 100 bytes, which is more than a drive's name needs. Pure, but for the browser's streams.
@@ -34,7 +35,7 @@ export function writeTar(files, timeS) {
 		const bytes = new TextEncoder().encode(text);
 
 		if (new TextEncoder().encode(path).length > 100)
-			throw new Error(`${path}: the name is too long`);
+			throw new Error(t("{path}: the name is too long", { path }));
 		parts.push(writeHead(path, bytes.length, timeS), bytes, new Uint8Array(-bytes.length & (BLOCK - 1)));
 	}
 	parts.push(new Uint8Array(2 * BLOCK));
@@ -52,7 +53,7 @@ export function readTar(bytes) {
 			all + (index >= 148 && index < 156 ? 32 : byte), 0);
 
 		if (!(size >= 0) || parseInt(text(at + 148, 8), 8) !== sum || at + BLOCK + size > bytes.length)
-			throw new Error("it is damaged, or no file of a gateway");
+			throw new Error(t("it is damaged, or no file of a gateway"));
 		if (["0", ""].includes(text(at + 156, 1)))
 			files.set(text(at, 100).replace(/^\.\//, ""), text(at + BLOCK, size));
 		at += BLOCK + Math.ceil(size / BLOCK) * BLOCK;
@@ -73,7 +74,7 @@ export async function unpack(file) {
 
 	for (;;) {
 		const { done, value } = await reader.read().catch(() => {
-			throw new Error("it is damaged, or no file of a gateway");
+			throw new Error(t("it is damaged, or no file of a gateway"));
 		});
 
 		if (done)
@@ -82,7 +83,7 @@ export async function unpack(file) {
 		parts.push(value);
 		if (size > LIMIT) {
 			reader.cancel();
-			throw new Error("it is too long for a file of a gateway");
+			throw new Error(t("it is too long for a file of a gateway"));
 		}
 	}
 }

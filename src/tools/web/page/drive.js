@@ -221,7 +221,7 @@ function makeHead(mine) {
 		[element("a", { href: `#/parameters/${encodeURIComponent(name)}` }, t("Parameters"))];
 	const place = [];
 
-	links.push(element("a", { href: `#/positions/${encodeURIComponent(name)}` }, "Positions"));
+	links.push(element("a", { href: `#/positions/${encodeURIComponent(name)}` }, t("Positions")));
 	if (context.may("engineer", name))
 		links.push(element("a", { href: `#/commission/${encodeURIComponent(name)}` }, t("Commission")));
 	const quantity = (label, node, register, bar) => element("div", { class: "quantity live" },

@@ -10,8 +10,9 @@ import { createField, element, newId, setText } from "./dom.js";
 import { handOver, nameTime, saveFile } from "./file_transfer.js";
 import { listDevices, makeFiles, readFiles, replaceDevices } from "./gateway_file.js";
 import { askUser } from "./question.js";
+import { t } from "./words.js";
 
-export const title = "Back up, restore";
+export const title = t("Back up, restore");
 
 const FILE_MOST = 8 * 1024 * 1024;
 
@@ -27,7 +28,7 @@ async function save(mine, said) {
 	const missing = [];
 
 	for (const drive of mine.context.plant.drives.keys()) {
-		setText(said, `Reading the parameters of ${drive}`);
+		setText(said, t("Reading the parameters of {drive}", { drive }));
 		try {
 			const { text } = await ask("POST", "parameters/file", { drive });
 
@@ -41,33 +42,32 @@ async function save(mine, said) {
 	const tar = writeTar(makeFiles(answer, parameters), Math.floor(Date.now() / 1000));
 
 	saveFile(`gateway-${nameTime()}.tar.gz`, [await pack(tar)], "application/gzip");
-	said.replaceChildren(`Saved: buses and drives that are edited here, what runs, and the parameters of ${
-		parameters.size} drives.`, createList([
-		...(answer.users ? [`${answer.users.length} users, without their passwords`] :
-			["Without users: an administrator sees them."]),
-		...missing.map((line) => `Without the parameters of ${line}`)]));
+	said.replaceChildren(t("Saved: buses and drives that are edited here, what runs, and the parameters of {count} drives.", { count: parameters.size }), createList([
+		...(answer.users ? [t("{count} users, without their passwords", { count: answer.users.length })] :
+			[t("Without users: an administrator sees them.")]),
+		...missing.map((line) => t("Without the parameters of {line}", { line }))]));
 }
 
 /* --- out of a file ---------------------------------------------------------------------------- */
 
 function showConfiguration(mine, content) {
 	const node = element("section", { class: "panel", id: "gateway-configuration" },
-		element("h2", {}, "Buses and drives that are edited here"));
+		element("h2", {}, t("Buses and drives that are edited here")));
 	const why = mine.context.whyNot("manage");
 
 	if (content.edited === null || why) {
-		node.append(element("p", { class: "muted" }, why || "The file has none."));
+		node.append(element("p", { class: "muted" }, why || t("The file has none.")));
 		return node;
 	}
 	const ports = listDevices(content.edited).map((device) => {
 		const input = element("input", { id: newId("port"), value: device, size: 48, spellcheck: "false",
 			"data-port": device });
 
-		return { device, input, field: createField(`${device} is on this gateway`, input) };
+		return { device, input, field: createField(t("{device} is on this gateway", { device }), input) };
 	});
 	const said = element("div", { role: "status" });
 	const apply = element("button", { id: "gateway-apply", type: "button", class: "primary", disabled: true },
-		"Write and load…");
+		t("Write and load…"));
 	const text = () => replaceDevices(content.edited,
 		new Map(ports.map(({ device, input }) => [device, input.value.trim()])));
 
@@ -81,14 +81,14 @@ function showConfiguration(mine, content) {
 			return null;
 		apply.disabled = !checked.good || !now.may_edit || wanted === now.text;
 		said.replaceChildren(
-			wanted === now.text ? "This is what the gateway has." : checked.good ?
-				"This would be changed:" : "It has mistakes and cannot be written:",
+			wanted === now.text ? t("This is what the gateway has.") : checked.good ?
+				t("This would be changed:") : t("It has mistakes and cannot be written:"),
 			createList([...checked.messages.map((message) => {
 				const { line, text: words } = readMessage(message, now.path);
 
 				return line > 0 ? `line ${line}: ${words}` : words;
-			}), ...(checked.good ? effects.length > 0 ? effects : ["no drive"] : [])]),
-			now.may_edit ? "" : "Root has not allowed it: control { edit = on }.");
+			}), ...(checked.good ? effects.length > 0 ? effects : [t("no drive")] : [])]),
+			now.may_edit ? "" : t("Root has not allowed it: control { edit = on }."));
 		return { now, effects, wanted };
 	}
 
@@ -105,8 +105,8 @@ function showConfiguration(mine, content) {
 	apply.addEventListener("click", () => tryIt(async () => {
 		const checked = await check();
 
-		if (!checked || !await askUser({ title: "Write this configuration and load it?",
-			words: checked.effects, yes: "Write and load" }))
+		if (!checked || !await askUser({ title: t("Write this configuration and load it?"),
+			words: checked.effects, yes: t("Write and load") }))
 			return;
 		const written = await call("SetConfiguration", { text: checked.wanted, version: checked.now.version });
 
@@ -115,7 +115,7 @@ function showConfiguration(mine, content) {
 		const { messages } = await call("Reload");
 
 		if (messages.length > 0)
-			throw new Error(`It was written, and not loaded: ${messages.join("; ")}`);
+			throw new Error(t("It was written, and not loaded: {messages}", { messages: messages.join("; ") }));
 		await check();
 	}));
 	node.append(...ports.map(({ field }) => field), said, element("div", { class: "toolbar" }, apply));
@@ -125,69 +125,67 @@ function showConfiguration(mine, content) {
 
 function showParameters(mine, { parameters }) {
 	const node = element("section", { class: "panel", id: "gateway-parameters" },
-		element("h2", {}, "Parameters"));
+		element("h2", {}, t("Parameters")));
 	const makeItem = ([drive, text]) => (mine.context.plant.drives.has(drive) ?
 		element("button", { class: "small", type: "button", "data-drive": drive, onclick: () => {
 			handOver(drive, new File([text], `${drive}.params`));
 			location.hash = `#/parameters/${encodeURIComponent(drive)}`;
-		} }, `Compare with ${drive}`) : `${drive}: there is no such drive here`);
+		} }, t("Compare with {drive}", { drive })) : t("{drive}: there is no such drive here", { drive }));
 
 	node.append(parameters.size > 0 ? createList([...parameters].map(makeItem)) :
-		element("p", { class: "muted" }, "The file has none."));
+		element("p", { class: "muted" }, t("The file has none.")));
 	return node;
 }
 
 async function showUsers(mine, { users }) {
-	const node = element("section", { class: "panel", id: "gateway-users" }, element("h2", {}, "Users"));
+	const node = element("section", { class: "panel", id: "gateway-users" }, element("h2", {}, t("Users")));
 	const why = mine.context.whyNot("appoint");
 
 	if (why || users.length === 0) {
-		node.append(element("p", { class: "muted" }, why || "The file has none."));
+		node.append(element("p", { class: "muted" }, why || t("The file has none.")));
 		return node;
 	}
 	const here = new Map((await listUsers()).map((one) => [one.user, one]));
 
 	node.append(createList(users.map(({ user, role, drives }) => {
-		const words = `${user}: ${role}, drives ${drives === "*" ? "all" : drives}`;
+		const words = t("{user}: {role}, drives {value}", { user, role, value: drives === "*" ? t("all") : drives });
 
 		if (here.has(user))
-			return `${words}. Here: ${here.get(user).role}, drives ${here.get(user).drives}`;
+			return t("{words}. Here: {role}, drives {drives}", { words, role: here.get(user).role, drives: here.get(user).drives });
 		const password = element("input", { type: "password", id: newId("password"),
 			autocomplete: "new-password", "data-user": user });
-		const make = element("button", { class: "small", type: "button" }, `Make ${user}`);
+		const make = element("button", { class: "small", type: "button" }, t("Make {user}", { user }));
 		const said = element("span", { role: "status" });
 
 		make.addEventListener("click", async () => {
 			try {
 				await putUser({ user, role, drives, pam: false, password: password.value });
 				said.className = "";
-				setText(said, " made");
+				setText(said, t(" made"));
 				make.disabled = true;
 			} catch (error) {
 				said.className = "problem";
 				setText(said, ` ${error.message}`);
 			}
 		});
-		return [createField(`${words}. New password`, password, "inline"), " ", make, said];
+		return [createField(t("{words}. New password", { words }), password, "inline"), " ", make, said];
 	})));
 	return node;
 }
 
 function showRest({ roots, certificates }, name) {
-	return element("section", { class: "panel", id: "gateway-roots" }, element("h2", {}, "What is root's"),
+	return element("section", { class: "panel", id: "gateway-roots" }, element("h2", {}, t("What is root's")),
 		element("p", {}, roots.length > 0 ?
-			"Other files of the configuration, passwords, keys and certificates are in the file, and the page does " +
-			"not touch them. On the gateway: " :
-			"Other files of the configuration, passwords, keys and certificates are not in a file of the page. " +
-			"On the gateway they are saved by: "),
+			t("Other files of the configuration, passwords, keys and certificates are in the file, and the page does not touch them. On the gateway: ") :
+			t("Other files of the configuration, passwords, keys and certificates are not in a file of the page. On the gateway they are saved by: ")),
 		element("p", {}, element("code", {}, roots.length > 0 ? `sudo drivebridgectl restore ${name}` :
 			"sudo drivebridgectl backup FILE")),
-		certificates.length > 0 ? element("p", {}, `Certificates there: ${certificates.join(", ")}`) : null);
+		certificates.length > 0 ? element("p", {}, t("Certificates there: {certificates}", { certificates: certificates.join(", ") })) : null);
 }
 
 async function open(mine, file) {
 	if (file.size > FILE_MOST)
-		throw new Error("it is too long for a file of a gateway");
+		throw new Error(t("it is too long for a file of a gateway"));
 	const content = readFiles(readTar(await unpack(file)));
 	const users = await showUsers(mine, content);
 
@@ -201,13 +199,13 @@ async function open(mine, file) {
 export function show(root, context) {
 	const mine = { context, preview: element("div", { class: "view-part" }) };
 	const said = element("div", { id: "gateway-said", role: "status" });
-	const button = element("button", { id: "gateway-save", type: "button", class: "primary" }, "Save a file");
+	const button = element("button", { id: "gateway-save", type: "button", class: "primary" }, t("Save a file"));
 	const file = element("input", { id: "gateway-file", type: "file", accept: ".gz,application/gzip" });
 	const problem = element("p", { id: "gateway-problem", class: "problem", role: "alert" });
 
 	view = mine;
 	if (!context.may("manage") && !context.may("appoint")) {
-		root.append(element("p", { class: "empty" }, "This needs the role administrator, or engineer of all drives."));
+		root.append(element("p", { class: "empty" }, t("This needs the role administrator, or engineer of all drives.")));
 		return;
 	}
 	button.addEventListener("click", async () => {
@@ -233,12 +231,11 @@ export function show(root, context) {
 		}
 	});
 	root.append(element("div", { class: "view-head" }, element("h1", {}, title)),
-		element("section", { class: "panel", "aria-label": "Back up" },
-			element("p", {}, "One file has buses and drives that are edited on the page, the parameters of all drives, " +
-				"and, for administrators, the users without their passwords."),
+		element("section", { class: "panel", "aria-label": t("Back up") },
+			element("p", {}, t("One file has buses and drives that are edited on the page, the parameters of all drives, and, for administrators, the users without their passwords.")),
 			element("div", { class: "toolbar" }, button), said),
-		element("section", { class: "panel", "aria-label": "Restore" },
-			createField("Open such a file, or one of drivebridgectl backup: nothing is changed before you have seen what",
+		element("section", { class: "panel", "aria-label": t("Restore") },
+			createField(t("Open such a file, or one of drivebridgectl backup: nothing is changed before you have seen what"),
 				file), problem),
 		mine.preview);
 }

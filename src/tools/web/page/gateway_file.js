@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+import { t } from "./words.js";
 /*
  * What is in a file of a gateway's state: made on the page, or by drivebridgectl backup, which has
  * root's files as well. Pure.
@@ -30,7 +31,7 @@ export function readFiles(files) {
 	const parameters = new Map();
 
 	if (!HEADS.includes(head))
-		throw new Error("it is no file of a gateway");
+		throw new Error(t("it is no file of a gateway"));
 	for (const [path, text] of files) {
 		const [, drive] = /^parameters\/([^/]+)\.params$/.exec(path) ?? [];
 

@@ -7,8 +7,9 @@ import { createHealthCurves } from "./health_curves.js";
 import { RANGES } from "./health_slots.js";
 import { createHealthStrip } from "./health_strip.js";
 import { recall, remember } from "./kept_choice.js";
+import { t } from "./words.js";
 
-export const title = (drive) => (drive ? `Health of ${drive}` : "Health");
+export const title = (drive) => (drive ? t("Health of {drive}", { drive }) : t("Health"));
 
 /* An interval ends once a minute. */
 const VALUES_EVERY_MS = 20000;
@@ -43,9 +44,9 @@ function repeat(mine, work, every) {
 }
 
 function describeState({ on, kept, trouble }) {
-	return !on ? "Values are not taken: health = off" :
-		trouble ? `They are kept in memory only: ${trouble}` :
-			kept ? "" : "They are kept in memory only.";
+	return !on ? t("Values are not taken: health = off") :
+		trouble ? t("They are kept in memory only: {trouble}", { trouble }) :
+			kept ? "" : t("They are kept in memory only.");
 }
 
 async function readValues(mine) {
@@ -88,9 +89,9 @@ export async function show(root, context, drive) {
 	});
 	root.append(
 		element("div", { class: "view-head" }, element("h1", {}, title(drive)),
-			drive ? element("div", { class: "drive-links" }, element("a", { href: "#/health" }, "All drives"),
-				element("a", { href: `#/drive/${encodeURIComponent(drive)}` }, "The drive")) : null,
-			createField("Time", mine.range, "inline"), mine.state, mine.problem));
+			drive ? element("div", { class: "drive-links" }, element("a", { href: "#/health" }, t("All drives")),
+				element("a", { href: `#/drive/${encodeURIComponent(drive)}` }, t("The drive"))) : null,
+			createField(t("Time"), mine.range, "inline"), mine.state, mine.problem));
 	if (why) {
 		root.append(element("p", { class: "empty" }, why));
 		return;

@@ -3,19 +3,20 @@
 import { element } from "./dom.js";
 import { makeColumns } from "./health_slots.js";
 import { DASHES, createSwatch, makeAxis, padRange, readColour, writeNumbers } from "./plot_line.js";
+import { t } from "./words.js";
 
 const HEIGHT_PX = 150;
 const share = (name) => (value) => (value.exchanges > 0 ? value[name] / value.exchanges * 100 : null);
 const trip = (name) => (value) => (value[name] > 0 ? value[name] / 1000 : null);
 const CURVES = [
-	{ id: "lost", title: "Lost and asked again, % of the questions", low: 0,
-		lines: [["without an answer", share("losses")], ["asked again", share("retries")],
+	{ id: "lost", title: t("Lost and asked again, % of the questions"), low: 0,
+		lines: [[t("without an answer"), share("losses")], [t("asked again"), share("retries")],
 			["damaged", share("damaged")]] },
-	{ id: "trip", title: "Round trip, ms", low: 0,
+	{ id: "trip", title: t("Round trip, ms"), low: 0,
 		lines: [["mean", trip("round_trip_us")], ["longest", trip("round_trip_longest_us")]] },
-	{ id: "offline", title: "Offline, s in each interval", low: 0,
+	{ id: "offline", title: t("Offline, s in each interval"), low: 0,
 		lines: [["offline", (value) => value.offline_ms / 1000]] },
-	{ id: "temperature", title: "Temperature, °C", low: null,
+	{ id: "temperature", title: t("Temperature, °C"), low: null,
 		lines: [["highest", (value) => value.hottest], ["lowest", (value) => value.coldest]] },
 ];
 
@@ -76,7 +77,7 @@ export function createHealthCurves() {
 						is ? curve.lines.map(([words], index) => element("span", { class: "muted" },
 							createSwatch(index), ` ${words} `)) :
 							element("p", { class: "muted" }, curve.id === "temperature" ?
-								"This drive reports no temperature." : "Nothing is known of this time.")),
+								t("This drive reports no temperature.") : t("Nothing is known of this time."))),
 					holder));
 				if (is)
 					pending.push([holder, curve, columns]);

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+import { t } from "./words.js";
 /*
  * What the service keeps of how drives were, made ready for pictures. Pure.
  *
@@ -8,14 +9,14 @@
 
 /* How far back, how fine, and the form of times. With many drives quarters do not go back a day. */
 export const RANGES = {
-	hour: { words: "last hour", for_s: 3600, step_s: () => 60 },
-	day: { words: "last day", for_s: 86400, step_s: (drives) => (drives > 64 ? 3600 : 900) },
-	week: { words: "last week", for_s: 604800, step_s: () => 3600 },
+	hour: { words: t("last hour"), for_s: 3600, step_s: () => 60 },
+	day: { words: t("last day"), for_s: 86400, step_s: (drives) => (drives > 64 ? 3600 : 900) },
+	week: { words: t("last week"), for_s: 604800, step_s: () => 3600 },
 };
 
 /* What share of the questions was not answered, or of the time offline: 0 none, 4 much. */
 const LEVELS = [0, 0.001, 0.01, 0.1];
-export const LEVEL_WORDS = ["nothing lost", "up to 0.1 %", "up to 1 %", "up to 10 %", "more, or offline"];
+export const LEVEL_WORDS = [t("nothing lost"), t("up to 0.1 %"), t("up to 1 %"), t("up to 10 %"), t("more, or offline")];
 
 export function levelOf(share) {
 	return LEVELS.filter((limit) => share > limit).length;

@@ -7,6 +7,7 @@ import { element } from "./dom.js";
 import { formatSpan } from "./format.js";
 import { LEVEL_WORDS, formatShare, readRow, sortRows } from "./health_slots.js";
 import { readColour } from "./plot_line.js";
+import { t } from "./words.js";
 
 const WIDTH_PX = 840;
 
@@ -24,11 +25,11 @@ function paint(canvas, cells, colours) {
 
 function describe({ known, worst, offline }) {
 	if (!known)
-		return "nothing is known";
-	return (worst > 0 ? `${formatShare(worst)} lost` : "nothing lost") +
+		return t("nothing is known");
+	return (worst > 0 ? `${formatShare(worst)} lost` : t("nothing lost")) +
 		/* What is kept is rounded down by up to 0.1 %. */
-		(offline >= 1 ? `, offline for ${formatSpan(offline < 120 ? offline :
-			Math.round(offline / 60) * 60)}` : "");
+		(offline >= 1 ? t(", offline for {formatSpan}", { formatSpan: formatSpan(offline < 120 ? offline :
+			Math.round(offline / 60) * 60) }) : "");
 }
 
 /* { node, draw({ rows, times, now_us }, for_s, anew) } */
@@ -36,10 +37,10 @@ export function createHealthStrip() {
 	const body = element("tbody");
 	const legend = element("p", { class: "heat-legend muted" },
 		["", ...LEVEL_WORDS].map((words, index) => element("span", {},
-			element("i", { "data-level": index - 1 }), words || "not known")));
-	const node = element("section", { class: "panel", "aria-label": "Losses of all drives" }, legend,
+			element("i", { "data-level": index - 1 }), words || t("not known"))));
+	const node = element("section", { class: "panel", "aria-label": t("Losses of all drives") }, legend,
 		element("table", { id: "heat", class: "heat" },
-			element("caption", { class: "hidden-label" }, "Questions without an answer, by drive and time"),
+			element("caption", { class: "hidden-label" }, t("Questions without an answer, by drive and time")),
 			element("thead", {}, element("tr", {}, ["Drive", "Losses over time, now at the right", "In the worst interval"]
 				.map((words) => element("th", { scope: "col" }, words)))),
 			body));

@@ -6,21 +6,22 @@ import { formatReal } from "./format.js";
 import { releaseWithPage } from "./hold_button.js";
 import { askUser } from "./question.js";
 import { createSequence } from "./sequence.js";
+import { t } from "./words.js";
 
 const READ_EVERY_MS = 1000;
 /* Flaws for which a person may know better: see Teach in the service's interface. */
 const CONFIRMED = "other_origin";
 const FLAWS = {
-	offline: "the drive does not answer",
-	other_drive: "taught on another drive",
-	other_scale: "taught with other counts per unit",
-	origin_lost: "the drive does not know where it stands",
-	other_origin: "the origin may have moved",
+	offline: t("the drive does not answer"),
+	other_drive: t("taught on another drive"),
+	other_scale: t("taught with other counts per unit"),
+	origin_lost: t("the drive does not know where it stands"),
+	other_origin: t("the origin may have moved"),
 };
 
 let mine = null;
 
-export const title = (drive) => drive ? `Positions of ${drive}` : "Positions";
+export const title = (drive) => drive ? t("Positions of {drive}", { drive }) : t("Positions");
 
 export async function show(root, context, drive) {
 	const names = [...context.plant.drives.keys()];
@@ -32,8 +33,8 @@ export async function show(root, context, drive) {
 	const teach = element("form", { class: "toolbar", onsubmit: (event) => {
 		event.preventDefault();
 		act(view, "Teach", { name: name.value.trim() });
-	} }, createField("Name", name), element("button", { id: "position-teach", class: "primary" },
-		"Teach where it stands"));
+	} }, createField(t("Name"), name), element("button", { id: "position-teach", class: "primary" },
+		t("Teach where it stands")));
 	const view = mine = {
 		context,
 		drive: drive || names[0],
@@ -46,9 +47,9 @@ export async function show(root, context, drive) {
 	};
 
 	root.append(
-		element("div", { class: "view-head" }, element("h1", {}, "Positions"),
-			createField("Drive", select, "inline")),
-		element("section", { id: "positions", class: "panel", "aria-label": "Positions" },
+		element("div", { class: "view-head" }, element("h1", {}, t("Positions")),
+			createField(t("Drive"), select, "inline")),
+		element("section", { id: "positions", class: "panel", "aria-label": t("Positions") },
 			context.may("engineer", view.drive) ? teach :
 				element("p", { class: "muted" }, context.whyNot("engineer", view.drive)),
 			element("div", { class: "table-frame" }, element("table", {},
@@ -120,15 +121,15 @@ async function act(view, method, parameters) {
 }
 
 async function forget(view, name) {
-	if (await askUser({ title: `Forget ${name}?`, words: [`${view.drive} cannot be sent there any more.`],
-		yes: "Forget" }))
+	if (await askUser({ title: t("Forget {name}?", { name }), words: [t("{drive} cannot be sent there any more.", { drive: view.drive })],
+		yes: t("Forget") }))
 		act(view, "Forget", { name });
 }
 
 async function keep(view, name) {
-	if (await askUser({ title: `Is the origin of ${view.drive} still the same?`, words: [
-		`${name} is kept as it was taught. If the drive counts from elsewhere, it will go to a wrong place.`,
-	], yes: "It is the same" }))
+	if (await askUser({ title: t("Is the origin of {drive} still the same?", { drive: view.drive }), words: [
+		t("{name} is kept as it was taught. If the drive counts from elsewhere, it will go to a wrong place.", { name }),
+	], yes: t("It is the same") }))
 		act(view, "Teach", { name, keep: true });
 }
 
@@ -139,14 +140,14 @@ function makeButtons(view, { name, flaw }) {
 	const buttons = [];
 
 	if (context.may("move", drive))
-		buttons.push(button("go", "Go there",
+		buttons.push(button("go", t("Go there"),
 			() => act(view, "Run", { command: "move_absolute", position: name }), flaw !== ""),
-		button("add", "Add to the sequence",
+		button("add", t("Add to the sequence"),
 			() => view.sequence.add({ drive, position: name, velocity: 0, wait: 0 })));
 	if (context.may("engineer", drive)) {
 		if (flaw === CONFIRMED)
-			buttons.push(button("keep", "Keep it", () => keep(view, name)));
-		buttons.push(button("forget", "Forget", () => forget(view, name)));
+			buttons.push(button("keep", t("Keep it"), () => keep(view, name)));
+		buttons.push(button("forget", t("Forget"), () => forget(view, name)));
 	}
 	return buttons;
 }
@@ -163,9 +164,9 @@ function draw(view, positions, trouble) {
 		element("th", { scope: "row" }, position.name),
 		element("td", { class: "number" }, `${formatReal(position.units)} ${position.unit || "counts"}`),
 		element("td", { title: position.advice, class: position.flaw ? "warning-text" : "" },
-			position.flaw ? FLAWS[position.flaw] ?? position.flaw : "good"),
+			position.flaw ? FLAWS[position.flaw] ?? position.flaw : t("good")),
 		element("td", { title: position.taught_by },
 			new Date(position.taught_us / 1000).toLocaleString("en-GB")),
 		element("td", {}, element("div", { class: "toolbar" }, makeButtons(view, position))))));
-	setText(view.said, positions.length === 0 ? "No position is taught yet." : trouble);
+	setText(view.said, positions.length === 0 ? t("No position is taught yet.") : trouble);
 }

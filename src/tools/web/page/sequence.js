@@ -10,6 +10,7 @@ import { formatReal, inWords, parseValue } from "./format.js";
 import { listenToHold } from "./hold_button.js";
 import { createGrips } from "./jog.js";
 import { recall, remember } from "./kept_choice.js";
+import { t } from "./words.js";
 
 const KEPT_AS = "sequence";
 const STEPS_MOST = 32;
@@ -43,12 +44,12 @@ export function sayProgress({ step, moves, wait_ms }, steps) {
 	const { drive, position } = steps[step - 1] ?? {};
 
 	if (!drive)
-		return "The last step has ended";
+		return t("The last step has ended");
 	if (moves)
-		return `Step ${step} of ${steps.length}: ${drive} goes to ${position}`;
+		return t("Step {step} of {count}: {drive} goes to {position}", { step, count: steps.length, drive, position });
 	return wait_ms > 0 ?
-		`Step ${step} of ${steps.length}: begins in ${(wait_ms / 1000).toFixed(1)} s` :
-		`Step ${step} of ${steps.length}: begins`;
+		t("Step {step} of {count}: begins in {count2} s", { step, count: steps.length, count2: (wait_ms / 1000).toFixed(1) }) :
+		t("Step {step} of {count}: begins", { step, count: steps.length });
 }
 
 /* The panel. Returns { node, release(), isHeld(), update(), add(step) }; the caller calls release when
@@ -60,7 +61,7 @@ export function createSequence({ context }) {
 		list: element("ol", { id: "sequence-steps", class: "sequence-steps" }),
 		said: element("p", { id: "sequence-state", class: "jog-state", role: "status" }),
 		hold: element("button", { id: "sequence-hold", class: "hold primary", type: "button" },
-			icon("forward"), "Hold to run the sequence"),
+			icon("forward"), t("Hold to run the sequence")),
 		/* Of the press that the server has answered: it has the steps. */
 		known: 0,
 		answer: null,
@@ -82,10 +83,10 @@ export function createSequence({ context }) {
 	mine.hold.addEventListener("keyup", () => mine.grips.release());
 	showSteps(mine);
 	return {
-		node: element("section", { id: "sequence", class: "panel", "aria-label": "Sequence" },
-			element("div", { class: "panel-head" }, element("h2", {}, "Sequence")),
-			element("p", { class: "muted" }, "The drives go from step to step while you hold the ",
-				"button. Letting go stops all of them; so do Space and Escape, and leaving the page."),
+		node: element("section", { id: "sequence", class: "panel", "aria-label": t("Sequence") },
+			element("div", { class: "panel-head" }, element("h2", {}, t("Sequence"))),
+			element("p", { class: "muted" }, t("The drives go from step to step while you hold the "),
+				t("button. Letting go stops all of them; so do Space and Escape, and leaving the page.")),
 			mine.list, mine.hold, mine.said),
 		release: () => mine.grips.release(),
 		isHeld: () => mine.grips.isPressed(),
@@ -114,13 +115,13 @@ function showGrip(mine, { velocity, held, why, text }) {
 	mine.hold.classList.toggle("pressed", velocity !== 0);
 	mine.hold.classList.toggle("held", held);
 	if (velocity !== 0)
-		setText(mine.said, held && mine.answer ? sayProgress(mine.answer, mine.steps) : "Asking for it");
+		setText(mine.said, held && mine.answer ? sayProgress(mine.answer, mine.steps) : t("Asking for it"));
 	else if (why === "done")
-		setText(mine.said, "All steps are done.");
+		setText(mine.said, t("All steps are done."));
 	else if (why)
-		setText(mine.said, `Ended: ${text || inWords(why)}. Let go, then press again.`);
+		setText(mine.said, t("Ended: {why}. Let go, then press again.", { why: text || inWords(why) }));
 	else
-		setText(mine.said, "Let go: stopped");
+		setText(mine.said, t("Let go: stopped"));
 	for (const [i, node] of [...mine.list.children].entries())
 		node.classList.toggle("now", held && mine.answer?.step === i + 1);
 }
@@ -157,14 +158,14 @@ function makeStep(mine, step, i) {
 		{ class: "small quiet", type: "button", "aria-label": label, disabled, onclick }, words);
 
 	return element("li", {},
-		element("span", {}, `${step.drive} to ${step.position}`),
-		element("label", {}, "Speed ", makeNumber("Speed, empty for the drive's own",
+		element("span", {}, t("{drive} to {position}", { drive: step.drive, position: step.position })),
+		element("label", {}, t("Speed "), makeNumber(t("Speed, empty for the drive's own"),
 			step.velocity ? formatReal(step.velocity) : "", { type: "f32", unit: "" },
 			(velocity) => put({ velocity: Math.abs(velocity) }))),
-		element("label", {}, "then wait ", makeNumber("Wait after it in seconds", formatReal(step.wait),
+		element("label", {}, t("then wait "), makeNumber(t("Wait after it in seconds"), formatReal(step.wait),
 			WAIT, (wait) => put({ wait })), " s"),
-		button(`Move step ${i + 1} up`, "↑", i === 0, () => move(i - 1)),
-		button(`Remove step ${i + 1}`, icon("close"), false, () => change(mine, mine.steps.toSpliced(i, 1))));
+		button(t("Move step {count} up", { count: i + 1 }), "↑", i === 0, () => move(i - 1)),
+		button(t("Remove step {count}", { count: i + 1 }), icon("close"), false, () => change(mine, mine.steps.toSpliced(i, 1))));
 }
 
 function showSteps(mine) {
@@ -177,9 +178,9 @@ function findReason({ context, steps }) {
 	const denied = steps.map(({ drive }) => context.whyNot("move", drive)).find(Boolean);
 
 	if (steps.length === 0)
-		return "Add steps with the buttons beside the positions.";
+		return t("Add steps with the buttons beside the positions.");
 	if (context.sayOld())
-		return `What you see is old (${context.sayOld()})`;
+		return t("What you see is old ({sayOld})", { sayOld: context.sayOld() });
 	return denied ?? "";
 }
 
