@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# Leaves out the comments that have lines of their own, a sixth of what a browser loads, indentation and empty lines. The
-# first line stays: the licence. No text of a script goes over several lines.
-1b
+# Leaves out the comments that have lines of their own, a sixth of what a browser loads, indentation and empty lines. No
+# text of a script goes over several lines.
 /^[[:space:]]*\/\*.*\*\/[[:space:]]*$/d
 /^[[:space:]]*\/\*/,/\*\/[[:space:]]*$/d
 /^[[:space:]]*\/\//d
