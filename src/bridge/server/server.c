@@ -727,6 +727,8 @@ static void adapt_connection(struct db_server *server, size_t index)
 	count_client(server, connection, -1);
 	db_connection_adapt(connection, access == DB_ACCESS_WRITE, role, name && !role);
 	count_client(server, connection, 1);
+	/* The connection has changed it. */
+	// cppcheck-suppress knownConditionTrueFalse
 	if (could_write && !client->may_write && executor->backend->restricted)
 		executor->backend->restricted(executor->context, client);
 	else if (role && client->may_write && executor->backend->reassigned)
