@@ -56,6 +56,10 @@ FOREIGN = {
     # drivebridge-opcua: its folders, and words of OPC UA
     "drivebridge-opcua", "trusted", "issuers", "revoked", "Objects", "Server", "Reason", "ClearFault", "Stop",
     "EngineeringUnits", "EURange",
+    # ... of its conditions and of the past ...
+    "DiscreteAlarmType", "AlarmConditionType", "HasCondition", "ConditionName", "ActiveState", "AckedState", "Retain", "Severity",
+    "Comment", "ClientUserId", "Acknowledge", "Confirm", "AddComment", "Disable", "ConditionRefresh", "ConditionRefresh2",
+    "HistoryRead", "BadEventIdUnknown", "BadRefreshInProgress", "BadHistoryOperationUnsupported",
     "DriveEventType", "DriveLostEventType", "DriveOnlineEventType", "WatchdogTrippedEventType", "Standstill", "GATEWAY",
     "GeneralModelChangeEvent", "customDataTypes", "DataTypeDefinition", "NodeAdded", "NodeDeleted", "ReferenceAdded", "ReferenceDeleted", "Trouble",
     "VsmdSerialDriveType", "VsmdCanDriveType", "XyzaDriveType", "ServoCanDriveType", "DriveType",
