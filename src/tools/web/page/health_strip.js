@@ -41,7 +41,7 @@ export function createHealthStrip() {
 	const node = element("section", { class: "panel", "aria-label": t("Losses of all drives") }, legend,
 		element("table", { id: "heat", class: "heat" },
 			element("caption", { class: "hidden-label" }, t("Questions without an answer, by drive and time")),
-			element("thead", {}, element("tr", {}, ["Drive", "Losses over time, now at the right", "In the worst interval"]
+			element("thead", {}, element("tr", {}, [t("Drive"), t("Losses over time, now at the right"), t("In the worst interval")]
 				.map((words) => element("th", { scope: "col" }, words)))),
 			body));
 	const shown = new Map();

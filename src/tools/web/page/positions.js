@@ -53,7 +53,7 @@ export async function show(root, context, drive) {
 			context.may("engineer", view.drive) ? teach :
 				element("p", { class: "muted" }, context.whyNot("engineer", view.drive)),
 			element("div", { class: "table-frame" }, element("table", {},
-				element("thead", {}, element("tr", {}, ["Name", "Position", "State", "Taught", ""]
+				element("thead", {}, element("tr", {}, [t("Name"), t("Position"), t("State"), t("Taught"), ""]
 					.map((words) => element("th", { scope: "col" }, words)))), view.body)),
 			view.said),
 		context.may("move") ? view.sequence.node : "");
