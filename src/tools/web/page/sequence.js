@@ -85,8 +85,8 @@ export function createSequence({ context }) {
 	return {
 		node: element("section", { id: "sequence", class: "panel", "aria-label": t("Sequence") },
 			element("div", { class: "panel-head" }, element("h2", {}, t("Sequence"))),
-			element("p", { class: "muted" }, t("The drives go from step to step while you hold the "),
-				t("button. Letting go stops all of them; so do Space and Escape, and leaving the page.")),
+			element("p", { class: "muted" }, t("The drives go from step to step while you hold the button. " +
+				"Letting go stops all of them; so do Space and Escape, and leaving the page.")),
 			mine.list, mine.hold, mine.said),
 		release: () => mine.grips.release(),
 		isHeld: () => mine.grips.isPressed(),
