@@ -93,6 +93,11 @@ void db_health_value_add(struct db_health_value *sum, const struct db_health_val
 		*sum = *value;
 		return;
 	}
+	/* So that the products below have room in 64 bits. */
+	if (before + more > UINT32_MAX) {
+		before /= 2;
+		more /= 2;
+	}
 	if (before + more > 0)
 		sum->mean_us = (uint32_t)((before * sum->mean_us + more * value->mean_us) /
 		                          (before + more));

@@ -127,6 +127,7 @@ static void numbers_keep_three_digits(void **state)
 	uint8_t bytes[DB_HEALTH_VALUE_BYTES];
 	uint8_t again[DB_HEALTH_VALUE_BYTES];
 	struct db_health_value read;
+	struct db_health_value sum;
 	uint32_t largest;
 
 	(void)state;
@@ -162,6 +163,11 @@ static void numbers_keep_three_digits(void **state)
 	db_health_value_read(again, &read);
 	assert_int_equal(read.exchanges, largest);
 	assert_int_equal(read.offline_ms, largest);
+	/* The mean of the largest ones is one of them. */
+	read.losses = 0;
+	sum = read;
+	db_health_value_add(&sum, &read);
+	assert_int_equal(sum.mean_us, largest);
 }
 
 static void every_plant_has_a_week_in_one_mebibyte(void **state)
