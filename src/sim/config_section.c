@@ -273,7 +273,7 @@ static void check_type(const struct db_reader_key *given, const struct sim_key *
 		                      key->name, right);
 }
 
-/* The names that can stand there, each after a space; the caller frees them. Null: out of memory. */
+/* The names that can stand there, each after a space; the caller frees them. Null: no memory. */
 static char *list_names(const struct sim_key *keys)
 {
 	char *names = NULL;
@@ -283,7 +283,7 @@ static char *list_names(const struct sim_key *keys)
 	if (!out)
 		return NULL;
 	if (!keys)
-		(void)fputs(" bus drive", out);
+		fputs(" bus drive", out);
 	for (; keys && keys->name; keys++)
 		fprintf(out, " %s", keys->name);
 	if (fclose(out) == 0)
