@@ -273,6 +273,25 @@ static void check_type(const struct db_reader_key *given, const struct sim_key *
 		                      key->name, right);
 }
 
+/* The names that can stand there, each after a space; the caller frees them. Null: no memory. */
+static char *list_names(const struct sim_key *keys)
+{
+	char *names = NULL;
+	size_t length;
+	FILE *out = open_memstream(&names, &length);
+
+	if (!out)
+		return NULL;
+	if (!keys)
+		fputs(" bus drive", out);
+	for (; keys && keys->name; keys++)
+		fprintf(out, " %s", keys->name);
+	if (fclose(out) == 0)
+		return names;
+	free(names);
+	return NULL;
+}
+
 void sim_section_check_all(const struct db_reader *reader, struct db_messages *messages)
 {
 	for (size_t i = 0; i < reader->section_count; i++) {
@@ -297,8 +316,7 @@ void sim_section_check_all(const struct db_reader *reader, struct db_messages *m
 	for (size_t i = 0; i < reader->key_count; i++) {
 		const struct db_reader_key *given = &reader->keys[i];
 		const struct sim_key *keys, *key;
-		char known[1024] = " bus drive";
-		size_t used = 0;
+		char *names;
 
 		keys = given->section == DB_READER_NO_SECTION ?
 		               NULL :
@@ -309,11 +327,10 @@ void sim_section_check_all(const struct db_reader *reader, struct db_messages *m
 		/* Keys of an unknown section are not checked. */
 		if (key || (!keys && given->section != DB_READER_NO_SECTION))
 			continue;
-		for (; keys && keys->name; keys++)
-			used += (size_t)snprintf(known + used, sizeof(known) - used, " %s",
-			                         keys->name);
+		names = list_names(keys);
 		db_messages_add_error(messages, given->line, "no such option '%s'; known here:%s",
-		                      given->name, known);
+		                      given->name, names ? names : " (out of memory)");
+		free(names);
 	}
 }
 

@@ -155,6 +155,23 @@ def test_what_roles_may(make_tls, plant):
     assert tlsd.bridge.told("certificate feeder-plc") and tlsd.bridge.told("its role does not allow")
 
 
+def test_an_endpoint_has_its_own(make_tls, plant, tmp_path):
+    """Unit 1 is drive2 at the secure socket of hall2, for rights too."""
+    place = tmp_path / "hall2"
+    tlsd = make_tls(keys={"service": {"socket": place}}, drives=2, per_drive={2: {"endpoint": "hall2", "unit": 1}},
+                    endpoints={"hall2": {"secure-socket": place}})
+    drive, feeder = SecureUnit(tlsd, plant.plc), SecureUnit(tlsd, plant.feeder)
+    assert drive.command("move_absolute", target_position=300) == 0
+    eventually(lambda: tlsd.bridge.drive(2).read("position") == 300)
+    assert tlsd.bridge.drive(1).read("position") == 0
+    assert tlsd.bridge.told("certificate press-plc, role Operator: connected")[-1].endswith("endpoint hall2, may read and write)")
+    # The role Feeder is for drive1, which is unit 1 of the other endpoint.
+    assert refuses(feeder.online) == ILLEGAL_FUNCTION
+    assert feeder.write("command", int(tlsd.bridge.commands["stop"]["code"])) == ILLEGAL_FUNCTION
+    assert refuses(SecureUnit(tlsd, plant.plc, 2).online) == NO_PATH
+    assert SecureUnit(tlsd, plant.panel, 255, "gateway").read("drive_count") == 1
+
+
 def test_without_a_role_everything_is_answered_01(make_tls, plant):
     tlsd = make_tls()
     requests = [READ, struct.pack(">BHH", 6, 0, 0), b"\x11", b"\x2b\x0e\x01\x00", struct.pack(">BHH", 3, 0, 2000), b"\x63"]

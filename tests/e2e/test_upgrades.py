@@ -99,11 +99,14 @@ def test_an_old_file_with_every_default_is_taken(table, family, tmp_path):
              "drive": ["\tbus = line", "\taddress = 1", "\tunit = 1"]}
     if any(row["section"] == "modbus-rtu" for row in rows(table)):
         lines["modbus-rtu"] = ['\tdevice = "/dev/ttyUSB1"']
+    if any(row["section"] == "endpoint" for row in rows(table)):
+        lines["endpoint"] = ['\tlisten = "127.0.0.1:503"']
     for row in rows(table):
         section = lines.setdefault(row["section"], [])
         if row["default"] and belongs_to(row, family) and row["name"] not in given.get(row["section"], {}):
             section.append(f"\t{row['name']} = {written(row)}")
-    titles = {"bus": "bus line", "drive": "drive feeder", "role": "role Operator", "modbus-rtu": "modbus-rtu plc"}
+    titles = {"bus": "bus line", "drive": "drive feeder", "role": "role Operator", "modbus-rtu": "modbus-rtu plc",
+              "endpoint": "endpoint hall2"}
     path = tmp_path / "plant.conf"
     path.write_text("".join(f"{titles.get(section, section)} {{\n" + "\n".join(keys) + "\n}\n"
                             for section, keys in lines.items()), encoding="utf-8")

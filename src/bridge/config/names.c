@@ -247,6 +247,7 @@ static bool check_section(const struct db_reader *reader, size_t index,
 	              strcmp(section->name, "role") == 0 ||
 	              strcmp(section->name, "modbus-rtu") == 0 ||
 	              strcmp(section->name, "endpoint") == 0;
+	const char *article = strcmp(section->name, "endpoint") == 0 ? "an" : "a";
 
 	if (!is_known_section(section->name)) {
 		db_messages_add_error(messages, section->line,
@@ -263,8 +264,8 @@ static bool check_section(const struct db_reader *reader, size_t index,
 	if (titled && !is_title(section->title)) {
 		db_messages_add_error(
 			messages, section->line,
-			"'%s' is no name for a %s; 1 to 31 of the characters A-Z a-z 0-9 _ -",
-			section->title, section->name);
+			"'%s' is no name for %s %s; 1 to 31 of the characters A-Z a-z 0-9 _ -",
+			section->title, article, section->name);
 		return false;
 	}
 	/* Its name is its address in histories and the audit trail. */
@@ -287,9 +288,9 @@ static bool check_section(const struct db_reader *reader, size_t index,
 			continue;
 		db_messages_add_error(
 			messages, section->line,
-			titled ? "there is a %s '%s' on %s already; choose another name" :
-				 "there is a section %s%s on %s already; put all keys there",
-			section->name, section->title,
+			titled ? "there is %s %s '%s' on %s already; choose another name" :
+				 "there is %s section %s%s on %s already; put all keys there",
+			titled ? article : "a", section->name, section->title,
 			db_messages_name_line(messages, other->line).text);
 		return false;
 	}

@@ -6,6 +6,8 @@
 /* A number of 16 bits: eleven of it, and how often they are to be doubled. */
 #define DIGITS 11
 #define DIGITS_MASK ((1u << DIGITS) - 1)
+/* The largest number that can be written. */
+#define MOST (DIGITS_MASK << (32 - DIGITS))
 /* No number has this form. */
 #define UNKNOWN 0xFFFF
 
@@ -25,7 +27,7 @@ static uint32_t get(const uint8_t **at)
 	uint64_t number = (uint64_t)(code & DIGITS_MASK) << (code >> DIGITS);
 
 	*at += 2;
-	return number > UINT32_MAX ? UINT32_MAX : (uint32_t)number;
+	return number > MOST ? MOST : (uint32_t)number;
 }
 
 void db_health_value_write(const struct db_health_value *value,
@@ -90,6 +92,11 @@ void db_health_value_add(struct db_health_value *sum, const struct db_health_val
 	if (!sum->known) {
 		*sum = *value;
 		return;
+	}
+	/* So that the products below have room in 64 bits. */
+	if (before + more > UINT32_MAX) {
+		before /= 2;
+		more /= 2;
 	}
 	if (before + more > 0)
 		sum->mean_us = (uint32_t)((before * sum->mean_us + more * value->mean_us) /

@@ -61,6 +61,7 @@ struct db_bus {
 	struct db_bus_stats judged; /* figures at the last judgement of the cycle */
 	db_time judged_wait;        /* time spent waiting for a processor until then */
 	db_time judge_at;           /* time of the next judgement; 0 before the first */
+	db_time missed_before;      /* time without a processor in the interval before that one */
 	int schedstat; /* the thread's file in /proc that shows how long it waited; -1 */
 	struct priority priority;
 
@@ -102,13 +103,37 @@ static void log_unusable(void *context, const struct db_drive_config *drive,
 	bus_log_unusable(&bus->log, drive, bus->config->driver->medium, unusable, db_clock_now());
 }
 
+/* How long this thread was ready to run but not running, since it began; 0 where the kernel does not
+ * report it. */
+static db_time read_wait(const struct db_bus *bus)
+{
+	unsigned long long waited = 0;
+	char text[96] = "";
+
+	if (bus->schedstat < 0 || pread(bus->schedstat, text, sizeof text - 1, 0) <= 0 ||
+	    sscanf(text, "%*s %llu", &waited) != 1)
+		waited = 0;
+	return (db_time)waited;
+}
+
+static db_time overslept_since_judged(const struct db_bus *bus, const struct db_bus_stats *stats)
+{
+	return (db_time)(stats->overslept_us - bus->judged.overslept_us) * DB_NS_PER_US;
+}
+
 static void log_timing(void *context, const struct db_drive_config *drive, enum db_event event,
                        db_time time, db_time learnt)
 {
 	struct db_bus *bus = context;
+	struct bus_timing timing = { .event = event, .time = time, .learnt = learnt };
+	struct db_bus_stats stats;
 
+	db_engine_stats(bus->engine, &stats);
+	timing.missed = bus->missed_before + db_time_max(read_wait(bus) - bus->judged_wait,
+	                                                 overslept_since_judged(bus, &stats));
+	timing.seconds = (unsigned)(2 * JUDGE_INTERVAL / DB_NS_PER_S);
 	bus_line_trace(&bus->line, event, drive, db_clock_now());
-	bus_log_timing(&bus->log, bus->config, drive, event, time, learnt, db_clock_now());
+	bus_log_timing(&bus->log, bus->config, drive, &timing, db_clock_now());
 }
 
 static void log_raw_frame(void *context, const struct db_drive_config *drive, bool sent,
@@ -136,8 +161,8 @@ static void watch_cycle(struct db_bus *bus, const struct db_bus_stats *stats, db
 {
 	uint32_t cycles = stats->cycles - bus->judged.cycles;
 	uint32_t overruns = stats->overruns - bus->judged.overruns;
-	unsigned long long waited = 0;
-	char text[96] = "";
+	db_time waited;
+	db_time overslept;
 
 	/* The figures before and after a scan that had the bus to itself cannot be compared. */
 	if (stats->aside)
@@ -145,26 +170,23 @@ static void watch_cycle(struct db_bus *bus, const struct db_bus_stats *stats, db
 	/* The first figures are made before the thread runs. */
 	if (now < bus->judge_at || now == 0)
 		return;
-	/* How long this thread was ready to run but not running, since it began; 0 where the kernel
-	 * does not report it. */
-	if (bus->schedstat < 0 || pread(bus->schedstat, text, sizeof text - 1, 0) <= 0 ||
-	    sscanf(text, "%*s %llu", &waited) != 1)
-		waited = 0;
+	waited = read_wait(bus);
+	overslept = overslept_since_judged(bus, stats);
 	if (bus->judge_at != 0 && overruns > cycles / OVERRUN_SHARE) {
 		struct bus_slowness slow = {
 			.overruns = overruns,
 			.seconds = (unsigned)(JUDGE_INTERVAL / DB_NS_PER_S),
 			.cycle_us = stats->cycle_us,
-			.waited = (db_time)waited - bus->judged_wait,
-			.overslept = (db_time)(stats->overslept_us - bus->judged.overslept_us) *
-			             DB_NS_PER_US,
+			.waited = waited - bus->judged_wait,
+			.overslept = overslept,
 			.has_priority = bus->priority.held,
 		};
 
 		bus_log_slow(&bus->log, bus->config, &slow, now);
 	}
+	bus->missed_before = db_time_max(waited - bus->judged_wait, overslept);
 	bus->judged = *stats;
-	bus->judged_wait = (db_time)waited;
+	bus->judged_wait = waited;
 	bus->judge_at = now + JUDGE_INTERVAL;
 }
 

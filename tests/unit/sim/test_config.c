@@ -334,6 +334,8 @@ static const struct {
 	{ "modbus { }\n" LINE, ":1: no such option 'modbus'" },
 	{ "baud = 9600\n" LINE, ":1: no such option 'baud'" },
 	{ "bus b { colour = red }\ndrive d { bus = b }", "known here: protocol device link baud" },
+	{ "bus b { }\ndrive d { bus = b colour = red }", "latches-speed takes-any idle-state" },
+	{ "bus b { }\ndrive d { bus = b colour = red }", " sensor set fault" },
 	{ "bus b { protocol = abc }\ndrive d { bus = b }",
 	  "protocol = \"abc\" is unknown; one of these is right: vsmd-serial, vsmd-can, servo-can, xyza" },
 	{ "bus b {\n\n baud = 1 }\ndrive d { bus = b }",

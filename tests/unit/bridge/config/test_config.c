@@ -245,8 +245,8 @@ static const struct wrong_case WRONG[] = {
 	/* Endpoints. */
 	{ "endpoint e {\n}\n", 1, "has no key 'listen'" },
 	{ "endpoint e {\n listen = 503\n}\n", 2, "is no address and port" },
-	{ "endpoint \"a b\" {\n listen = \"0.0.0.0:503\"\n}\n", 1, "is no name for a endpoint" },
-	{ ENDPOINT ENDPOINT, 4, "there is a endpoint 'e' on line 1 already" },
+	{ "endpoint \"a b\" {\n listen = \"0.0.0.0:503\"\n}\n", 1, "is no name for an endpoint" },
+	{ ENDPOINT ENDPOINT, 4, "there is an endpoint 'e' on line 1 already" },
 	{ ENDPOINT "endpoint f {\n listen = \"0.0.0.0:503\"\n}\n", 5,
 	  "listen = 0.0.0.0:503 is where e listens already" },
 	{ "modbus {\n listen = \"0.0.0.0:503\"\n}\n" ENDPOINT, 5,

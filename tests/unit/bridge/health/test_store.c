@@ -125,7 +125,10 @@ static uint64_t sum_of(const json_t *values, const char *key)
 static void numbers_keep_three_digits(void **state)
 {
 	uint8_t bytes[DB_HEALTH_VALUE_BYTES];
+	uint8_t again[DB_HEALTH_VALUE_BYTES];
 	struct db_health_value read;
+	struct db_health_value sum;
+	uint32_t largest;
 
 	(void)state;
 	for (uint64_t number = 0; number <= UINT32_MAX; number = number * 17 / 16 + 1) {
@@ -152,6 +155,19 @@ static void numbers_keep_three_digits(void **state)
 		assert_int_equal(read.coldest, -40);
 		assert_int_equal(read.hottest, 85);
 	}
+	/* A file may have a form that means more than 32 bits: the largest number, which stays the same. */
+	memset(bytes, 0xFE, sizeof(bytes));
+	db_health_value_read(bytes, &read);
+	db_health_value_write(&read, again);
+	largest = read.exchanges;
+	db_health_value_read(again, &read);
+	assert_int_equal(read.exchanges, largest);
+	assert_int_equal(read.offline_ms, largest);
+	/* The mean of the largest ones is one of them. */
+	read.losses = 0;
+	sum = read;
+	db_health_value_add(&sum, &read);
+	assert_int_equal(sum.mean_us, largest);
 }
 
 static void every_plant_has_a_week_in_one_mebibyte(void **state)

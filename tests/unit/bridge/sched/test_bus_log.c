@@ -165,6 +165,40 @@ static void a_busy_computer_is_not_blamed_on_the_bus(void **state)
 	assert_non_null(strstr(tell_slow(&slow), "what else has a real-time priority"));
 }
 
+static const char *tell_late(db_time learnt, db_time missed)
+{
+	static struct reader reader;
+	const struct db_bus_config bus = { .drive_latency_ms = 30 };
+	const struct db_drive_config drive = { .name = (char *)"feeder", .unit = 1 };
+	const struct bus_timing timing = { .event = DB_EVENT_DRIVE_LATE,
+		                           .time = 49 * DB_NS_PER_MS,
+		                           .learnt = learnt,
+		                           .missed = missed,
+		                           .seconds = 20 };
+	struct db_log_source source = { .bus = "press", .level = DB_LOG_INFO };
+
+	memset(&reader, 0, sizeof reader);
+	assert_int_equal(db_log_new_to(take, &reader, &source.log), 0);
+	bus_log_timing(&source, &bus, &drive, &timing, 1);
+	db_log_free(source.log);
+	assert_int_equal(reader.count, 1);
+	return reader.lines[0].text;
+}
+
+static void a_late_answer_on_a_busy_computer_may_not_be_the_drives(void **state)
+{
+	(void)state;
+	assert_non_null(
+		strstr(tell_late(0, 0), "drive-latency-ms = 30 for it; set drive-latency-ms = 73"));
+	assert_non_null(strstr(tell_late(64 * DB_NS_PER_MS, 400 * DB_NS_PER_MS),
+	                       "waits 64 ms for it; set drive-latency-ms = 64 to keep that"));
+	assert_non_null(strstr(tell_late(64 * DB_NS_PER_MS, 401 * DB_NS_PER_MS),
+	                       "64 ms for it; this computer is busy, the bus waited 401 ms for a "
+	                       "processor in the last 20 s"));
+	assert_non_null(strstr(tell_late(0, 900 * DB_NS_PER_MS),
+	                       "find out what else runs, and set drive-latency-ms = 73 only if"));
+}
+
 static const char *advise(const struct db_bus_config *bus, int error)
 {
 	static char text[DB_TROUBLE_ADVICE_MAX];
@@ -209,6 +243,7 @@ int main(void)
 		cmocka_unit_test(every_event_of_a_drive_has_its_words),
 		cmocka_unit_test(events_of_others_are_not_told_of_a_drive),
 		cmocka_unit_test(a_busy_computer_is_not_blamed_on_the_bus),
+		cmocka_unit_test(a_late_answer_on_a_busy_computer_may_not_be_the_drives),
 		cmocka_unit_test(each_cause_of_a_lost_port_has_its_advice),
 	};
 
