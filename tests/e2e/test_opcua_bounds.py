@@ -239,7 +239,7 @@ async def test_items_that_ask_for_long_queues(bridge, make_server):
             ua.MonitoringParameters(ClientHandle=size, SamplingInterval=100, QueueSize=size)) for size in (1, 10, 100000)]
         made = await session.uaclient.create_monitored_items(
             ua.CreateMonitoredItemsParameters(subscription.subscription_id, ItemsToCreate=items))
-        assert [one.RevisedQueueSize for one in made] == [1, 40, 40]
+        assert [one.RevisedQueueSize for one in made] == [1, 80, 80]
 
 
 def framed(kind, channel, number, body):

@@ -12,7 +12,7 @@
 #include <string.h>
 #include <sys/random.h>
 
-/* Conditions that are told again at once. A monitored item keeps 40 events for the next publishing
+/* Conditions that are told again at once. A monitored item keeps 80 events for the next publishing
  * (server.c), and others may come in between. */
 #define REFRESH_AT_ONCE 20
 

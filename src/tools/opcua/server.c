@@ -43,9 +43,9 @@
 #define REVERSE_INTERVAL_MS 2000
 
 /* Values and events that wait in a monitored item for the next publishing: each takes some hundred
- * bytes. Room for one event of each of 32 drives; a client with more drives can subscribe to them
- * one by one. */
-#define QUEUE_MAX 40
+ * bytes. Room for two of each of 32 drives, a fault and its alarm; a client with more drives can
+ * subscribe to them one by one. */
+#define QUEUE_MAX 80
 
 /* How often sessions with moving drives are checked for signs of life. */
 #define LISTEN_INTERVAL (100 * DB_NS_PER_MS)
