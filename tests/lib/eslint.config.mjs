@@ -3,7 +3,8 @@
 const BROWSER = ["window", "document", "location", "history", "localStorage", "sessionStorage", "navigator", "performance", "fetch",
 	"crypto", "setTimeout", "clearTimeout", "setInterval", "clearInterval", "requestAnimationFrame", "scrollTo", "atob",
 	"cancelAnimationFrame", "matchMedia", "getComputedStyle", "AbortController", "AbortSignal", "Blob", "URL",
-	"URLSearchParams", "TextDecoder", "TextDecoderStream", "ReadableStream", "ResizeObserver", "MutationObserver", "Event", "CustomEvent", "KeyboardEvent",
+	"URLSearchParams", "TextEncoder", "TextDecoder", "CompressionStream", "DecompressionStream", "Response", "addEventListener",
+	"removeEventListener", "TextDecoderStream", "ReadableStream", "ResizeObserver", "MutationObserver", "Event", "CustomEvent", "KeyboardEvent",
 	"PointerEvent", "HTMLElement", "HTMLInputElement", "HTMLSelectElement", "HTMLTextAreaElement", "Node", "Option",
 	"FormData", "File", "FileReader", "DOMException", "console", "devicePixelRatio", "structuredClone"];
 

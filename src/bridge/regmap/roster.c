@@ -163,7 +163,8 @@ static int make_spaces(struct db_registers *registers, struct db_view_roster *ro
 			space->endpoint =
 				db_modbus_endpoint_at(roster->modbus, roster->space_count).number;
 		space->own = own_unit(registers, space->endpoint);
-		/* One more than needed, so that no allocation has size 0. */
+		/* One more than needed, so that no allocation has size 0. The roster is released
+		 * with what it has, which gcc's analyzer does not see. */
 		space->drives = calloc(roster->drive_count + 1, sizeof(struct db_view_drive *));
 		if (space->own && space->drives)
 			fill_space(space, roster);

@@ -208,6 +208,7 @@ static int plan_endpoint(struct db_endpoints *endpoints, const struct db_endpoin
 	for (size_t i = 0; i < endpoints->count && count < DB_ENDPOINTS_MAX + 1; i++)
 		listeners[count++] = endpoints->all[i]->listener;
 	plan->listener = db_listener_open_beside(listeners, count, config->listen);
+	/* The plan has the endpoint, and frees it; gcc's analyzer does not see that. */
 	if (plan->listener < 0)
 		return plan->listener;
 	event.data.ptr = plan->endpoint;

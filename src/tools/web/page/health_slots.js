@@ -83,7 +83,9 @@ export function makeColumns(values, stepS, readers) {
 		const end = value.end_us / 1e6;
 
 		if (before !== null && end - value.span_s - before > stepS / 2) {
-			columns.forEach((column, index) => column.push(index === 0 ? (before + end) / 2 : null));
+			const middle = (before + end) / 2;
+
+			columns.forEach((column, index) => column.push(index === 0 ? middle : null));
 		}
 		before = end;
 		columns.forEach((column, index) => column.push(index === 0 ? end : readers[index - 1](value)));
