@@ -286,6 +286,9 @@ struct db_origin_changes {
 };
 struct db_origin_changes db_commander_origin(const struct db_commander *commander);
 
+/* When the latest stop of the drive arrived, by whomever; 0: none since the commander was made. */
+db_time db_commander_stopped(const struct db_commander *commander);
+
 /* Ticket of the newest command that was submitted; 0: none yet. */
 uint32_t db_commander_newest(const struct db_commander *commander);
 

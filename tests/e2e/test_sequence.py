@@ -9,7 +9,7 @@ import threading
 import time
 
 import pytest
-from bridgelib import eventually
+from bridgelib import RESULT_OK, eventually
 from relay import Relay
 from test_web import gateway, refused  # noqa: F401
 from weblib import OPERATOR, READER, Failed
@@ -287,6 +287,35 @@ def test_a_service_that_hangs_or_dies(gateway):  # noqa: F811
     stand(bridge, 10)
     held.vanish()
     assert not [when for when in orders(bridge, "pos", "drive2") if when > since]
+
+
+def test_a_stop_between_its_steps_ends_it(gateway):  # noqa: F811
+    """A stop by somebody else while nothing of the sequence moves, or of a drive whose turn comes later: it does not begin."""
+    bridge, _, page = prepared(gateway)
+    every = bridge.gateway()
+    # All of them, during a wait.
+    since = time.monotonic()
+    held = Held(page, [{**STEPS[0], "position": "near", "wait_ms": 700}, STEPS[1]])
+    eventually(lambda: held.last("wait_ms"))
+    assert every.write("group_stop", 1) == 0
+    assert "drive2" in held.ends("refused")
+    assert not [when for when in orders(bridge, "pos", "drive2") if when > since]
+    # The one that comes next, while the other one moves; who stopped it goes on with it, and is not disturbed.
+    back(bridge)
+    since = time.monotonic()
+    held = Held(page, [{**STEPS[0], "position": "near", "wait_ms": 300}, STEPS[1]])
+    eventually(lambda: moving(bridge))
+    assert bridge.drive(2).settle("stop") == RESULT_OK
+    assert bridge.drive(2).command("move_velocity", target_velocity=100) == 0
+    told = time.monotonic()
+    assert "was stopped after" in held.ends("refused")
+    assert place(bridge) == NEAR
+    assert not [when for when in orders(bridge, "pos", "drive2") if when > since]
+    assert moving(bridge, "drive2") and not [when for when in orders(bridge, "stp", "drive2") if when > told]
+    assert every.write("group_stop", 1) == 0
+    # The next press moves it again.
+    back(bridge)
+    Held(page, [{**one, "position": "near"} for one in STEPS]).ends("done")
 
 
 @pytest.mark.parametrize("what", ["origin", "limit", "disabled", "forgotten", "offline"])

@@ -240,11 +240,16 @@ def test_writing_from_elsewhere_is_not_allowed(make_bridge):
             struct.pack(">BHHBB", 15, 0, 1, 1, 1),
         ):
             assert raw.request(pdu) == bytes([pdu[0] | 0x80, ILLEGAL_FUNCTION])
-    assert bridge.sim.sent(mark) == []
+
+    def commands():
+        # A drive that a busy machine has missed for a moment is asked again which one it is.
+        return [line for line in bridge.sim.sent(mark) if line != "1 dev"]
+
+    assert commands() == []
     assert bridge.gateway().read("refused_writes") == 6
     with bridge.raw(source="127.0.0.2") as raw:
         assert raw.request(disable) == disable
-    assert bridge.sim.sent(mark) == ["1 off"]
+    assert commands() == ["1 off"]
 
 
 def test_reading_from_elsewhere_is_not_even_connected(make_bridge):

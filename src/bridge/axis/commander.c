@@ -194,6 +194,11 @@ struct db_origin_changes db_commander_origin(const struct db_commander *commande
 	return commander->origin;
 }
 
+db_time db_commander_stopped(const struct db_commander *commander)
+{
+	return commander->stopped;
+}
+
 bool db_commander_history(const struct db_commander *commander, size_t age,
                           struct db_history_entry *entry)
 {

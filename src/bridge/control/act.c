@@ -478,7 +478,8 @@ void db_act_run(const struct db_call *call)
 	    !db_held_span(call, row, &hold_ms) ||
 	    !begin_run(call, drive_name, db_command_is_stop(row->code)))
 		return;
-	if ((db_command_may_move(row->code) && !db_held_is_young(call)) ||
+	if ((db_command_may_move(row->code) &&
+	     !(db_held_is_young(call) && db_held_is_unstopped(call, drive.number))) ||
 	    !db_positions_allow(call, row, &drive)) {
 		db_once_drop(session);
 		return;

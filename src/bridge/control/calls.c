@@ -75,7 +75,8 @@ static const struct method {
 	{ CONTROL ".Clock", db_held_clock, " ", false },
 	{ CONTROL ".Write", db_act_write, " drive values token id within_ms sent_us ", false },
 	{ CONTROL ".Run", db_act_run,
-	  " drive command arguments position until_end hold_ms token id within_ms sent_us ",
+	  " drive command arguments position until_end hold_ms token not_stopped_since id "
+	  "within_ms sent_us ",
 	  false },
 	{ BEAT, db_held_beat, " drive token ", false },
 	{ CONTROL ".Stop", db_stops_call, " drives command wait_ms ", false },

@@ -274,6 +274,10 @@ json_t *db_held_token(const struct db_control_socket *control);
  * call is answered. */
 bool db_held_is_young(const struct db_call *call);
 
+/* False if the drive was stopped since the moment of the call's not_stopped_since, a token that may
+ * be of any age, or it is not known whether it was: the call is answered. */
+bool db_held_is_unstopped(const struct db_call *call, uint16_t drive);
+
 /* The optional parameter hold_ms, 0 when it is missing: holding a motion needs a token, a command
  * that moves, and a client that can send beats. False: the call was answered. */
 bool db_held_span(const struct db_call *call, const struct db_command_row *row, uint32_t *hold_ms);

@@ -5,6 +5,7 @@
 
 #define TOO_OLD "io.drivebridge.Control.TooOld"
 #define NOT_HELD "io.drivebridge.Control.NotHeld"
+#define STOPPED "io.drivebridge.Control.Stopped"
 
 json_t *db_held_token(const struct db_control_socket *control)
 {
@@ -43,6 +44,31 @@ bool db_held_is_young(const struct db_call *call)
 	db_session_fail(call->session, TOO_OLD,
 	                json_pack("{s:o}", "age_ms",
 	                          age == DB_TOKEN_UNKNOWN ? json_null() : json_integer(age)));
+	return false;
+}
+
+bool db_held_is_unstopped(const struct db_call *call, uint16_t drive)
+{
+	const struct db_control_socket *control = call->session->control;
+	const char *name = json_string_value(json_object_get(call->parameters, "drive"));
+	const char *token = NULL;
+	db_time since;
+	int64_t age;
+
+	if (!db_call_optional_text(call, "not_stopped_since", &token))
+		return false;
+	if (!token)
+		return true;
+	age = db_token_age_ms(token, control->run, db_control_clock());
+	if (age == DB_TOKEN_UNKNOWN) {
+		db_session_fail(call->session, TOO_OLD, json_pack("{s:n}", "age_ms"));
+		return false;
+	}
+	/* Tokens are of whole milliseconds, rounded down: a stop of the same one counts. */
+	since = db_control_now(control) - age * DB_NS_PER_MS;
+	if (db_named_stopped(control->setup.registers, drive) < since)
+		return true;
+	db_session_fail(call->session, STOPPED, json_pack("{s:s}", "drive", name));
 	return false;
 }
 

@@ -173,6 +173,13 @@ bool db_named_place(const struct db_registers *registers, uint16_t number,
 	return true;
 }
 
+db_time db_named_stopped(const struct db_registers *registers, uint16_t number)
+{
+	const struct db_view_drive *drive = find_drive(registers, number);
+
+	return drive ? db_commander_stopped(drive->commander) : 0;
+}
+
 void db_named_bus_stats(const struct db_registers *registers, size_t place,
                         struct db_bus_stats *stats)
 {

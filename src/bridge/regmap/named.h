@@ -115,6 +115,9 @@ struct db_named_place {
 bool db_named_place(const struct db_registers *registers, uint16_t number,
                     struct db_named_place *place);
 
+/* When the latest stop of the drive arrived; 0: none yet, or there is no such drive. */
+db_time db_named_stopped(const struct db_registers *registers, uint16_t number);
+
 /* As in the registers' ops; the bus must exist. */
 void db_named_bus_stats(const struct db_registers *registers, size_t place,
                         struct db_bus_stats *stats);

@@ -40,6 +40,10 @@
  * online. */
 #define PATIENCE_LEFT (100 * DB_NS_PER_MS)
 
+/* A drive that was known to stand is reported as running on, without a sample, only after the patience
+ * times this. */
+#define UNREAD_PATIENCES 4
+
 /* --- entering and leaving --------------------------------------------------------------------- */
 
 static unsigned bit(unsigned number)
@@ -347,10 +351,15 @@ enum standing_verdict standing_judge(struct standing *standing, const struct sta
 
 db_time standing_deadline(const struct standing *standing, const struct standing_rules *rules)
 {
+	/* A drive that stood before the stop is not moving because a line with many drives has had
+	 * no time to read it yet. */
+	db_time patience = standing->may_move ? rules->patience :
+	                                        UNREAD_PATIENCES * rules->patience;
+
 	return standing_is_free(standing) || standing->gives_way || standing->overdue ||
 	                       standing->progress <= 0 || standing->sent_at == 0 ?
 	               DB_TIME_NEVER :
-	               standing->progress + rules->patience;
+	               standing->progress + patience;
 }
 
 void standing_run_on(struct standing *standing, bool last_resort, db_time now)

@@ -31,6 +31,7 @@ struct db_web_sequence {
 	struct db_web_caller caller;
 	struct db_web_grip grip;
 	char token[DB_WEB_TOKEN_MAX]; /* of its latest accepted beat */
+	char since[DB_WEB_TOKEN_MAX]; /* of the first beat: a drive stopped later is not moved */
 	struct step steps[DB_WEB_STEPS_MAX];
 	size_t count;
 	size_t at;          /* the present step */
@@ -199,11 +200,11 @@ static void send_step(struct db_web_sequence *sequence)
 	sequence->moves = true;
 	sequence->moved = true;
 	if (db_link_send(sequence->act, "Run",
-	                 json_pack("{s:s, s:s, s:s, s:o, s:b, s:i, s:s}", "drive", step->drive,
+	                 json_pack("{s:s, s:s, s:s, s:o, s:b, s:i, s:s, s:s}", "drive", step->drive,
 	                           "command", "move_absolute", "position", step->position,
 	                           "arguments", arguments, "until_end", 1, "hold_ms",
-	                           (int)(DB_WEB_GRIP_LATE / DB_NS_PER_MS), "token",
-	                           sequence->token),
+	                           (int)(DB_WEB_GRIP_LATE / DB_NS_PER_MS), "token", sequence->token,
+	                           "not_stopped_since", sequence->since),
 	                 true, on_step_answer, sequence) != 0)
 		sequence->answers--;
 }
@@ -294,8 +295,9 @@ static size_t read_steps(const json_t *json, struct step steps[DB_WEB_STEPS_MAX]
 
 /* A new grip has begun. */
 static void begin(struct db_web_sequence *sequence, const struct step *steps, size_t count,
-                  db_time now)
+                  const char *token, db_time now)
 {
+	(void)snprintf(sequence->since, sizeof(sequence->since), "%s", token);
 	memcpy(sequence->steps, steps, count * sizeof(*steps));
 	sequence->count = count;
 	sequence->at = 0;
@@ -336,7 +338,7 @@ static void handle_beat(struct db_web_sequence *sequence, const struct db_web_re
 		else if (count == 0)
 			refuse_grip(sequence, "it has no steps");
 		else
-			begin(sequence, steps, count, now);
+			begin(sequence, steps, count, token, now);
 	}
 	/* The beat was accepted. */
 	if (!db_web_grip_is_held(&sequence->grip) || sequence->grip.number != number ||

@@ -302,6 +302,19 @@ static void a_disable_ends_when_the_power_is_known_to_be_off(void **state)
 	assert_int_equal(judge(&standing, 0, false, T + 30 * MS), STANDING_DONE);
 }
 
+/* A line with many drives may need longer than that to read each of them once. */
+static void a_drive_that_stood_is_read_before_it_runs_on(void **state)
+{
+	struct standing standing = entered(0, false);
+
+	(void)state;
+	assert_int_equal(standing_deadline(&standing, &rules), T + 2000 * MS);
+	/* It is seen to move after all. */
+	assert_int_equal(judge(&standing, 1000, true, T + 600 * MS), STANDING_RUNS_ON);
+	standing = entered(0, false);
+	assert_int_equal(judge(&standing, 0, false, T + 1900 * MS), STANDING_DONE);
+}
+
 static void a_drive_that_comes_back_is_told_first_and_seen_anew(void **state)
 {
 	struct standing standing = entered(1000, true);
@@ -402,6 +415,7 @@ int main(void)
 		cmocka_unit_test(dither_is_no_motion),
 		cmocka_unit_test(moving_at_speed_0_runs_on),
 		cmocka_unit_test(time_alone_ends_in_running_on),
+		cmocka_unit_test(a_drive_that_stood_is_read_before_it_runs_on),
 		cmocka_unit_test(an_obedient_drive_is_left_alone),
 		cmocka_unit_test(a_stop_that_nothing_acknowledged_is_sent_until_the_drive_stands),
 		cmocka_unit_test(an_enable_does_not_let_a_drive_run),
