@@ -664,7 +664,7 @@ async def test_events_of_all_drives_at_once(make_bridge, make_server):
 @in_loop
 async def test_more_events_than_wait(make_bridge, make_server, monkeypatch):
     """The newest eighty are kept, and before them stands that others are missing."""
-    bridge = make_bridge(drives=16, baud=921600)
+    bridge = make_bridge(drives=32, baud=921600)
     server = make_server(bridge)
     came = []
 
@@ -678,11 +678,11 @@ async def test_more_events_than_wait(make_bridge, make_server, monkeypatch):
         subscription = await session.create_subscription(100, Follower(session))
         await subscription.subscribe_events(session.nodes.server, queuesize=1)
         await subscription.set_publishing_mode(False)
-        for bits in (OVER_CURRENT, 0) * 7:
-            for number in range(1, 17):
+        for bits in (OVER_CURRENT, 0) * 4:
+            for number in range(1, 33):
                 bridge.sim.control(f"bits drive{number} {bits:#x}")
             await until(lambda bits=bits: all(
-                bool(bridge.drive(number).read("error")) == bool(bits) for number in range(1, 17)))
+                bool(bridge.drive(number).read("error")) == bool(bits) for number in range(1, 33)))
         del came[:]
         await subscription.set_publishing_mode(True)
         await until(lambda: len(came) >= 81)

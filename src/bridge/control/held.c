@@ -5,7 +5,7 @@
 
 #define TOO_OLD "io.drivebridge.Control.TooOld"
 #define NOT_HELD "io.drivebridge.Control.NotHeld"
-#define STOPPED "io.drivebridge.Control.Stopped"
+#define STOPPED_SINCE "io.drivebridge.Control.StoppedSince"
 
 json_t *db_held_token(const struct db_control_socket *control)
 {
@@ -68,7 +68,7 @@ bool db_held_is_unstopped(const struct db_call *call, uint16_t drive)
 	since = db_control_now(control) - age * DB_NS_PER_MS;
 	if (db_named_stopped(control->setup.registers, drive) < since)
 		return true;
-	db_session_fail(call->session, STOPPED, json_pack("{s:s}", "drive", name));
+	db_session_fail(call->session, STOPPED_SINCE, json_pack("{s:s}", "drive", name));
 	return false;
 }
 

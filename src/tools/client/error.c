@@ -27,7 +27,7 @@ static const struct {
 	{ DB_CLIENT_SERVICE "TooOld",
 	  "it came too late to the service, so nothing was started; try again" },
 	{ DB_CLIENT_SERVICE "NotHeld", "{drive}: its motion is not held any more" },
-	{ DB_CLIENT_SERVICE "Stopped", "{drive} was stopped after this was asked for; try again" },
+	{ DB_CLIENT_SERVICE "StoppedSince", "{drive} was stopped after this was asked for; try again" },
 	{ DB_CLIENT_SERVICE "Late", "{reason}" },
 	{ DB_CLIENT_SERVICE "Busy", "the service has too much to do at once; try again" },
 	{ "org.varlink.service.MethodNotFound",
