@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ten random histories of a bad network; tests/bench/network.py runs more of them."""
+"""Six random histories of a bad network; tests/bench/network.py runs more of them."""
 
 from networklib import HELD, FRESH, Histories, judge
 from test_sequence import prepared
 from test_web import gateway  # noqa: F401
 
-SEEDS = range(1, 11)
+SEEDS = range(1, 7)
 # A busy machine takes its time (s).
 PATIENCE = 0.35
 
@@ -19,7 +19,7 @@ def test_no_drive_moves_after_the_age_of_a_token(gateway):  # noqa: F811
     finally:
         histories.close()
     assert not wrong, wrong
-    assert histories.motions >= 5, "the network let nothing through"
+    assert histories.motions >= 3, "the network let nothing through"
 
 
 def test_the_judge_sees_what_is_late():
