@@ -328,6 +328,9 @@ def test_a_step_that_cannot_be_done_ends_it(gateway, what):  # noqa: F811
         steps[1] = {**steps[1], "velocity": 70000}
     elif what == "disabled":
         bridge.drive(2).settle("disable")
+        # It counts as a stop: one that came before the press.
+        old = page.newest_token()
+        eventually(lambda: page.newest_token() != old)
     elif what == "forgotten":
         page.call("Forget", drive="drive2", name="far")
     else:
