@@ -2,9 +2,9 @@
 /*
  * Any bytes as a file of the audit trail, whole and in pieces.
  *
- * What must hold: it does not matter where the pieces end; a line that fits the chain is one that was sealed, so none of
- * an input does with a key that it cannot know, but behind it a sealed line does; what a record says can be written again,
- * and is read as the same.
+ * What must hold: the result is the same wherever the input is cut into pieces. An input does not know the key, so no line
+ * of it fits the chain; a line that is sealed after it does. Each record that was read can be written again, and is then
+ * read as the same.
  */
 #include "audit/audit_private.h"
 

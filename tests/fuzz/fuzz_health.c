@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Any bytes as the files of health: the first byte chooses the list of alarms, or the head of the values and a slot behind it.
- * Once as they are, and once with the checksums that they would have.
+ * Any bytes as the files of health: the first byte says which file they are, the list of alarms or the values (a head and then
+ * a slot). They are read twice: as they are, and with right checksums.
  *
  * What must hold: what is read can be written, and is read as the same; a head never has more than the largest file; nothing that
  * is printed breaks a line of JSON.
