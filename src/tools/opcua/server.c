@@ -132,6 +132,22 @@ static void keep_outcome(struct db_opcua_drive *drive, const struct db_opcua_out
 	(void)snprintf(drive->reason, sizeof(drive->reason), "%s", outcome->reason);
 }
 
+/* For whom the service is called. Fills it in, and returns it. */
+static const struct db_opcua_actor *actor_of(const struct db_opcua_server *server,
+                                             const struct db_opcua_session *session,
+                                             struct db_opcua_actor *actor)
+{
+	*actor = (struct db_opcua_actor){
+		.session = session->number,
+		.user = session->user,
+		.label = session->label,
+		.from = db_opcua_plant_has_audit(server->plant) ? session->from : "",
+		.token = session->token,
+		.stops_only = session->stops_only,
+	};
+	return actor;
+}
+
 static UA_StatusCode run_command(void *context, const UA_NodeId *id, struct db_opcua_drive *drive,
                                  const char *command, json_t *arguments)
 {
@@ -140,23 +156,15 @@ static UA_StatusCode run_command(void *context, const UA_NodeId *id, struct db_o
 	const char *needed = drive->name;
 	enum db_may needs = db_may_of_command(command, &needed);
 	struct db_opcua_outcome outcome;
+	struct db_opcua_actor actor;
 
 	if (!session || !db_grant_has(&session->grant, needs, needed)) {
 		json_decref(arguments);
 		return db_opcua_access_deny(server->access, session, command, drive->name, needs,
 		                            needed);
 	}
-	db_opcua_acting_run(
-		server->acting,
-		&(struct db_opcua_actor){
-			.session = session->number,
-			.user = session->user,
-			.label = session->label,
-			.from = db_opcua_plant_has_audit(server->plant) ? session->from : "",
-			.token = session->token,
-			.stops_only = session->stops_only },
-		drive->name, command, db_opcua_plant_is_stop(server->plant, command), arguments,
-		&outcome);
+	db_opcua_acting_run(server->acting, actor_of(server, session, &actor), drive->name, command,
+	                    db_opcua_plant_is_stop(server->plant, command), arguments, &outcome);
 	keep_outcome(drive, &outcome);
 	return status_of(&outcome);
 }
@@ -192,6 +200,7 @@ static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct d
 	                              db_may_of_write(drive, item->reg->name,
 	                                              json_number_value(value));
 	struct db_opcua_outcome outcome;
+	struct db_opcua_actor actor;
 	char deed[32];
 
 	if (!session || !db_grant_has(&session->grant, needs, drive)) {
@@ -200,17 +209,9 @@ static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct d
 		                            written && written[0] ? written : deed,
 		                            item->drive->name, needs, drive);
 	}
-	db_opcua_acting_write(
-		server->acting,
-		&(struct db_opcua_actor){
-			.session = session->number,
-			.user = session->user,
-			.label = session->label,
-			.from = db_opcua_plant_has_audit(server->plant) ? session->from : "",
-			.token = session->token,
-			.stops_only = session->stops_only },
-		item->drive->name, item->reg->name, value, item->reg->group == DB_OPCUA_COMMAND,
-		command, command && db_opcua_plant_is_stop(server->plant, command), &outcome);
+	db_opcua_acting_write(server->acting, actor_of(server, session, &actor), item->drive->name,
+	                      item->reg->name, value, item->reg->group == DB_OPCUA_COMMAND, command,
+	                      command && db_opcua_plant_is_stop(server->plant, command), &outcome);
 	keep_outcome(item->drive, &outcome);
 	/* OPC UA's status for a value that was passed on and is not verified. */
 	return outcome.pending ? UA_STATUSCODE_GOODCOMPLETESASYNCHRONOUSLY : status_of(&outcome);
@@ -224,20 +225,13 @@ static UA_StatusCode acknowledge(void *context, const UA_NodeId *id,
 	/* What is of no single drive may be acknowledged by whoever moves one. */
 	const char *drive = strcmp(alarm->kind, "drive") == 0 ? alarm->name : NULL;
 	struct db_opcua_outcome outcome;
+	struct db_opcua_actor actor;
 
 	if (!session || !db_grant_has(&session->grant, DB_MAY_MOVE, drive))
 		return db_opcua_access_deny(server->access, session, "acknowledge", drive,
 		                            DB_MAY_MOVE, drive);
-	db_opcua_acting_acknowledge(
-		server->acting,
-		&(struct db_opcua_actor){
-			.session = session->number,
-			.user = session->user,
-			.label = session->label,
-			.from = db_opcua_plant_has_audit(server->plant) ? session->from : "",
-			.token = "",
-			.stops_only = session->stops_only },
-		alarm->number, comment, &outcome);
+	db_opcua_acting_acknowledge(server->acting, actor_of(server, session, &actor),
+	                            alarm->number, comment, &outcome);
 	return outcome.pending ? UA_STATUSCODE_BADREQUESTNOTCOMPLETE : status_of(&outcome);
 }
 
