@@ -10,7 +10,6 @@
 #include <string.h>
 
 #define DRIVE_MAX 64
-#define TIMER_ACCURACY_US 1000
 
 /* A stop without confirmation is repeated at this interval, and for this time. */
 #define STOP_AGAIN (200 * DB_NS_PER_MS)
@@ -375,14 +374,10 @@ struct db_web_jog *db_web_jog_new(struct db_web_server *server, struct db_link *
 	jog->act = act;
 	jog->grip.until = DB_TIME_NEVER;
 	jog->stop_again = DB_TIME_NEVER;
-	if (sd_event_add_time(server->loop, &jog->timer, CLOCK_MONOTONIC, UINT64_MAX,
-	                      TIMER_ACCURACY_US, on_overdue, jog) < 0) {
+	if (db_web_server_add_timer(server, &jog->timer, on_overdue, jog) < 0) {
 		free(jog);
 		return NULL;
 	}
-	(void)sd_event_source_set_enabled(jog->timer, SD_EVENT_OFF);
-	/* Before the requests of browsers. */
-	(void)sd_event_source_set_priority(jog->timer, SD_EVENT_PRIORITY_IMPORTANT);
 	return jog;
 }
 

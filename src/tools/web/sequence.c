@@ -11,7 +11,6 @@
 
 #define DRIVE_MAX 64
 #define POSITION_MAX 33
-#define TIMER_ACCURACY_US 1000
 
 /* A stop without confirmation is repeated at this interval, and for this time. */
 #define STOP_AGAIN (200 * DB_NS_PER_MS)
@@ -455,14 +454,10 @@ struct db_web_sequence *db_web_sequence_new(struct db_web_server *server, struct
 	sequence->act = act;
 	sequence->grip.until = DB_TIME_NEVER;
 	sequence->stop_again = DB_TIME_NEVER;
-	if (sd_event_add_time(server->loop, &sequence->timer, CLOCK_MONOTONIC, UINT64_MAX,
-	                      TIMER_ACCURACY_US, on_overdue, sequence) < 0) {
+	if (db_web_server_add_timer(server, &sequence->timer, on_overdue, sequence) < 0) {
 		free(sequence);
 		return NULL;
 	}
-	(void)sd_event_source_set_enabled(sequence->timer, SD_EVENT_OFF);
-	/* Before the requests of browsers. */
-	(void)sd_event_source_set_priority(sequence->timer, SD_EVENT_PRIORITY_IMPORTANT);
 	return sequence;
 }
 

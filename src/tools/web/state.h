@@ -80,12 +80,29 @@ struct db_web_server {
 	struct db_web_counts counts;
 };
 
+/* How late the timer of a hold may fire. */
+#define DB_WEB_TIMER_ACCURACY_US 1000
+
 /* Lets the daemon run before the loop waits again, because a connection has new data to send. */
 static inline void db_web_server_wake(struct db_web_server *server)
 {
 	server->runs = 0;
 	/* gcc's analyzer takes what a caller has just given to the server for lost. */
 	(void)sd_event_source_set_enabled(server->turn, SD_EVENT_ONESHOT);
+}
+
+/* A timer of a hold, off as made; it goes before the requests of browsers. Below 0: no memory. */
+static inline int db_web_server_add_timer(struct db_web_server *server, sd_event_source **timer,
+                                          sd_event_time_handler_t fired, void *data)
+{
+	int error = sd_event_add_time(server->loop, timer, CLOCK_MONOTONIC, UINT64_MAX,
+	                              DB_WEB_TIMER_ACCURACY_US, fired, data);
+
+	if (error < 0)
+		return error;
+	(void)sd_event_source_set_enabled(*timer, SD_EVENT_OFF);
+	(void)sd_event_source_set_priority(*timer, SD_EVENT_PRIORITY_IMPORTANT);
+	return 0;
 }
 
 #endif
