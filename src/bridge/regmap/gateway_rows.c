@@ -167,7 +167,7 @@ static const struct db_row registers[] = {
 	GROUP(68, "heartbeat",        U16,    heartbeat,        HEARTBEAT ANY_U16,
 	      about_gateway_heartbeat),
 	GROUP(70, "group_units#",     BITS16, group_units,      LIST EACH(group_word),
-	      "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is unit 1 and bit 15 of "
+	      "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is unit 1 and bit 15 of "
 	      "group_units16 would be unit 256; kept until they are written again"),
 	GROUP(86, "group_stop_units", U16,    group_stop_units, LIST UPTO(3),
 	      "As group_stop for the units of group_units; best written with them in one "

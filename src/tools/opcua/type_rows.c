@@ -2325,114 +2325,114 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits1",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits10",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits11",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits12",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits13",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits14",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits15",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits16",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits2",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits3",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits4",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits5",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits6",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits7",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits8",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
 	  .id = "GatewayType.GroupUnits9",
-	  .text = "Units that group_stop_units stops, of this endpoint: bit 0 of group_units1 is un"
-		  "it 1 and bit 15 of group_units16 would be unit 256; kept until they are written "
-		  "again",
+	  .text = "Units of this endpoint that group_stop_units stops: bit 0 of group_units1 is uni"
+		  "t 1 and bit 15 of group_units16 would be unit 256; kept until they are written a"
+		  "gain",
 	  .values = "" },
 	{ .class = DB_OPCUA_VARIABLE_ROW, .above = 286, .data = -1,
 	  .standard = 63, .basic = 5, .writable = true,
