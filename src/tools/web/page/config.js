@@ -8,7 +8,7 @@ import { countLines, describeEffects, findLine, readMessage } from "./config_tex
 import { createField, element, setText } from "./dom.js";
 import { writeClock, writeDay } from "./plain.js";
 import { askUser } from "./question.js";
-import { t } from "./words.js";
+import { inLanguage, t } from "./words.js";
 
 export const title = t("Configuration");
 
@@ -173,7 +173,7 @@ async function load(mine) {
 	const { messages } = await call("Reload");
 
 	if (messages.length > 0)
-		mine.context.notify(t("It was not loaded: {messages}", { messages: messages.join("; ") }), "error");
+		mine.context.notify(t("It was not loaded: {messages}", { messages: messages.map(inLanguage).join("; ") }), "error");
 	else
 		mine.context.notify(t("The configuration is loaded"), "ok");
 }
@@ -183,7 +183,7 @@ async function apply(mine, text, question) {
 	const checked = await call("CheckConfiguration", { text });
 
 	if (!checked.good)
-		throw new Error(t("It has mistakes: {messages}", { messages: checked.messages.join("; ") }));
+		throw new Error(t("It has mistakes: {messages}", { messages: checked.messages.map(inLanguage).join("; ") }));
 	const effects = describeEffects(checked.effects);
 
 	if (!await askUser({
@@ -197,7 +197,7 @@ async function apply(mine, text, question) {
 	const written = await call("SetConfiguration", { text, version: mine.version });
 
 	if (!written.good)
-		throw new Error(written.messages.join("; "));
+		throw new Error(written.messages.map(inLanguage).join("; "));
 	draft = null;
 	try {
 		await load(mine);

@@ -8,7 +8,7 @@ import { createField, element, icon, setText } from "./dom.js";
 import { createPasteText } from "./paste_text.js";
 import { cleanText } from "./plain.js";
 import { askUser } from "./question.js";
-import { t } from "./words.js";
+import { inLanguage, t } from "./words.js";
 
 export const title = t("Scan");
 
@@ -477,10 +477,11 @@ function createSetUp(context, findBus) {
 	}
 
 	async function answer(bus, move, { question, text: words, yes }) {
+		const button = inLanguage(yes);
 		const agreed = await askUser({
 			title: t("Bus {name}, address {from}", { name: bus.name, from: move.from }),
-			words: words.trim().split("\n").map((line) => line.trim()),
-			yes: yes.charAt(0).toUpperCase() + yes.slice(1).replace("?", "")
+			words: words.trim().split("\n").map((line) => inLanguage(line.trim())),
+			yes: button.charAt(0).toUpperCase() + button.slice(1).replace(/[?？]/, "")
 		});
 
 		if (stream)
@@ -520,7 +521,7 @@ function createSetUp(context, findBus) {
 				if (name === "ask")
 					answer(bus, move, data);
 				else if (name === "say" || name === "problem")
-					say(data.text, name === "problem" ? { class: "problem" } : {});
+					say(inLanguage(data.text), name === "problem" ? { class: "problem" } : {});
 				if (data.configuration)
 					text.show(data.configuration);
 			},
