@@ -37,6 +37,7 @@ struct db_opcua_nodes {
 	struct db_opcua_store *store;
 	struct db_opcua_roster roster;
 	struct db_opcua_conditions *conditions;
+	struct db_opcua_past *past;
 	struct db_opcua_historian historian;
 	UA_MonitoredItem *listeners; /* of the events of all drives */
 	UA_DataTypeArray *enumerations;
@@ -400,7 +401,8 @@ static void fill_object(struct db_opcua_node *node, UA_QualifiedName name, const
 
 static void let_listen(struct db_opcua_node *node, UA_MonitoredItem **listeners)
 {
-	node->node.objectNode.eventNotifier = UA_EVENTNOTIFIER_SUBSCRIBE_TO_EVENT;
+	node->node.objectNode.eventNotifier = UA_EVENTNOTIFIER_SUBSCRIBE_TO_EVENT |
+	                                      UA_EVENTNOTIFIER_HISTORY_READ;
 	node->listeners = listeners;
 }
 
@@ -802,7 +804,7 @@ const struct db_opcua_plant_ops db_opcua_nodes_plant_ops = {
 
 /* --- the whole -------------------------------------------------------------------------------- */
 
-struct db_opcua_nodes *db_opcua_nodes_new(const struct db_opcua_config *config,
+struct db_opcua_nodes *db_opcua_nodes_new(sd_event *loop, const struct db_opcua_config *config,
                                           const struct db_opcua_nodes_ops *ops, void *context)
 {
 	static const struct db_opcua_store_ops store_ops = {
@@ -819,7 +821,8 @@ struct db_opcua_nodes *db_opcua_nodes_new(const struct db_opcua_config *config,
 	nodes->context = context;
 	nodes->store = db_opcua_store_new(&store_ops, nodes);
 	nodes->conditions = db_opcua_conditions_new(&nodes->roster, ops->acknowledge, context);
-	if (!nodes->store || !nodes->conditions) {
+	nodes->past = db_opcua_past_new(loop, config, &nodes->roster, ops->may_read_trail, context);
+	if (!nodes->store || !nodes->conditions || !nodes->past) {
 		db_opcua_nodes_free(nodes);
 		return NULL;
 	}
@@ -830,6 +833,7 @@ void db_opcua_nodes_free(struct db_opcua_nodes *nodes)
 {
 	if (!nodes)
 		return;
+	db_opcua_past_free(nodes->past);
 	db_opcua_conditions_free(nodes->conditions);
 	db_opcua_roster_clear(&nodes->roster);
 	db_opcua_store_free(nodes->store);
@@ -884,7 +888,7 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 		return UA_STATUSCODE_BADOUTOFMEMORY;
 	UA_Server_getConfig(server)->customDataTypes = nodes->enumerations;
 	UA_Server_getConfig(server)->context = nodes;
-	nodes->historian = (struct db_opcua_historian){ &nodes->roster, plant };
+	nodes->historian = (struct db_opcua_historian){ &nodes->roster, plant, nodes->past };
 	UA_Server_getConfig(server)->historyDatabase = db_opcua_historian_give(&nodes->historian);
 	db_opcua_store_begin(nodes->store, nodes->roster.space, nodes->roster.types);
 	nodes->roster.has_condition = db_opcua_store_reference_type(nodes->store,
@@ -901,6 +905,10 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 		status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
 		                 db_opcua_node_id(&nodes->roster, &alarms), "Alarms");
 	if (status == UA_STATUSCODE_GOOD)
+		status = UA_Server_writeEventNotifier(server, UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER),
+		                                      UA_EVENTNOTIFIER_SUBSCRIBE_TO_EVENT |
+		                                              UA_EVENTNOTIFIER_HISTORY_READ);
+	if (status == UA_STATUSCODE_GOOD)
 		status = db_opcua_conditions_begin(nodes->conditions, server);
 	if (status == UA_STATUSCODE_GOOD)
 		status = link_types(nodes);
@@ -914,7 +922,10 @@ UA_UInt16 db_opcua_nodes_types(const struct db_opcua_nodes *nodes)
 
 db_time db_opcua_nodes_tend(struct db_opcua_nodes *nodes, db_time now)
 {
-	return db_opcua_conditions_tend(nodes->conditions, now);
+	db_time due = db_opcua_conditions_tend(nodes->conditions, now);
+	db_time other = db_opcua_past_tend(nodes->past, now);
+
+	return other < due ? other : due;
 }
 
 void db_opcua_nodes_watch(struct db_opcua_nodes *nodes, const UA_NodeId *node, bool removed)
