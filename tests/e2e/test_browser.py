@@ -859,7 +859,7 @@ def test_a_move_is_captured_around_its_trigger(site, visit):
     view.locator("#scope-relation").select_option(">")
     view.locator("#scope-limit").fill("far")
     view.locator("#scope-start").click()
-    expect(view.locator("#scope-problem")).to_contain_text('"far" is no whole number')
+    expect(view.locator("#scope-problem")).to_contain_text("“far” is no number")
     # In the drive's unit: 320 counts each.
     expect(view.locator("#scope-unit")).to_have_text("mm")
     view.locator("#scope-limit").fill("0.5")

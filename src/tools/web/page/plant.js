@@ -5,7 +5,7 @@
  *
  * Pure; times are milliseconds of one clock.
  */
-import { bitNames, codeName, formatTime, inWords } from "./format.js";
+import { bitNames, codeName, formatFixed, formatTime, inWords } from "./format.js";
 import { inLanguage, t } from "./words.js";
 
 /* In this order. */
@@ -68,7 +68,7 @@ function sayMustStand(registers, values) {
 	if (typeof ms === "number" && ms < MUST_STAND_SHOWN_MS)
 		return "";
 	return (cause ? t("must stand: {cause}", { cause: inWords(cause) }) : t("must stand")) +
-		(typeof ms === "number" ? t(", for {seconds} s", { seconds: (ms / 1000).toFixed(1) }) : "");
+		(typeof ms === "number" ? t(", for {seconds} s", { seconds: formatFixed(ms / 1000, 1) }) : "");
 }
 
 /* The states of PLCopen in the words of those who wire and repair. */

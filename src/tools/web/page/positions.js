@@ -6,7 +6,7 @@ import { formatReal } from "./format.js";
 import { releaseWithPage } from "./hold_button.js";
 import { askUser } from "./question.js";
 import { createSequence } from "./sequence.js";
-import { t } from "./words.js";
+import { dateTag, t } from "./words.js";
 
 const READ_EVERY_MS = 1000;
 /* Flaws for which a person may know better: see Teach in the service's interface. */
@@ -166,7 +166,7 @@ function draw(view, positions, trouble) {
 		element("td", { title: position.advice, class: position.flaw ? "warning-text" : "" },
 			position.flaw ? FLAWS[position.flaw] ?? position.flaw : t("good")),
 		element("td", { title: position.taught_by },
-			new Date(position.taught_us / 1000).toLocaleString("en-GB")),
+			new Date(position.taught_us / 1000).toLocaleString(dateTag)),
 		element("td", {}, element("div", { class: "toolbar" }, makeButtons(view, position))))));
 	setText(view.said, positions.length === 0 ? t("No position is taught yet.") : trouble);
 }

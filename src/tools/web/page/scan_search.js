@@ -2,6 +2,7 @@
 /* Looks for the drives of a bus, address by address. */
 import { openStream } from "./api.js";
 import { createField, element, icon, setText } from "./dom.js";
+import { formatFixed } from "./format.js";
 import { createPasteText } from "./paste_text.js";
 import { cleanText } from "./plain.js";
 import { askUser } from "./question.js";
@@ -219,7 +220,7 @@ function createChoice({ onChoose }, find) {
 }
 
 function addFind(search, bus, find) {
-	const ms = (us) => (find.answered === 0 ? "–" : `${(us / 1000).toFixed(1)} ms`);
+	const ms = (us) => (find.answered === 0 ? "–" : `${formatFixed(us / 1000, 1)} ms`);
 	const maySetUp = find.verdict === "one" && search.context.may("manage");
 
 	search.parts.body.append(
@@ -247,7 +248,7 @@ function showAdvice({ parts }, finds, waitUs) {
 			element(
 				"li",
 				{ class: "muted" },
-				t("Each address was given {count} ms to begin its answer, as much as the cycle leaves: a slower drive is found with a longer cycle-ms, or with the bus out of service.", { count: (waitUs / 1000).toFixed(1) })
+				t("Each address was given {count} ms to begin its answer, as much as the cycle leaves: a slower drive is found with a longer cycle-ms, or with the bus out of service.", { count: formatFixed(waitUs / 1000, 1) })
 			)
 		);
 }
