@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/nodes.h"
 #include "opcua/conditions.h"
+#include "opcua/devices.h"
 #include "opcua/enumerations.h"
 #include "opcua/events.h"
 #include "opcua/historian.h"
@@ -114,6 +115,34 @@ static UA_StatusCode read_certificate_ends(const struct db_opcua_nodes *nodes, U
 	return value->hasValue ? UA_STATUSCODE_GOOD : UA_STATUSCODE_BADOUTOFMEMORY;
 }
 
+/* A drive says "VSMD113_025T-1.0.008.170428": its model, and the version of its firmware. */
+static UA_StatusCode read_identity(const struct db_opcua_nodes *nodes, struct db_opcua_drive *drive,
+                                   bool model, UA_DataValue *value)
+{
+	const char *identity = db_opcua_plant_identify(nodes->plant, drive);
+	size_t length = strcspn(identity, "-");
+	const char *rest = identity[length] != '\0' ? identity + length + 1 : "";
+	UA_LocalizedText name = { .text = db_opcua_string(identity) };
+	UA_String revision = db_opcua_string(rest);
+	UA_StatusCode status = UA_STATUSCODE_BADNODATA;
+
+	name.text.length = length;
+	if (identity[0] == '\0')
+		status = UA_STATUSCODE_BADWAITINGFORINITIALDATA;
+	else if (model)
+		status = UA_Variant_setScalarCopy(&value->value, &name,
+		                                  &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);
+	else if (rest[0] != '\0')
+		status = UA_Variant_setScalarCopy(&value->value, &revision,
+		                                  &UA_TYPES[UA_TYPES_STRING]);
+	value->hasValue = status == UA_STATUSCODE_GOOD;
+	value->hasStatus = !value->hasValue;
+	value->status = status;
+	value->hasSourceTimestamp = true;
+	value->sourceTimestamp = UA_DateTime_now();
+	return UA_STATUSCODE_GOOD;
+}
+
 static UA_StatusCode write_clock(const struct db_opcua_nodes *nodes, const UA_NodeId *session,
                                  const UA_Variant *value)
 {
@@ -166,6 +195,8 @@ static UA_StatusCode read_value(UA_Server *server, const UA_NodeId *session, voi
 		return read_clock(nodes, value);
 	if (branch->type == DB_OPCUA_CERTIFICATE_ENDS)
 		return read_certificate_ends(nodes, value);
+	if (branch->type == DB_OPCUA_MODEL || branch->type == DB_OPCUA_SOFTWARE_REVISION)
+		return read_identity(nodes, shown->drive, branch->type == DB_OPCUA_MODEL, value);
 	if (branch->type == DB_OPCUA_VARIABLE) {
 		db_opcua_plant_fetch(nodes->plant, &shown->drive->items[branch->place]);
 		return db_opcua_value_read(&shown->drive->items[branch->place], value);
@@ -415,6 +446,16 @@ static void fill_text(struct db_opcua_node *node, const char *text, bool valued)
 	set_constant(node, &UA_TYPES[UA_TYPES_STRING], false, value, 1);
 }
 
+/* A name is the same in every language. */
+static void fill_name(struct db_opcua_node *node, const char *text, bool valued)
+{
+	UA_LocalizedText *value = valued ? malloc(sizeof(*value)) : NULL;
+
+	if (value)
+		*value = (UA_LocalizedText){ .text = db_opcua_string(text) };
+	set_constant(node, &UA_TYPES[UA_TYPES_LOCALIZEDTEXT], false, value, 1);
+}
+
 static void fill_property(const struct db_opcua_shown *shown, const struct db_opcua_branch *branch,
                           struct db_opcua_node *node, bool valued)
 {
@@ -458,7 +499,7 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 	struct db_opcua_shown *shown = node->subject.shown;
 	const struct db_opcua_branch *branch = node->subject.branch;
 	const struct db_opcua_kind *kind = shown->tree->kind;
-	UA_QualifiedName name = db_opcua_member_name(&nodes->roster, branch->name);
+	UA_QualifiedName name = db_opcua_branch_name(&nodes->roster, branch);
 	double interval_ms = nodes->config->interval_ms;
 	const char *text;
 
@@ -504,10 +545,21 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 		node->node.methodNode.method = call_method;
 		break;
 	case DB_OPCUA_COMPONENT_NAME:
+		set_head(node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
+		fill_name(node, shown->name, valued);
+		break;
 	case DB_OPCUA_LOCATION:
 		set_head(node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
-		fill_text(node, branch->type == DB_OPCUA_LOCATION ? shown->location : shown->name,
-		          valued);
+		fill_text(node, shown->location, valued);
+		break;
+	case DB_OPCUA_MODEL:
+	case DB_OPCUA_SOFTWARE_REVISION:
+		set_head(node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
+		set_variable(node,
+		             UA_TYPES[branch->type == DB_OPCUA_MODEL ? UA_TYPES_LOCALIZEDTEXT :
+		                                                       UA_TYPES_STRING]
+		                     .typeId,
+		             false, false, FIGURES_INTERVAL);
 		break;
 	default:
 		fill_property(shown, branch, node, valued);
@@ -623,15 +675,24 @@ static UA_StatusCode link_drive(struct db_opcua_nodes *nodes, const struct db_op
 {
 	struct db_opcua_id id = db_opcua_id_of(shown->name, "");
 
+	UA_NodeId node = db_opcua_node_id(&nodes->roster, &id);
+	UA_QualifiedName name;
+	UA_StatusCode status;
+
 	if (shown->gateway)
-		return db_opcua_store_link(nodes->store, UA_NS0ID_OBJECTSFOLDER,
-		                           UA_REFERENCETYPEINDEX_HASCOMPONENT,
-		                           db_opcua_node_id(&nodes->roster, &id),
+		return db_opcua_store_link(nodes->store,
+		                           UA_NODEID_NUMERIC(0, UA_NS0ID_OBJECTSFOLDER),
+		                           UA_REFERENCETYPEINDEX_HASCOMPONENT, node,
 		                           db_opcua_member_name(&nodes->roster, "Gateway"), comes);
+	name = db_opcua_own_name(&nodes->roster, shown->name);
+	status = db_opcua_store_link(nodes->store,
+	                             UA_NODEID_NUMERIC(nodes->roster.devices, DB_OPCUA_DEVICE_SET),
+	                             UA_REFERENCETYPEINDEX_ORGANIZES, node, name, comes);
 	/* Not from the folder: a client that browses it would see each drive twice. */
-	return db_opcua_store_link(nodes->store, UA_NS0ID_SERVER, UA_REFERENCETYPEINDEX_HASNOTIFIER,
-	                           db_opcua_node_id(&nodes->roster, &id),
-	                           db_opcua_own_name(&nodes->roster, shown->name), comes);
+	if (status == UA_STATUSCODE_GOOD || !comes)
+		status = db_opcua_store_link(nodes->store, UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER),
+		                             UA_REFERENCETYPEINDEX_HASNOTIFIER, node, name, comes);
+	return status;
 }
 
 /* Without memory clients are not told: they find it when they look. */
@@ -851,7 +912,7 @@ UA_Nodestore db_opcua_nodes_store(struct db_opcua_nodes *nodes)
 static UA_StatusCode link_to(struct db_opcua_nodes *nodes, UA_UInt32 from, UA_Byte tie,
                              UA_NodeId target, const char *name)
 {
-	return db_opcua_store_link(nodes->store, from, tie, target,
+	return db_opcua_store_link(nodes->store, UA_NODEID_NUMERIC(0, from), tie, target,
 	                           db_opcua_member_name(&nodes->roster, name), true);
 }
 
@@ -863,8 +924,13 @@ static UA_StatusCode link_types(struct db_opcua_nodes *nodes)
 		const struct db_opcua_type_row *row = &db_opcua_type_rows[i];
 
 		if (row->above < 0 && row->class != DB_OPCUA_EVENT_TYPE_ROW)
-			status = link_to(nodes, row->standard, UA_REFERENCETYPEINDEX_HASSUBTYPE,
-			                 db_opcua_type_id(&nodes->roster, row), row->id);
+			status = db_opcua_store_link(
+				nodes->store,
+				UA_NODEID_NUMERIC(row->devices_type ? nodes->roster.devices : 0,
+			                          row->standard),
+				UA_REFERENCETYPEINDEX_HASSUBTYPE,
+				db_opcua_type_id(&nodes->roster, row),
+				db_opcua_member_name(&nodes->roster, row->id), true);
 	}
 	return status;
 }
@@ -893,8 +959,12 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 	db_opcua_store_begin(nodes->store, nodes->roster.space, nodes->roster.types);
 	nodes->roster.has_condition = db_opcua_store_reference_type(nodes->store,
 	                                                            UA_NS0ID_HASCONDITION);
-	status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
-	                 db_opcua_node_id(&nodes->roster, &drives), "Drives");
+	nodes->roster.has_interface = db_opcua_store_reference_type(nodes->store,
+	                                                            UA_NS0ID_HASINTERFACE);
+	status = db_opcua_devices_add(server, &nodes->roster.devices);
+	if (status == UA_STATUSCODE_GOOD)
+		status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
+		                 db_opcua_node_id(&nodes->roster, &drives), "Drives");
 	if (status == UA_STATUSCODE_GOOD)
 		status = link_to(nodes, UA_NS0ID_SERVER, UA_REFERENCETYPEINDEX_HASNOTIFIER,
 		                 db_opcua_node_id(&nodes->roster, &drives), "Drives");

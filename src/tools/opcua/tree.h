@@ -23,6 +23,9 @@ enum db_opcua_branch_type {
 	DB_OPCUA_IDENTIFICATION, /* a folder */
 	DB_OPCUA_COMPONENT_NAME,
 	DB_OPCUA_LOCATION,
+	/* As the drive says itself. */
+	DB_OPCUA_MODEL,
+	DB_OPCUA_SOFTWARE_REVISION,
 	/* Properties of a variable. */
 	DB_OPCUA_UNIT,
 	DB_OPCUA_RANGE,
