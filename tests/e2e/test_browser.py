@@ -249,7 +249,15 @@ def test_users_and_passwords_are_changed_on_the_page(site, visit):
     # What needs more is named, not offered.
     expect(view.locator("[data-denied]").first).to_contain_text("Set position")
     assert view.locator('[data-command="save_parameters"]').count() == 0
+    second = visit(site, ("otto", "winds up the clocks"))
     view = otto.go("account")
+    expect(view.locator("#sessions tbody tr")).to_have_count(2)
+    expect(view.locator("#sessions tbody tr").first).to_contain_text("this one")
+    view.locator("[data-session]").click()
+    expect(view.locator("#sessions tbody tr")).to_have_count(1)
+    expect(second.page.locator("#login-user")).to_be_visible()
+    expect(second.page.locator("#navigation")).to_be_hidden()
+    assert "add-user" not in second.page.content()
     for id_, word in ("now", "winds up the clocks"), ("fresh", "stops all the clocks"), ("again", "stops all the clocks"):
         view.locator(f"#password-{id_}").fill(word)
     view.locator("#password-submit").click()

@@ -142,6 +142,8 @@ static void dispatch(struct db_web_request *request)
 		[DB_WEB_METRICS] = db_web_metrics,
 		[DB_WEB_LOGIN] = db_web_login,
 		[DB_WEB_LOGOUT] = db_web_logout,
+		[DB_WEB_SESSIONS] = db_web_login_own,
+		[DB_WEB_SESSIONS_END] = db_web_login_own,
 		[DB_WEB_PASSWORD] = db_web_users_take,
 		[DB_WEB_USERS] = db_web_users_take,
 		[DB_WEB_USERS_PUT] = db_web_users_take,
