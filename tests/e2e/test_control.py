@@ -655,6 +655,26 @@ def test_stream_goes_on_through_a_reload(bridge):
         assert eventually(lambda: line.answer()["parameters"]["samples"][0]["values"])
 
 
+def test_a_stream_has_a_drive_that_a_reload_changed(bridge):
+    """Asked for by its name, or with all others; drives that are added come to those who asked for all."""
+    with Line(bridge) as one, Line(bridge) as every:
+        for line, drives in ((one, ["drive1"]), (every, [])):
+            line.ask(f"{INTERFACE}.Subscribe", {"drives": drives, "names": ["position_units"], "interval_ms": 20,
+                                                "changes": line is one}, more=True)
+            line.answer()
+        bridge.drive().settle("set_position", target_position=640)
+        bridge.sections["drive drive1"]["counts-per-unit"] = 64.0
+        bridge.sections["drive drive2"] = {"bus": "line", "address": 9, "unit": 9}
+        bridge.reload()
+
+        def samples(line):
+            return {sample["drive"]: sample["values"] for sample in line.answer()["parameters"]["samples"]}
+
+        assert eventually(lambda: samples(one).get("drive1", {}).get("position_units") == 10)
+        assert eventually(lambda: samples(every).get("drive1", {}).get("position_units") == 10)
+        assert eventually(lambda: "drive2" in samples(every))
+
+
 def test_events(tool, bridge):
     answers = tool.Events(_more=True)
     names = [event["name"] for event in next(answers)["events"]]
