@@ -220,3 +220,9 @@ const struct db_opcua_branch *db_opcua_tree_find(const struct db_opcua_tree *tre
 	}
 	return NULL;
 }
+
+const json_t *db_opcua_tree_command(const struct db_opcua_tree *tree,
+                                    const struct db_opcua_branch *method)
+{
+	return json_array_get(tree->kind->commands, method->place);
+}

@@ -64,4 +64,8 @@ void db_opcua_tree_free(struct db_opcua_tree *tree);
 const struct db_opcua_branch *db_opcua_tree_find(const struct db_opcua_tree *tree, const char *path,
                                                  size_t length);
 
+/* The command of a method, of the interface's type Command. */
+const json_t *db_opcua_tree_command(const struct db_opcua_tree *tree,
+                                    const struct db_opcua_branch *method);
+
 #endif
