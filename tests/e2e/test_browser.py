@@ -949,6 +949,14 @@ def test_the_wire_and_the_log_are_read(site, visit):
     expect(view.locator("#trace-kept tbody tr").first).to_contain_text("drive2")
     view.locator("#trace-kept tbody tr").first.get_by_role("button").click()
     expect(view.locator("#trace-counts")).to_contain_text("all that was kept")
+    # On paper there are more than those in sight.
+    printed, shown = page.evaluate("""() => {
+        dispatchEvent(new Event("beforeprint"));
+        const rows = document.querySelectorAll(".long-list tbody tr:not(.space)").length;
+        dispatchEvent(new Event("afterprint"));
+        return [rows, parseInt(document.querySelector("#trace-counts").textContent)];
+    }""")
+    assert printed == min(shown, 1000) > 100
 
 
 def test_the_audit_trail_is_searched_verified_and_saved(state, make_site, visit):  # noqa: F811
