@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The classes of what a bus sends, and how they share its wire (docs/guide/schedule.md): classes
+ * The classes of what a bus sends, and how they share its wire (docs/schedule.md): classes
  * that have something to send at the same time get wire time in proportion to their weights. Stops
  * are in no class: they go before everything, and the classes share what stops leave.
  */

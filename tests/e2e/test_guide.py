@@ -16,7 +16,9 @@ from bridgelib import DISCRETE, HOMING, ROOT, STOPPING, eventually, find_program
 
 GUIDE = ROOT / "docs" / "guide"
 # Tables that the guide leads to, and that are as long as a book.
-REFERENCE = [ROOT / "docs" / name for name in ("exchanges.md", "temperaments.md", "evidence.md", "mqtt-sparkplug.md")]
+REFERENCE = [ROOT / "docs" / name for name in ("exchanges.md", "temperaments.md", "evidence.md", "mqtt-sparkplug.md", "schedule.md",
+                                                "structured-text.md", "servo-profiles.md", "machine.md", "glossary.md",
+                                                "special-registers.md")]
 PAGES = [page for folder in (GUIDE, GUIDE / "zh", GUIDE / "de") for page in sorted(folder.glob("*.md"))] + REFERENCE
 README = ROOT / "README.md"
 READMES = [README, ROOT / "README.zh-CN.md", ROOT / "README.de.md"]
@@ -856,7 +858,7 @@ def test_a_picture_can_be_read(picture):
 
 def test_every_picture_is_shown():
     shown = {target for page in PAGES for target in re.findall(
-        r"!\[[^\]]+\]\(pictures/([^)]+)\)", page.read_text(encoding="utf-8"))}
+        r"!\[[^\]]+\]\((?:guide/)?pictures/([^)]+)\)", page.read_text(encoding="utf-8"))}
     assert shown == {picture.name for picture in PICTURES}
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Other languages: what people see is in theirs, what programs read stays English."""
 
+import csv
+import io
 import json
 import os
 import subprocess
@@ -8,7 +10,7 @@ from pathlib import Path
 
 from bridgelib import build_directory, find_program
 from browserlib import PHONE, expect, findings
-from test_browser import VIEWS, chromium, make_site, site, visit  # noqa: F401 (fixtures)
+from test_browser import VIEWS, chromium, give, make_site, motions, open_drive, site, visit  # noqa: F401 (fixtures)
 
 TABLET = {"width": 768, "height": 1024}
 SHOWN = {
@@ -69,6 +71,39 @@ def look_at_all(visitor, language):
                 .map((node) => `${node.tagName} ${node.className} ${node.textContent.slice(0, 60)}`)""")
             assert page.evaluate("document.documentElement.scrollWidth") <= size["width"], (view, size, wide)
         assert findings(page) == [], size
+
+
+def test_numbers_are_typed_as_they_are_shown(site, visit):  # noqa: F811
+    """With a comma or a point; what may be a thousand or one moves nothing, and files keep the point."""
+    visitor = visit(site, locale="de-DE")
+    view = open_drive(visitor)
+    give(view, "move_absolute", target_position="1,25", target_velocity="25")
+    expect(view.locator("#position")).to_have_text("1,250")
+    give(view, "move_absolute", target_position="2.5", target_velocity="25")
+    expect(view.locator("#position")).to_have_text("2,500")
+    before = motions(site.bridge)
+    give(view, "move_absolute", target_position="1.000", target_velocity="25")
+    expect(view.locator("#command-result")).to_contain_text("1,000 oder 1000 schreiben")
+    view.locator("#jog-step").fill("1.000")
+    view.locator("#jog-step-forward").click()
+    expect(view.locator("#jog")).to_contain_text("1,000 oder 1000 schreiben")
+    assert motions(site.bridge) == before
+    view.locator("#jog-step").fill("0,75")
+    view.locator("#jog-step-forward").click()
+    expect(view.locator("#position")).to_have_text("3,250")
+    view.locator(".plot-pause").click()
+    with visitor.page.expect_download() as download:
+        view.locator(".plot-csv").click()
+    rows = list(csv.reader(io.StringIO(download.value.path().read_text(encoding="utf-8"))))
+    assert float(rows[-1][2]) == 3.25
+    # The oscilloscope's trigger, which the server reads.
+    view = visitor.go("scope/drive1")
+    view.locator("#scope-trigger-drive").select_option("drive1")
+    view.locator("#scope-trigger-value").select_option("position")
+    expect(view.locator("#scope-unit")).to_have_text("mm")
+    view.locator("#scope-limit").fill("1.000")
+    view.locator("#scope-start").click()
+    expect(view).to_contain_text("1,000 oder 1000 schreiben")
 
 
 def test_people_read_their_language_and_programs_english(bridge):

@@ -152,6 +152,13 @@ async def test_conditions_are_nodes(bridge, make_server):
         assert [one.NodeId for one in about] == [condition.node.nodeid]
         back = await condition.node.get_references(ua.ObjectIds.HasCondition, ua.BrowseDirection.Inverse)
         assert [one.NodeId for one in back] == [at(session, "drive1").nodeid]
+        # No second step: neither the conditions nor their type show one.
+        assert not any("Confirm" in entry.name for _, entry in condition.walk())
+        kind = await browse(session, session.get_node(ua.ObjectIds.AcknowledgeableConditionType))
+        assert {"AckedState", "Acknowledge"} <= set(kind.children) and not {"ConfirmedState", "Confirm"} & set(kind.children)
+        with says("BadMethodInvalid", "BadNodeIdUnknown"):
+            await call(session, condition.node.nodeid, ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Confirm),
+                       b"x" * 24, ua.LocalizedText("done"))
         for name in (SILENT + ".", SILENT + ".Nope", SILENT + ".AckedState.", "/Alarms.", "/Alarms.drive", SILENT[:-1]):
             with says("BadNodeIdUnknown"):
                 await at(session, name).read_browse_name()

@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a drive was, as a client of OPC UA (asyncua) reads it: what the service has kept over restarts."""
+"""How a drive was, and who did what with it, as a client of OPC UA (asyncua) reads it: what the service has kept over
+restarts."""
 
 import datetime
 
 from asyncua import ua
 from bridgelib import eventually
-from opcualib import at, fixture_certificate, fixture_make_server, in_loop, until  # noqa: F401
-from test_audit import state  # noqa: F401
+from opcualib import at, call, fixture_certificate, fixture_make_server, in_loop, type_at, until  # noqa: F401
+from test_audit import records, state  # noqa: F401
 from test_health import health
+from test_roles import USERS, method, users_text
 
 INTERVALS = 3
 # No time at all is the begin of OPC UA's.
@@ -20,13 +22,19 @@ def date(us):
 
 async def read(session, name, start=None, end=None, most=0, bounds=False, after=None):
     """One answer: its status, the values, and where the next one begins."""
-    wanted = ua.HistoryReadValueId()
-    wanted.NodeId = at(session, name).nodeid
-    wanted.ContinuationPoint = after
     details = ua.ReadRawModifiedDetails()
     details.IsReadModified = False
     details.StartTime, details.EndTime = start or NEVER, end or NEVER
     details.NumValuesPerNode, details.ReturnBounds = most, bounds
+    result = await history_read(session, at(session, name), details, after)
+    values = getattr(result.HistoryData, "DataValues", None)
+    return result.StatusCode.name, values or [], result.ContinuationPoint
+
+
+async def history_read(session, node, details, after=None):
+    wanted = ua.HistoryReadValueId()
+    wanted.NodeId = node.nodeid
+    wanted.ContinuationPoint = after
     request = ua.HistoryReadParameters()
     request.HistoryReadDetails = details
     request.TimestampsToReturn = ua.TimestampsToReturn.Both
@@ -38,9 +46,7 @@ async def read(session, name, start=None, end=None, most=0, bounds=False, after=
         result = (await session.uaclient.history_read(request))[0]
         return result.StatusCode.name != "BadResourceUnavailable" and result
 
-    result = await until(ask)
-    values = getattr(result.HistoryData, "DataValues", None)
-    return result.StatusCode.name, values or [], result.ContinuationPoint
+    return await until(ask)
 
 
 @in_loop
@@ -88,3 +94,119 @@ async def test_what_was_kept_of_round_trips(state, make_bridge, make_server):  #
             assert (await read(session, name, times[0], late))[0] == wanted
         assert (await read(session, mean, times[0]))[0] == "BadHistoryOperationInvalid"
         assert (await read(session, mean, times[0], late, after=b"x"))[0] == "BadContinuationPointInvalid"
+
+
+STANDARD = ("EventId", "EventType", "SourceNode", "SourceName", "Time", "Message", "Severity", "Status", "ServerId",
+            "ClientUserId")
+OWN = ("Number", "Kind", "What", "Details", "Result", "RecordOf", "TookUs")
+
+
+def selected(session, names=(*STANDARD, *OWN, "NoSuchField")):
+    made = ua.EventFilter()
+    for name in names:
+        one = ua.SimpleAttributeOperand()
+        one.TypeDefinitionId = type_at(session, "AuditTrailEventType").nodeid
+        one.BrowsePath = [ua.QualifiedName(name, 0 if name in STANDARD else session.types)]
+        one.AttributeId = ua.AttributeIds.Value
+        made.SelectClauses.append(one)
+    return made
+
+
+async def read_events(session, node, start=None, end=None, most=0, after=None, wanted=None):
+    """One answer: its status, each event as a dictionary, and where the next one begins."""
+    details = ua.ReadEventDetails()
+    details.StartTime, details.EndTime = start or NEVER, end or NEVER
+    details.NumValuesPerNode = most
+    details.Filter = wanted or selected(session)
+    result = await history_read(session, node, details, after)
+    names = [one.BrowsePath[0].Name for one in details.Filter.SelectClauses]
+    events = [dict(zip(names, (field.Value for field in event.EventFields)))
+              for event in getattr(result.HistoryData, "Events", None) or []]
+    return result.StatusCode.name, events, result.ContinuationPoint
+
+
+async def read_all_events(session, *arguments, **options):
+    """All pages."""
+    found, after = [], None
+    while True:
+        status, events, after = await read_events(session, *arguments, after=after, **options)
+        assert status in ("Good", "GoodNoData")
+        found += events
+        if not after:
+            return found
+
+
+@in_loop
+async def test_who_did_what(state, make_bridge, make_server, certificate):  # noqa: F811
+    """Past events are the audit trail: by drive and as a whole, in both directions, in pages, over a restart; for those who may
+    read it."""
+    bridge = make_bridge(drives=2)
+    server = make_server(bridge)
+    server.users_path.write_text(users_text(), encoding="utf-8")
+    long_ago = date(1)
+    async with server.session(certificate, USERS["engineer"][:2]) as session:
+        for drive, command, *arguments in (("drive1", "Enable"), ("drive1", "MoveAbsolute", 640, 640.0), ("drive2", "Enable"),
+                                           ("drive1", "Stop"), ("drive2", "Disable")):
+            await call(session, drive, command, *arguments)
+        assert await method("MoveAbsolute", 640, 640.0, drive="drive2")(session) == "BadInvalidState"
+        bridge.stop_bridge()
+        bridge.start_bridge()
+        await until(at(session, "/Drives").get_children, timeout=40, what="drives")
+        server_node = session.get_node(ua.ObjectIds.Server)
+        for node in (server_node, at(session, "/Drives"), at(session, "drive1")):
+            notifier = (await node.read_attribute(ua.AttributeIds.EventNotifier)).Value.Value
+            assert notifier & 4, node
+        # What drivebridgectl has, in the same order.
+        now = datetime.datetime.now(datetime.timezone.utc)
+        for name in ("drive1", "drive2"):
+            kept = [one for one in records(bridge, "--drive", name) if date(one["time_us"]) < now]
+            found = await read_all_events(session, at(session, name), long_ago, now)
+            assert [one["Number"] for one in found] == [one["number"] for one in kept] and len(kept) >= 3
+            for event, record in zip(found, kept):
+                assert event["Time"] == date(record["time_us"]) and event["EventId"] == b"audit %d" % record["number"]
+                assert (event["Kind"], event["What"], event["Result"], event["ClientUserId"], event["RecordOf"]) == tuple(
+                    record.get(key) for key in ("kind", "what", "result", "who", "of"))
+                assert event["SourceNode"] == at(session, name).nodeid and event["SourceName"] == name
+                assert event["EventType"] == type_at(session, "AuditTrailEventType").nodeid
+                assert event["ServerId"] == "urn:gw:drivebridge" and event["NoSuchField"] is None
+        move = next(one for one in found if one["What"] == "move_absolute")
+        assert "for egon, OPC UA, 127.0.0.1" in move["ClientUserId"]
+        assert move["Details"] == "move_absolute target_position=640 target_velocity=640.0"
+        assert move["Message"].Text == f"{move['Details']}: {move['Result']}"
+        refusal = next(one for one in found if one["What"] == "move_absolute" and one["Result"] == "refused")
+        assert (refusal["Status"], refusal["Severity"]) == (False, 600) and (found[0]["Status"], found[0]["Severity"]) == (True, 300)
+        # The whole; backwards, in pages.
+        whole = await read_all_events(session, server_node, long_ago, now)
+        assert {"service", "login", "command"} <= {one["Kind"] for one in whole}
+        assert await read_all_events(session, at(session, "/Drives"), long_ago, now) == whole
+        for options in ({"start": now, "end": long_ago, "most": 3}, {"end": now, "most": 4}, {"start": now, "end": long_ago}):
+            assert await read_all_events(session, server_node, **options) == whole[::-1], options
+        assert await read_all_events(session, server_node, start=long_ago, end=now, most=2) == whole
+        status, events, after = await read_events(session, server_node, start=long_ago, most=2)
+        assert (status, events) == ("Good", whole[:2]) and after
+        # Between two moments: the first bound is included.
+        first, last = whole[2], whole[-2]
+        between = [one for one in whole if first["Time"] <= one["Time"] < last["Time"]]
+        assert await read_all_events(session, server_node, first["Time"], last["Time"]) == between
+        assert (await read_events(session, server_node, long_ago, date(2)))[:2] == ("GoodNoData", [])
+        # By the client's own function, whose filter has a list of types.
+        own = await at(session, "drive2").read_event_history(long_ago, now, 0, type_at(session, "AuditTrailEventType"))
+        assert [one.Number for one in own] == [one["Number"] for one in found]
+        other = ua.ContentFilterElement()
+        other.FilterOperator = ua.FilterOperator.OfType
+        other.FilterOperands = [ua.LiteralOperand(Value=ua.Variant(type_at(session, "DriveEventType").nodeid))]
+        wanted = selected(session)
+        wanted.WhereClause.Elements = [other]
+        assert (await read_events(session, server_node, long_ago, now, wanted=wanted))[:2] == ("GoodNoData", [])
+        other.FilterOperands = [ua.LiteralOperand(Value=ua.Variant(ua.NodeId(ua.ObjectIds.AuditEventType)))]
+        assert (await read_events(session, server_node, long_ago, now, wanted=wanted))[1] == whole
+        other.FilterOperator = ua.FilterOperator.IsNull
+        for node, status, options in (
+                (at(session, "drive1.PositionActualValue"), "BadHistoryOperationUnsupported", {}),
+                (at(session, "/Gateway"), "BadHistoryOperationUnsupported", {}),
+                (at(session, "drive9"), "BadNodeIdUnknown", {}),
+                (server_node, "BadHistoryOperationInvalid", {"end": None}),
+                (server_node, "BadContinuationPointInvalid", {"after": b"x"}),
+                (server_node, "BadEventFilterInvalid", {"wanted": ua.EventFilter()}),
+                (server_node, "BadFilterOperatorUnsupported", {"wanted": wanted})):
+            assert (await read_events(session, node, **{"start": long_ago, "end": now, **options}))[0] == status

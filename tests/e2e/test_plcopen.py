@@ -858,7 +858,7 @@ def test_exceptions_without_their_codes(make_bridge, make_plc, codes):
 
 def test_the_guides_program(make_bridge):
     """Runs as it stands on the page, through lost responses, a watchdog and a restart."""
-    [text] = [text for text in examples(DOCS / "guide" / "structured-text.md")
+    [text] = [text for text in examples(DOCS / "structured-text.md")
               if "PROGRAM Feeder" in text]
     feeder = Library((DOCS / "drivebridge.st").read_text(encoding="utf-8") + text) \
         .types["Feeder"]()

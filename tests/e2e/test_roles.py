@@ -2,6 +2,7 @@
 """Who may what at the page and over OPC UA: docs/security/who-may-what.md, tried cell by cell; users, passwords, PAM."""
 
 import contextlib
+import datetime
 import http.client
 import json
 import socket
@@ -203,6 +204,18 @@ def value(name):
     return get
 
 
+def past_events(name):
+    """The latest record of the audit trail, of a drive's node or of all."""
+    async def get(session):
+        details = ua.ReadEventDetails(NumValuesPerNode=1, EndTime=datetime.datetime.now(datetime.timezone.utc))
+        one = ua.SimpleAttributeOperand(BrowsePath=[ua.QualifiedName("Time")], AttributeId=ua.AttributeIds.Value)
+        details.Filter.SelectClauses = [one]
+        node = at(session, name) if name else session.get_node(ua.ObjectIds.Server)
+        return (await node.history_read_events(details)).StatusCode.name
+
+    return get
+
+
 OPCUA = {
     "look: values, parameters, events": [value("drive1.PositionActualValue"), value("drive1.Parameters.spd")],
     "stop, quick_stop": [method("Stop"), method("QuickStop")],
@@ -217,6 +230,8 @@ OPCUA = {
     "set_position, save_parameters": [method("SetPosition", 0), method("SaveParameters")],
     "parameters, watchdog_ms": [variable("drive1.Parameters.spd", 640.0, ua.VariantType.Float),
                                 variable("drive1.WatchdogMs", 500, ua.VariantType.UInt32)],
+    "the audit trail of the drive": [past_events("drive1")],
+    "the whole audit trail": [past_events(""), past_events("/Drives")],
 }
 
 

@@ -55,6 +55,6 @@ export default [{
 		"prefer-const": ["error", { destructuring: "all" }],
 		"use-isnan": "error",
 		"valid-typeof": "error",
-		"max-lines-per-function": ["error", { max: 320, skipComments: true, skipBlankLines: true }],
+		"max-lines-per-function": ["error", { max: 190, skipComments: true, skipBlankLines: true }],
 	},
 }];

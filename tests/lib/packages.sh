@@ -56,7 +56,7 @@ install the counterparts of these and leave out this step: $*"
 
 # shellcheck disable=SC2034 # for the scripts that read this file
 BUILD_PACKAGES=(gcc libc6-dev cmake ninja-build pkg-config libjansson-dev libmodbus-dev
-	gettext libgnutls28-dev libmicrohttpd-dev libmosquitto-dev libcrypt-dev libpam0g-dev libprotobuf-c-dev protobuf-c-compiler libserialport-dev libsystemd-dev nettle-dev zlib1g-dev zopfli)
+	esbuild gettext libgnutls28-dev libmicrohttpd-dev libmosquitto-dev libcrypt-dev libpam0g-dev libprotobuf-c-dev protobuf-c-compiler libserialport-dev libsystemd-dev nettle-dev zlib1g-dev zopfli)
 # shellcheck disable=SC2034
 PAGE_PACKAGES=(python3-venv ca-certificates) # of src/tools/web/page/fetch
 # Debian has them since 13.

@@ -67,6 +67,11 @@ step() {
 	fi
 }
 
+# The rest of the calling shell and what it starts get only the time that nothing else wants.
+yield_to_others() {
+	chrt --idle --pid 0 $BASHPID 2>/dev/null || renice -n 19 -p $BASHPID >/dev/null || true
+}
+
 # configure_and_build PRESET [TARGET]. A preset links 200 programs, most of them tests: mold takes a tenth of ld's time.
 # Phases that run side by side and need the same build wait for each other.
 configure_and_build() {
@@ -144,7 +149,7 @@ phase_unit() {
 	step "size of the page" check_page_size
 }
 
-# Both compilers, every warning an error.
+# Both compilers, every warning an error; clang's about src are told by clang-tidy (style).
 phase_compilers() {
 	step gcc configure_and_build gcc
 	step clang tests/tools/clang-warnings
@@ -354,7 +359,7 @@ start_pytest() {
 	DRIVEBRIDGE_BUILD=$PWD/build/$preset DRIVEBRIDGE_COLLECTED=$PWD/build/logs/$name.collected \
 		DRIVEBRIDGE_FAILED=$PWD/build/logs/$name.failed \
 		"${prefix[@]}" "$VENV/bin/python" -m pytest -q \
-		-n "${PYTEST_WORKERS:-$((JOBS * 3))}" --junitxml="build/logs/$name.xml" "$@" \
+		-n "${PYTEST_WORKERS:-$((JOBS * 4))}" --junitxml="build/logs/$name.xml" "$@" \
 		>"build/logs/$name.log" 2>&1 </dev/null || true
 }
 
@@ -460,77 +465,136 @@ show_progress() {
 	done
 }
 
+# Sets SPENT: what the programs that this shell started and that have ended took of the processors, s.
+note_spent() {
+	local stat
+
+	# In ticks, of which Linux shows a hundred in a second.
+	read -r -a stat <"/proc/$BASHPID/stat"
+	SPENT=$(((stat[15] + stat[16]) / 100))
+}
+
 # run_phase NAME: its result is kept for finish().
 run_phase() {
-	local started=$SECONDS progress
+	local started=$SECONDS progress before
 
 	PHASE=$1
 	PASSED=0
 	FAILED=0
 	FAILURES=()
 	say "$PHASE"
+	note_spent
+	before=$SPENT
 	show_progress &
 	progress=$!
 	"phase_$PHASE"
 	kill "$progress"
 	wait "$progress" 2>/dev/null || true
-	printf '%s: %d passed, %d failed (%d s)\n' "$PHASE" $PASSED $FAILED $((SECONDS - started))
+	note_spent
+	printf '%s: %d passed, %d failed (%d s, %d s of a processor)\n' "$PHASE" $PASSED $FAILED \
+		$((SECONDS - started)) $((SPENT - before))
 	printf '%s\n' "$PASSED $FAILED" "${FAILURES[@]}" >"build/logs/$PHASE.result"
 }
 
-# These compute and do not look at the clock: they get the time that the others leave.
+# Where each phase is when several run: these compute and do not look at the clock, and get the time that the others
+# leave; these watch drives and clients, wait most of the time, and run next to the end-to-end tests, after the build
+# that they need.
 COMPUTING=(compilers style docs fuzz)
+WATCHING=(kernel threads bench)
+declare -A BUILD_OF=([kernel]=gcc [threads]="tsan threaded" [bench]=gcc)
 
 # run_computing NAME...
 run_computing() {
 	local phase
 
-	# What they print is shown when all of them are done.
-	PROGRESS_SECONDS=86400
-	chrt --idle --pid 0 $BASHPID 2>/dev/null || renice -n 19 -p $BASHPID >/dev/null || true
+	yield_to_others
 	for phase; do
 		run_phase "$phase"
-		# The build that the threads wait for is made before the style is looked at.
-		if [ "$phase" = compilers ] && [ -n "$BUILD_FOR_THREADS" ]; then
-			quietly build-tsan configure_and_build tsan threaded || true
-		fi
+	done
+}
+
+# build_for PHASE
+build_for() {
+	PHASE=$1
+	yield_to_others
+	# shellcheck disable=SC2086 # a preset, and perhaps a target
+	quietly build configure_and_build ${BUILD_OF[$1]}
+}
+
+# run_watching NAME...
+run_watching() {
+	local phase
+
+	# The end-to-end tests have their own workers meanwhile.
+	PYTEST_WORKERS=${PYTEST_WORKERS:-$JOBS}
+	for phase; do
+		# What is wrong with the build is the phase's to say.
+		(build_for "$phase") >/dev/null || true
+		run_phase "$phase"
+	done
+}
+
+# The process and the name of each row of phases.
+declare -A ROWS=()
+
+# start_row NAME PHASE...: runs run_NAME with these phases, in a process group of its own, which ends with this script.
+# What it prints is shown by end_rows.
+start_row() {
+	local name=$1
+
+	shift
+	[ $# -gt 0 ] || return 0
+	set -m
+	PROGRESS_SECONDS=86400 "run_$name" "$@" >"build/logs/$name.log" 2>&1 </dev/null &
+	ROWS[$!]=$name
+	set +m
+}
+
+end_rows() {
+	local pid
+
+	for pid in "${!ROWS[@]}"; do
+		wait "$pid" || true
+		cat "build/logs/${ROWS[$pid]}.log"
+	done
+	ROWS=()
+}
+
+stop_rows() {
+	local pid
+
+	for pid in "${!ROWS[@]}"; do
+		kill -- "-$pid" 2>/dev/null || true
 	done
 }
 
 # run_side_by_side PHASE...
 run_side_by_side() {
-	local phase timed=() computing=()
+	local phase first=() watching=() computing=()
 
-	BUILD_FOR_THREADS=
 	for phase; do
-		case " ${COMPUTING[*]} " in
-		*" $phase "*) computing+=("$phase") ;;
-		*) timed+=("$phase") ;;
+		case " ${COMPUTING[*]} : ${WATCHING[*]} " in
+		*" $phase "*:*) computing+=("$phase") ;;
+		*:*" $phase "*) watching+=("$phase") ;;
+		*) first+=("$phase") ;;
 		esac
-		[ "$phase" != threads ] || BUILD_FOR_THREADS=yes
 	done
-	# The build of the unit tests is what most others need: nothing runs beside it.
-	if [ "${timed[0]-}" = unit ]; then
-		run_phase unit
-		timed=("${timed[@]:1}")
+	if [ ${#first[@]} -gt 0 ]; then
+		# The build that most others need: nothing runs next to it. What is wrong with it is the phase's to say.
+		say "the build of unit and end-to-end tests"
+		PHASE=first
+		quietly build configure_and_build asan >/dev/null || true
+		note_spent
+		printf 'built (%d s, %d s of a processor)\n' $SECONDS "$SPENT"
 	fi
-	COMPUTING_PID=
-	if [ ${#computing[@]} -gt 0 ]; then
-		# In a process group of its own, which ends with this script.
-		set -m
-		run_computing "${computing[@]}" >build/logs/computing.log 2>&1 </dev/null &
-		COMPUTING_PID=$!
-		set +m
-		trap 'kill -- -$COMPUTING_PID 2>/dev/null || true' EXIT
-	fi
-	for phase in "${timed[@]}"; do
+	trap stop_rows EXIT
+	start_row computing "${computing[@]}"
+	start_row watching "${watching[@]}"
+	for phase in "${first[@]}"; do
 		run_phase "$phase"
 	done
-	if [ -n "$COMPUTING_PID" ]; then
-		wait $COMPUTING_PID || true
-		cat build/logs/computing.log
-		trap - EXIT
-	fi
+	end_rows
+	trap - EXIT
 }
 
 # finish PHASE...: what all of them saw. A phase without a result has failed.

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The consequences of a bus's shares (drivebridge/shares.h, docs/guide/schedule.md) for a
+ * The consequences of a bus's shares (drivebridge/shares.h, docs/schedule.md) for a
  * configuration: the longest waits of a stop, a sample and a parameter, provided that requests are
  * answered. Internal to src/bridge/config; tests check the schedule against it.
  */

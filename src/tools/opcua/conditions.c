@@ -539,7 +539,8 @@ static UA_StatusCode take_plain_numbers(UA_Server *server, UA_UInt32 arguments)
 }
 
 /* A client that wants all there is asks for each member of the type. The library takes 64 fields, and
- * with all states that an alarm may have there are 85: those that no alarm here has are not shown. */
+ * with all states that an alarm may have there are 85: those that no alarm here has are not shown. All
+ * are optional in the standard. */
 static UA_StatusCode hide_states(UA_Server *server)
 {
 	static const UA_UInt32 states[] = {
@@ -548,6 +549,9 @@ static UA_StatusCode hide_states(UA_Server *server)
 		UA_NS0ID_ALARMCONDITIONTYPE_LATCHEDSTATE,
 		UA_NS0ID_ALARMCONDITIONTYPE_SILENCESTATE,
 		UA_NS0ID_ALARMCONDITIONTYPE_SHELVINGSTATE,
+		/* There is no second step after the acknowledgement. */
+		UA_NS0ID_ACKNOWLEDGEABLECONDITIONTYPE_CONFIRMEDSTATE,
+		UA_NS0ID_ACKNOWLEDGEABLECONDITIONTYPE_CONFIRM,
 	};
 	UA_StatusCode status = UA_STATUSCODE_GOOD;
 

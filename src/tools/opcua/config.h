@@ -53,6 +53,9 @@ extern const struct db_settings_form db_opcua_form;
 #define DB_OPCUA_URI_MAX 128
 void db_opcua_config_space(const struct db_opcua_config *config, char uri[DB_OPCUA_URI_MAX]);
 
+/* What the server calls itself among others. */
+void db_opcua_config_server(const struct db_opcua_config *config, char uri[DB_OPCUA_URI_MAX]);
+
 /* True if this group of a drive's registers is shown. */
 bool db_opcua_config_shows(const struct db_opcua_config *config, enum db_opcua_group group);
 

@@ -20,14 +20,6 @@ struct told {
 	db_time until;
 };
 
-static int64_t us_of(UA_DateTime date)
-{
-	int64_t us = (date - UA_DATETIME_UNIX_EPOCH) / UA_DATETIME_USEC;
-
-	/* 0 is none in both. */
-	return date == 0 ? 0 : us > 0 ? us : 1;
-}
-
 /* The register that is read; NULL: none whose values are kept. */
 static const struct db_opcua_register *find_register(const struct db_opcua_roster *roster,
                                                      const UA_NodeId *node,
@@ -110,8 +102,8 @@ static UA_StatusCode read_node(const struct db_opcua_historian *historian, UA_Se
                                struct told *told, UA_HistoryReadResult *result,
                                UA_HistoryData *data)
 {
-	struct db_opcua_history_query query = { .start_us = us_of(details->startTime),
-		                                .end_us = us_of(details->endTime),
+	struct db_opcua_history_query query = { .start_us = db_opcua_us_of(details->startTime),
+		                                .end_us = db_opcua_us_of(details->endTime),
 		                                .most = details->numValuesPerNode,
 		                                .bounds = details->returnBounds };
 	struct db_opcua_subject subject;
@@ -148,6 +140,15 @@ static UA_StatusCode read_node(const struct db_opcua_historian *historian, UA_Se
 	return status;
 }
 
+static void refuse_all(UA_HistoryReadResponse *response)
+{
+	UA_Array_delete(response->results, response->resultsSize,
+	                &UA_TYPES[UA_TYPES_HISTORYREADRESULT]);
+	response->results = NULL;
+	response->resultsSize = 0;
+	response->responseHeader.serviceResult = UA_STATUSCODE_BADTOOMANYOPERATIONS;
+}
+
 static void read_raw(UA_Server *server, void *context, const UA_NodeId *session,
                      void *session_context, const UA_RequestHeader *header,
                      const UA_ReadRawModifiedDetails *details, UA_TimestampsToReturn times,
@@ -164,11 +165,7 @@ static void read_raw(UA_Server *server, void *context, const UA_NodeId *session,
 	if (release)
 		return;
 	if (count > NODES_MAX) {
-		UA_Array_delete(response->results, response->resultsSize,
-		                &UA_TYPES[UA_TYPES_HISTORYREADRESULT]);
-		response->results = NULL;
-		response->resultsSize = 0;
-		response->responseHeader.serviceResult = UA_STATUSCODE_BADTOOMANYOPERATIONS;
+		refuse_all(response);
 		return;
 	}
 	for (size_t i = 0; i < count; i++)
@@ -178,7 +175,35 @@ static void read_raw(UA_Server *server, void *context, const UA_NodeId *session,
 	json_decref(told.answer);
 }
 
+/* One node each time: a search of the trail takes longer than a request may wait. */
+static void read_events(UA_Server *server, void *context, const UA_NodeId *session,
+                        void *session_context, const UA_RequestHeader *header,
+                        const UA_ReadEventDetails *details, UA_TimestampsToReturn times,
+                        UA_Boolean release, size_t count, const UA_HistoryReadValueId *wanted,
+                        UA_HistoryReadResponse *response, UA_HistoryEvent *const *const data)
+{
+	const struct db_opcua_historian *historian = context;
+	UA_NodeClass class;
+
+	(void)session_context;
+	(void)header;
+	(void)times;
+	if (release)
+		return;
+	if (count > 1)
+		refuse_all(response);
+	else if (UA_Server_readNodeClass(server, wanted->nodeId, &class) != UA_STATUSCODE_GOOD)
+		response->results[0].statusCode = UA_STATUSCODE_BADNODEIDUNKNOWN;
+	else
+		response->results[0].statusCode = db_opcua_past_read(
+			historian->past, session, details, wanted,
+			db_client_now() + WAIT_MAX_MS * DB_NS_PER_MS, &response->results[0],
+			data[0]);
+}
+
 UA_HistoryDatabase db_opcua_historian_give(struct db_opcua_historian *historian)
 {
-	return (UA_HistoryDatabase){ .context = historian, .readRaw = read_raw };
+	return (UA_HistoryDatabase){ .context = historian,
+		                     .readRaw = read_raw,
+		                     .readEvent = read_events };
 }

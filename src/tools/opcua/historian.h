@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Answers what clients read of the past: the service keeps some values of each drive for a week. One
- * thread; a request waits for the service, some milliseconds at most.
+ * Answers what clients read of the past: the service keeps some values of each drive for a week, and
+ * the audit trail. One thread; a request waits for the service, some milliseconds at most.
  */
 #ifndef DRIVEBRIDGE_OPCUA_HISTORIAN_H
 #define DRIVEBRIDGE_OPCUA_HISTORIAN_H
 
+#include "opcua/past.h"
 #include "opcua/plant.h"
 #include "opcua/roster.h"
 
@@ -14,6 +15,7 @@
 struct db_opcua_historian {
 	const struct db_opcua_roster *roster;
 	struct db_opcua_plant *plant;
+	struct db_opcua_past *past;
 };
 
 /* For the configuration of a server; the historian must outlive it. */

@@ -25,26 +25,25 @@ bool db_opcua_history_is_valid(const struct db_opcua_history_query *query)
 	return (query->start_us != 0) + (query->end_us != 0) + (query->most != 0) >= 2;
 }
 
-/* Without a start they are read from the end on, into the past. */
-static bool is_backward(const struct db_opcua_history_query *query)
+bool db_opcua_history_is_backward(const struct db_opcua_history_query *query)
 {
 	return query->start_us == 0 || (query->end_us != 0 && query->end_us < query->start_us);
 }
 
-/* The bounds in the order in which values are read; 0: there is no such bound. */
-static int64_t first_bound(const struct db_opcua_history_query *query)
+int64_t db_opcua_history_first_bound(const struct db_opcua_history_query *query)
 {
 	return query->start_us != 0 ? query->start_us : query->end_us;
 }
 
-static int64_t last_bound(const struct db_opcua_history_query *query)
+int64_t db_opcua_history_last_bound(const struct db_opcua_history_query *query)
 {
 	return query->start_us != 0 ? query->end_us : 0;
 }
 
 int64_t db_opcua_history_since(const struct db_opcua_history_query *query)
 {
-	int64_t first = is_backward(query) ? last_bound(query) : query->start_us;
+	int64_t first = db_opcua_history_is_backward(query) ? db_opcua_history_last_bound(query) :
+	                                                      query->start_us;
 
 	/* A value next to a bound may be long before it, when the service did not run. The service
 	 * leaves out what ended at the moment that it is asked for. */
@@ -101,11 +100,11 @@ static bool add(const struct db_opcua_history_query *query, struct db_opcua_hist
 void db_opcua_history_pick(const struct db_opcua_history_query *query, const json_t *values,
                            const char *field, struct db_opcua_history_page *page)
 {
-	bool backward = is_backward(query);
+	bool backward = db_opcua_history_is_backward(query);
 	int64_t sign = backward ? -1 : 1;
-	int64_t first = first_bound(query) * sign;
-	int64_t last = last_bound(query) * sign;
-	bool ends = last_bound(query) != 0;
+	int64_t first = db_opcua_history_first_bound(query) * sign;
+	int64_t last = db_opcua_history_last_bound(query) * sign;
+	bool ends = db_opcua_history_last_bound(query) != 0;
 	bool begun = query->after_us != 0 || !query->bounds;
 	struct walk walk = { .values = values, .field = field, .backward = backward };
 	struct db_opcua_history_value before = { .us = query->start_us ? query->start_us :
@@ -140,6 +139,6 @@ void db_opcua_history_pick(const struct db_opcua_history_query *query, const jso
 		return;
 	if (query->bounds && ends)
 		(void)add(query, page,
-		          (struct db_opcua_history_value){ .us = last_bound(query),
+		          (struct db_opcua_history_value){ .us = db_opcua_history_last_bound(query),
 		                                           .missing = true });
 }

@@ -27,6 +27,13 @@ struct db_opcua_history_query {
 /* True if it can be answered. */
 bool db_opcua_history_is_valid(const struct db_opcua_history_query *query);
 
+/* Without a start they are read from the end on, into the past; also when the end is before it. */
+bool db_opcua_history_is_backward(const struct db_opcua_history_query *query);
+
+/* The bounds in the order of reading; 0: there is no such bound. */
+int64_t db_opcua_history_first_bound(const struct db_opcua_history_query *query);
+int64_t db_opcua_history_last_bound(const struct db_opcua_history_query *query);
+
 /* What has ended after this time is concerned; 0: everything that there is. */
 int64_t db_opcua_history_since(const struct db_opcua_history_query *query);
 

@@ -8,6 +8,7 @@
 
 #include "opcua/conditions.h"
 #include "opcua/config.h"
+#include "opcua/past.h"
 #include "opcua/plant.h"
 #include "users/roles.h"
 
@@ -30,11 +31,13 @@ struct db_opcua_nodes_ops {
 	                     const char *command, json_t *arguments);
 	/* A client acknowledges an alarm. */
 	db_opcua_acknowledge_fn *acknowledge;
+	/* A client wants to read past events. */
+	db_opcua_may_read_trail_fn *may_read_trail;
 };
 
 /* Shows what `config` selects of each drive; `config` must outlive it. NULL without memory; freed
  * with db_opcua_nodes_free() after the server, NULL is allowed. */
-struct db_opcua_nodes *db_opcua_nodes_new(const struct db_opcua_config *config,
+struct db_opcua_nodes *db_opcua_nodes_new(sd_event *loop, const struct db_opcua_config *config,
                                           const struct db_opcua_nodes_ops *ops, void *context);
 void db_opcua_nodes_free(struct db_opcua_nodes *nodes);
 

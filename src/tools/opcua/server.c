@@ -8,6 +8,7 @@
 #include "opcua/network.h"
 #include "opcua/nodes.h"
 #include "opcua/plant.h"
+#include "opcua/trail.h"
 #include "opcua/values.h"
 
 #include "client/log.h"
@@ -235,6 +236,19 @@ static UA_StatusCode acknowledge(void *context, const UA_NodeId *id,
 	return outcome.pending ? UA_STATUSCODE_BADREQUESTNOTCOMPLETE : status_of(&outcome);
 }
 
+static UA_StatusCode may_read_trail(void *context, const UA_NodeId *id, const char *drive,
+                                    unsigned *number)
+{
+	struct db_opcua_server *server = context;
+	const struct db_opcua_session *session = db_opcua_access_find(server->access, id);
+
+	if (!session || !db_grant_has(&session->grant, DB_MAY_AUDIT, drive))
+		return db_opcua_access_deny(server->access, session, "audit", drive, DB_MAY_AUDIT,
+		                            drive);
+	*number = session->number;
+	return UA_STATUSCODE_GOOD;
+}
+
 static void on_end(void *context, const char *name, const struct db_opcua_outcome *outcome)
 {
 	struct db_opcua_server *server = context;
@@ -309,6 +323,7 @@ static void set_text(UA_String *text, const char *value)
 
 static void describe(UA_ServerConfig *settings, const struct db_opcua_config *config)
 {
+	char uri[DB_OPCUA_URI_MAX];
 	char text[160];
 
 	set_text(&settings->buildInfo.productUri, "urn:drivebridge");
@@ -317,8 +332,8 @@ static void describe(UA_ServerConfig *settings, const struct db_opcua_config *co
 	set_text(&settings->buildInfo.softwareVersion, DB_VERSION);
 	set_text(&settings->buildInfo.buildNumber, DB_VERSION);
 	settings->buildInfo.buildDate = UA_DateTime_fromUnixTime(DB_BUILD_TIME);
-	(void)snprintf(text, sizeof(text), "urn:%s:drivebridge", config->gateway);
-	set_text(&settings->applicationDescription.applicationUri, text);
+	db_opcua_config_server(config, uri);
+	set_text(&settings->applicationDescription.applicationUri, uri);
 	set_text(&settings->applicationDescription.productUri, "urn:drivebridge");
 	(void)snprintf(text, sizeof(text), "drivebridge on %s", config->gateway);
 	UA_LocalizedText_clear(&settings->applicationDescription.applicationName);
@@ -365,6 +380,8 @@ static void set_limits(UA_ServerConfig *settings, const struct db_opcua_config *
 	settings->historizingEnabled = true;
 	settings->accessHistoryDataCapability = true;
 	settings->maxReturnDataValues = DB_OPCUA_HISTORY_PAGE;
+	settings->accessHistoryEventsCapability = true;
+	settings->maxReturnEventValues = DB_OPCUA_TRAIL_PAGE;
 }
 
 static UA_StatusCode set_url(UA_ServerConfig *settings, const struct db_opcua_config *config)
@@ -429,6 +446,7 @@ struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcu
 		.certificate_ends = tell_certificate_ends,
 		.run = run_command,
 		.acknowledge = acknowledge,
+		.may_read_trail = may_read_trail,
 	};
 	struct db_opcua_server *server = calloc(1, sizeof(*server));
 	UA_StatusCode status = UA_STATUSCODE_BADOUTOFMEMORY;
@@ -441,7 +459,7 @@ struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcu
 	                                       forget_connection, go_on, server);
 	server->access = db_opcua_access_new(config, server->network, lose_session, note, server);
 	server->acting = db_opcua_acting_new(loop, config, server->network, on_end, feed, server);
-	server->nodes = db_opcua_nodes_new(config, &node_ops, server);
+	server->nodes = db_opcua_nodes_new(loop, config, &node_ops, server);
 	server->plant = db_opcua_plant_new(loop, config, &db_opcua_nodes_plant_ops, server->nodes);
 	if (server->network && server->access && server->acting && server->plant && server->nodes)
 		server->library = new_library(server);

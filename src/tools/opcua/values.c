@@ -22,6 +22,13 @@ UA_LocalizedText db_opcua_english(const char *text)
 		                   .text = db_opcua_string(text) };
 }
 
+int64_t db_opcua_us_of(UA_DateTime date)
+{
+	int64_t us = (date - UA_DATETIME_UNIX_EPOCH) / UA_DATETIME_USEC;
+
+	return date == 0 ? 0 : us > 0 ? us : 1;
+}
+
 static bool is_enumeration(const struct db_opcua_register *reg)
 {
 	return reg->data && db_opcua_type_is_enumeration(reg->data);

@@ -45,7 +45,11 @@ static char *record(char *at, char **fields, size_t *count)
 			}
 			at++;
 		} else {
-			at += strcspn(at, ",\n");
+			/* With a function of the library the sanitizer reads the whole rest each time. */
+			while (*at != ',' && *at != '\n') {
+				assert_int_not_equal(*at, '\0');
+				at++;
+			}
 			to = at;
 		}
 		assert_true(*at == ',' || *at == '\n');
@@ -181,17 +185,20 @@ static void markdown_accounts_for_every_register(void **state)
 {
 	char *csv = export(db_export_csv);
 	char *markdown = export(db_export_markdown);
+	static const char several[] = "likewise 2 to ";
 	unsigned lines = 0;
 	unsigned rows = 0;
 
 	(void)state;
-	for (const char *at = csv; (at = strchr(at, '\n')); at++)
-		lines++;
-	for (const char *at = markdown; (at = strstr(at, "\n| ")); at++)
-		rows++;
-	/* Where a row stands for several, it says for how many. */
-	for (const char *at = markdown; (at = strstr(at, "likewise 2 to ")); at++)
-		rows += (unsigned)strtoul(at + strlen("likewise 2 to "), NULL, 10) - 1;
+	for (const char *at = csv; *at; at++)
+		lines += *at == '\n';
+	for (const char *at = markdown; *at; at++) {
+		if (strncmp(at, "\n| ", strlen("\n| ")) == 0)
+			rows++;
+		/* Where a row stands for several, it says for how many. */
+		if (strncmp(at, several, strlen(several)) == 0)
+			rows += (unsigned)strtoul(at + strlen(several), NULL, 10) - 1;
+	}
 	/* Headings: one line there, one for each of six tables here. */
 	assert_int_equal(rows - 6, lines - 1);
 	free(csv);

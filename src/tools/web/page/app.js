@@ -42,7 +42,7 @@ import { sayLate } from "./lateness.js";
 import * as login from "./login.js";
 import * as overview from "./overview.js";
 import { createStops } from "./stops.js";
-import { offerLanguages, t } from "./words.js";
+import { dateTag, offerLanguages, t } from "./words.js";
 
 /* Views with `nav` are in the navigation. */
 const VIEWS = {
@@ -244,7 +244,7 @@ function sayOld() {
 		return "";
 	if (link === "late")
 		return sayLate(context.lateness());
-	return knownAt ? t("not known since {time}", { time: knownAt.toLocaleTimeString("en-GB") }) : t("not known yet");
+	return knownAt ? t("not known since {time}", { time: knownAt.toLocaleTimeString(dateTag) }) : t("not known yet");
 }
 
 function setLink(state) {
@@ -619,7 +619,7 @@ function start() {
 			find("main").focus({ preventScroll: true });
 	});
 	window.addEventListener("beforeprint", () => setText(find("printed"),
-		t("{host}, printed {time}", { host: location.host, time: new Date().toLocaleString("en-GB") }) +
+		t("{host}, printed {time}", { host: location.host, time: new Date().toLocaleString(dateTag) }) +
 		(link === "live" ? "" : `; ${sayOld()}`)));
 	watchVisibility();
 	api.onSession(takeSession);

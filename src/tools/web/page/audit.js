@@ -3,6 +3,7 @@
 import { askAudit, verifyAudit } from "./api.js";
 import { createSearch, makeAddress, makeFilter } from "./audit_search.js";
 import { createField, element, icon, setText } from "./dom.js";
+import { formatFixed } from "./format.js";
 import { cleanText, writeClock, writeDay } from "./plain.js";
 import { plural, t } from "./words.js";
 
@@ -48,7 +49,7 @@ function makeRow(record) {
 
 /* Of the trail itself: what it takes, and what is wrong with it. */
 function describeTrail({ on, kept, newest, bytes, most_bytes: most, lost, trouble }) {
-	const mib = (count) => (count / 1048576).toFixed(1);
+	const mib = (count) => formatFixed(count / 1048576, 1);
 
 	return [
 		kept ? t("Newest record {newest}; {bytes} of {most} MiB", { newest, bytes: mib(bytes), most: mib(most) }) :

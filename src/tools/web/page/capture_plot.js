@@ -142,7 +142,7 @@ function showCursors(plot) {
 		`${formatFixed(times[1], 4)} s`,
 		`${formatFixed(apart, 4)} s${rate === null ? "" : `, ${formatReal(rate)} Hz`}`
 	]);
-	times.forEach((time, at) => sliders[at].setAttribute("aria-valuetext", t("{time} seconds", { time: time.toFixed(4) })));
+	times.forEach((time, at) => sliders[at].setAttribute("aria-valuetext", t("{time} seconds", { time: formatFixed(time, 4) })));
 	channels.forEach(({ register, unit }, index) => {
 		const shown = { ...register, unit, type: unit === register.unit ? register.type : "f32" };
 		const values = times.map((time) => findValue(data[0], data[index + 1], time));

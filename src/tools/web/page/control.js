@@ -5,7 +5,7 @@
  */
 import { call } from "./api.js";
 import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
-import { formatSpan } from "./format.js";
+import { formatFixed, formatSpan } from "./format.js";
 import { formatClient } from "./history.js";
 import { t } from "./words.js";
 
@@ -81,7 +81,7 @@ export function createControl({ context, drive }) {
 		else
 			setText(who, t("{holder} has control: others can only stop the drive", { holder: formatClient(holder, values.control_port, values.control_address,
 				values.control_user) }));
-		setText(until, holder === 0 ? "" : t("{seconds} s left", { seconds: (left / 1000).toFixed(1) }));
+		setText(until, holder === 0 ? "" : t("{seconds} s left", { seconds: formatFixed(left / 1000, 1) }));
 		take.hidden = isMine;
 		release.hidden = !isMine;
 		setText(watchdog, describeWatchdog(values));

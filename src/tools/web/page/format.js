@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+import { numbers as ofPage } from "./numbers.js";
 import { t } from "./words.js";
 /*
  * Values in words and words into values, by the service's description of a register: type, unit,
@@ -60,9 +61,9 @@ export function formatReal(value) {
 		const text = value.toPrecision(digits);
 
 		if (Math.fround(Number(text)) === Math.fround(value))
-			return withMinus(String(Number(text)));
+			return showNumber(String(Number(text)));
 	}
-	return withMinus(String(value));
+	return showNumber(String(value));
 }
 
 /* The shortest number that means the same count: 90.000056 deg is 90, where a count is 0.0001125 deg. */
@@ -76,7 +77,8 @@ export function formatFine(value, step) {
 	return formatReal(value);
 }
 
-function withMinus(text) { return text.startsWith("-") ? MINUS + text.slice(1) : text; }
+/* The text of a number, in the language of the page. */
+function showNumber(text) { return ofPage.write(text.startsWith("-") ? MINUS + text.slice(1) : text); }
 
 /* Always with this number of decimals, so that a changing value does not move its neighbours. */
 export function formatFixed(value, decimals) {
@@ -85,8 +87,11 @@ export function formatFixed(value, decimals) {
 	const text = value.toFixed(decimals);
 
 	/* A value that rounds to 0 has no sign. */
-	return withMinus(Number(text) === 0 ? text.replace("-", "") : text);
+	return showNumber(Number(text) === 0 ? text.replace("-", "") : text);
 }
+
+/* With this number of digits at most. */
+export function formatShort(value, digits) { return showNumber(String(Number(value.toPrecision(digits)))); }
 
 /* The unit of a register by its name, in a Map of them; "" while it is unknown. */
 export function lookUpUnit(registers, name) { return registers?.get(name)?.unit ?? ""; }
@@ -111,7 +116,7 @@ export function formatValue(register, value) {
 	if (register?.name === "age_ms")
 		return { text: formatAge(value), unit: "" };
 	return {
-		text: isReal(register) ? formatReal(value) : withMinus(String(value)),
+		text: isReal(register) ? formatReal(value) : showNumber(String(value)),
 		unit: register?.unit ?? ""
 	};
 }
@@ -130,7 +135,7 @@ export function formatAge(ms) {
 	if (ms < 1000)
 		return `${Math.round(ms)} ms`;
 	if (ms < 10000)
-		return `${(ms / 1000).toFixed(1)} s`;
+		return `${formatFixed(ms / 1000, 1)} s`;
 	return formatSpan(ms / 1000);
 }
 
@@ -178,14 +183,14 @@ export function formatDuration(us) {
 	if (us < 1000)
 		return `${us} us`;
 	if (us < 1000000)
-		return `${(us / 1000).toFixed(1)} ms`;
-	return `${(us / 1000000).toFixed(2)} s`;
+		return `${formatFixed(us / 1000, 1)} ms`;
+	return `${formatFixed(us / 1000000, 2)} s`;
 }
 
 /* bit/s: "115200 bit/s", "500 kbit/s", "1 Mbit/s" */
 export function formatSpeed(speed) {
 	if (speed >= 1000000 && speed % 100000 === 0)
-		return `${speed / 1000000} Mbit/s`;
+		return `${showNumber(String(speed / 1000000))} Mbit/s`;
 	return speed >= 10000 && speed % 1000 === 0 ? `${speed / 1000} kbit/s` : `${speed} bit/s`;
 }
 
@@ -250,7 +255,7 @@ export function formatRange(register) {
 	const { min, max } = register ?? {};
 	const unit = register?.unit ?? "";
 	const [low, high] = [min, max].map((limit) => (typeof limit === "number" ?
-		withMinus(String(Number(limit.toPrecision(10)))) : ""));
+		formatShort(limit, 10) : ""));
 	let range = low ? t("at least {low}", { low }) : t("at most {high}", { high });
 
 	if (!low && !high)
@@ -262,9 +267,9 @@ export function formatRange(register) {
 
 /*
  * Typed text as a value of this register: { value }, or { problem } in words. Accepts names of
- * codes and of bits (with commas between) as well as numbers.
+ * codes and of bits (with commas between) as well as numbers, in the form of `numbers` (numbers.js) or with a point.
  */
-export function parseValue(register, typed) {
+export function parseValue(register, typed, numbers = ofPage) {
 	const text = typed.trim().replace(MINUS, "-");
 	const codes = Object.entries(register?.codes ?? {});
 	const find = (name) => codes.find(([, called]) => inWords(called).toLowerCase() ===
@@ -297,10 +302,15 @@ export function parseValue(register, typed) {
 
 	if (found)
 		return { value: Number(found[0]) };
-	return parseNumber(register, text, codes.length > 0);
+	return parseNumber(register, text, codes.length > 0, numbers);
 }
 
-function parseNumber(register, text, named) {
+function parseNumber(register, typed, named, numbers) {
+	const { text, either } = numbers.read(typed);
+
+	if (either)
+		return { problem: t("“{text}” can be read in two ways: write {one} or {other}",
+			{ text: typed, one: either[0], other: either[1] }) };
 	const whole = !isReal(register);
 	const form = whole ? /^(-?\d+|0x[0-9a-f]+)$/i : /^-?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
 	const value = form.test(text) ? Number(text) : NaN;
@@ -310,10 +320,10 @@ function parseNumber(register, text, named) {
 		const kind = whole ? t("whole number") : t("number");
 		const names = named ? t(", or a name of its codes") : "";
 
-		return { problem: t("“{text}” is no {kind}; right is {range}{names}", { text, kind, range, names }) };
+		return { problem: t("“{text}” is no {kind}; right is {range}{names}", { text: typed, kind, range, names }) };
 	}
 	if ((typeof register?.min === "number" && value < register.min) ||
 	    (typeof register?.max === "number" && value > register.max))
-		return { problem: t("{text} is out of range, {range}", { text: withMinus(text), range }) };
+		return { problem: t("{text} is out of range, {range}", { text: showNumber(text), range }) };
 	return { value };
 }

@@ -3,7 +3,7 @@
 import { element } from "./dom.js";
 import { makeColumns } from "./health_slots.js";
 import { DASHES, createSwatch, makeAxis, padRange, readColour, writeNumbers } from "./plot_line.js";
-import { t } from "./words.js";
+import { dateTag, t } from "./words.js";
 
 const HEIGHT_PX = 150;
 const share = (name) => (value) => (value.exchanges > 0 ? value[name] / value.exchanges * 100 : null);
@@ -42,8 +42,8 @@ function writeTimes(_, ticks) {
 	const days = ticks.length > 1 && ticks[1] - ticks[0] >= 43200;
 
 	return ticks.map((tick) => (days ?
-		new Date(tick * 1000).toLocaleDateString("en-GB", { day: "numeric", month: "short" }) :
-		new Date(tick * 1000).toLocaleTimeString("en-GB", { hour: "2-digit", minute: "2-digit" })));
+		new Date(tick * 1000).toLocaleDateString(dateTag, { day: "numeric", month: "short" }) :
+		new Date(tick * 1000).toLocaleTimeString(dateTag, { hour: "2-digit", minute: "2-digit" })));
 }
 
 /* { node, draw({ values, running, step_s, now_us }, for_s), clear() } */

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+import { formatShort } from "./format.js";
 import { t } from "./words.js";
 /*
  * What the service keeps of how drives were, made ready for pictures. Pure.
@@ -68,7 +69,7 @@ export function sortRows(rows) {
 export function formatShare(share) {
 	const percent = share * 100;
 
-	return `${percent === 0 ? 0 : percent >= 10 ? Math.round(percent) : Number(percent.toPrecision(2))} %`;
+	return `${percent === 0 ? 0 : percent >= 10 ? Math.round(percent) : formatShort(percent, 2)} %`;
 }
 
 /*

@@ -146,7 +146,7 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 		presets: most ? SHARES.map((share) => [`${share} %`, most * share / 100]) : [],
 		presetsLabel: limit ? t("Part of the highest velocity") : t("Part of the drive's own speed") });
 	const length = createQuantity({ id: "jog-step", label: t("Step"), unit: distanceUnit,
-		value: formatReal(lengths[2]), presets: lengths.map((value) => [String(value), value]),
+		value: formatReal(lengths[2]), presets: lengths.map((value) => [formatReal(value), value]),
 		presetsLabel: t("Lengths of a step") });
 	const limits = limit ? t("At most {limit} {velocityUnit}", { limit: formatReal(limit), velocityUnit }) :
 		t("No max-velocity is configured") +

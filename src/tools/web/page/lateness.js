@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+import { formatFixed } from "./format.js";
 import { t } from "./words.js";
 /*
  * How old the values on the screen are because of the network. The gateway writes into each event
@@ -61,5 +62,5 @@ export function isLate(age, before) {
 
 /* "late by 4 s" */
 export function sayLate(age) {
-	return t("late by {seconds} s", { seconds: age < 10000 ? (age / 1000).toFixed(age < 2000 ? 1 : 0) : Math.round(age / 1000) });
+	return t("late by {seconds} s", { seconds: formatFixed(age / 1000, age < 2000 ? 1 : 0) });
 }

@@ -4,6 +4,7 @@
  * distinguished without colours.
  */
 import { element } from "./dom.js";
+import { formatShort } from "./format.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 
@@ -57,7 +58,7 @@ export function padRange(low, high) {
 /* Numbers at an axis. */
 export function writeNumbers(uplot, ticks) {
 	return ticks.map((tick) => (tick === null ? "" :
-		String(Number(tick.toPrecision(7))).replace("-", "−")));
+		formatShort(tick, 7)));
 }
 
 /* What all axes of a plot have in common. */

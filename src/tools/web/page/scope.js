@@ -8,7 +8,7 @@ import { createCapture, writeCsv } from "./capture.js";
 import { CHANNELS_MOST, createCapturePlot } from "./capture_plot.js";
 import { createField, element, icon, newId, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
-import { createScale, hasBits, inWords, parseValue } from "./format.js";
+import { createScale, formatReal, hasBits, inWords, parseValue } from "./format.js";
 import { t } from "./words.js";
 
 export const title = t("Oscilloscope");
@@ -113,8 +113,15 @@ function fillDrives({ context, drive, none }, wanted) {
 
 /* --- its elements ----------------------------------------------------------------------------- */
 
+/* { input, read() }: read() returns seconds, NaN while what is typed is none. */
 function makeSeconds(id, min, value) {
-	return element("input", { id, type: "number", min, max: SECONDS_MOST, step: "any", value });
+	const register = { type: "f32", unit: "s", min, max: SECONDS_MOST };
+	const input = element("input", { id, type: "text", inputmode: "decimal", autocomplete: "off", class: "short",
+		value: formatReal(value) });
+
+	input.addEventListener("input", () =>
+		input.setCustomValidity(parseValue(register, input.value).problem ?? ""));
+	return { input, read: () => parseValue(register, input.value).value ?? NaN };
 }
 
 function makeParts() {
@@ -149,8 +156,8 @@ function makeForm({ add, source, conditions, ...parts }) {
 		element("div", { class: "toolbar filters" }, source.fields[0], conditions, parts.codes),
 		element("div", { class: "toolbar filters" },
 			createField(t("Mode"), parts.mode),
-			createField(t("Before, s"), parts.before),
-			createField(t("After, s"), parts.duration),
+			createField(t("Before, s"), parts.before.input),
+			createField(t("After, s"), parts.duration.input),
 			parts.start, parts.move, parts.stop, parts.save));
 }
 
@@ -172,6 +179,7 @@ export function show(root, context, driveName) {
 		dirty: false,
 		drawnAt: 0,
 		triggeredAt: 0,
+		lastsMs: 0,
 		ending: "",
 		turn: 0 /* of the latest start */
 	};
@@ -203,9 +211,10 @@ export function hide() {
 
 function listen(mine) {
 	const { context, add } = mine;
+	const refuse = (error) => showProblem(mine, error) || context.report(error);
 
 	mine.addButton.addEventListener("click", () => addChannel(mine, add.drive.value, registerOf(add)));
-	mine.move.addEventListener("click", () => waitForMove(mine).catch(context.report));
+	mine.move.addEventListener("click", () => waitForMove(mine).catch(refuse));
 	mine.stop.addEventListener("click", () => {
 		end(mine, "");
 		mine.start.focus();
@@ -214,7 +223,7 @@ function listen(mine) {
 		[writeCsv(mine.capture.shown, mine.captured)], "text/csv"));
 	mine.form.addEventListener("submit", (event) => {
 		event.preventDefault();
-		begin(mine).catch(context.report);
+		begin(mine).catch(refuse);
 	});
 }
 
@@ -272,7 +281,7 @@ function showCondition(mine) {
 		each.hidden = source.drive.value === "";
 	});
 	/* Without a trigger there is nothing before it, and nothing to wait for. */
-	mine.before.disabled = mine.mode.disabled = source.drive.value === "";
+	mine.before.input.disabled = mine.mode.disabled = source.drive.value === "";
 	mine.codes.replaceChildren(...Object.values(register?.codes ?? {}).map((name) =>
 		element("option", { value: bits ? name : inWords(name) })));
 	if (bits && relation.selectedIndex > 1)
@@ -280,17 +289,20 @@ function showCondition(mine) {
 	relation.options[2].disabled = relation.options[3].disabled = bits;
 }
 
-/* The server reads it, and marks the samples. A number is typed in the users' unit, and told in
- * the drive's own; names, and what is wrong, are told as they are. */
+/* The server reads it, and marks the samples. A number is typed in the users' unit and their language, and told in
+ * the drive's own; names and whole numbers are told as they are. Throws a BadValue. */
 function readTrigger({ source, limit, relation, unit }) {
 	const { scale } = source;
 	const drive = source.drive.value;
 	const register = registerOf(source);
 	const name = register?.name;
 	const typed = limit.value.trim().replace("−", "-");
-	const { value } = register ? parseValue(scale.typed(register), typed) : {};
-	const isScaled = scale.isScaled(register) && typeof value === "number";
-	const told = isScaled ? scale.take(register, value) : typed;
+	const { value, problem } = register ? parseValue(scale.typed(register), typed) : {};
+	const isReal = register && scale.typed(register).type === "f32" && !register.codes && !hasBits(register);
+
+	if (isReal && problem)
+		throw Object.assign(new Error(problem), { name: "BadValue" });
+	const told = isReal ? scale.take(register, value) : typed;
 	const relates = RELATION_WORDS[relation.selectedIndex];
 
 	return {
@@ -298,7 +310,7 @@ function readTrigger({ source, limit, relation, unit }) {
 		name,
 		words: `${drive}.${name}${relation.value}${told}`,
 		said: `${drive}.${name} ${relates} ${`${typed} ${unit.textContent}`.trim()}`,
-		level: typeof value === "number" && Number(told) !== 0 && !register.codes && !hasBits(register)
+		level: typeof value === "number" && (relation.value !== "!=" || Number(told) !== 0) && !register.codes && !hasBits(register)
 			? { unit: scale.unit(register), value: Number(value) }
 			: null
 	};
@@ -360,11 +372,12 @@ async function begin(mine) {
 	if (turn !== mine.turn)
 		return;
 	mine.captured = captured;
+	mine.lastsMs = mine.duration.read() * 1000;
 	mine.capture = createCapture({
 		mode: trigger ? mine.mode.value : "single",
 		trigger: trigger !== null,
-		beforeUs: trigger ? Number(mine.before.value) * 1e6 : 0,
-		durationUs: Number(mine.duration.value) * 1e6
+		beforeUs: trigger ? mine.before.read() * 1e6 : 0,
+		durationUs: mine.lastsMs * 1000
 	});
 	mine.capture.waitsFor = trigger?.said ?? t("the first sample");
 	mine.plot?.destroy();
@@ -422,7 +435,7 @@ function frame(mine, now) {
 
 	/* Silent drives send no more times. */
 	if (capture?.state === "triggered" &&
-	    now - mine.triggeredAt > Number(mine.duration.value) * 1000 + GRACE_MS)
+	    now - mine.triggeredAt > mine.lastsMs + GRACE_MS)
 		mine.dirty = capture.flush() || mine.dirty;
 	if (now - mine.drawnAt < DRAW_EVERY_MS)
 		return;

@@ -6,7 +6,7 @@
  */
 import { sendSequenceBeat } from "./api.js";
 import { element, icon, setText } from "./dom.js";
-import { formatReal, inWords, parseValue } from "./format.js";
+import { formatFixed, formatReal, inWords, parseValue } from "./format.js";
 import { listenToHold } from "./hold_button.js";
 import { createGrips } from "./jog.js";
 import { recall, remember } from "./kept_choice.js";
@@ -48,7 +48,7 @@ export function sayProgress({ step, moves, wait_ms }, steps) {
 	if (moves)
 		return t("Step {step} of {count}: {drive} goes to {position}", { step, count: steps.length, drive, position });
 	return wait_ms > 0 ?
-		t("Step {step} of {count}: begins in {count2} s", { step, count: steps.length, count2: (wait_ms / 1000).toFixed(1) }) :
+		t("Step {step} of {count}: begins in {count2} s", { step, count: steps.length, count2: formatFixed(wait_ms / 1000, 1) }) :
 		t("Step {step} of {count}: begins", { step, count: steps.length });
 }
 

@@ -6,8 +6,8 @@
 import { call, openStream } from "./api.js";
 import { createField, element, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
-import { formatTime } from "./format.js";
 import { createLongList } from "./long_list.js";
+import { createKeptTable } from "./trace_kept.js";
 import { createIntake, writeHead, writeLine, writeSign } from "./trace_text.js";
 import { writeClock } from "./plain.js";
 import { t } from "./words.js";
@@ -22,10 +22,6 @@ const KINDS = {
 };
 const RECORDS_MOST = 20000;
 const LOOK_FOR_KEPT_MS = 5000;
-
-let stream = null;
-let rows = null;
-let timer = 0;
 
 function writeText(bus, entries) {
 	const first = entries.find((entry) => entry.record);
@@ -54,68 +50,55 @@ function createOptions(names) {
 	return names.map((name) => element("option", { value: name }, name));
 }
 
-export function show(root, context, busName, keptNumber) {
-	const counts = element("p", { id: "trace-counts", class: "muted" });
-	const problem = element("p", { class: "problem", role: "alert" });
-	const bus = createChoice("trace-bus", t("Bus"), []);
-	const source = createChoice("trace-source", t("From"), []);
-	const drive = createChoice("trace-drive", t("Drive"), []);
-	const kind = createChoice("trace-kind", t("Kind"), [
-		element("option", { value: "" }, t("all")),
-		...Object.entries(KINDS).map(([group, names]) =>
-			element("optgroup", { label: group }, createOptions(names))
-		)
-	]);
-	const search = element("input", {
-		id: "trace-search",
-		type: "search",
-		autocomplete: "off"
-	});
-	const pause = element(
-		"button",
-		{ id: "trace-pause", type: "button", "aria-pressed": "false" },
-		t("Pause")
-	);
-	const clear = element("button", { id: "trace-clear", type: "button" }, t("Clear"));
-	const save = element("button", { id: "trace-save", type: "button" }, t("Download as text"));
-	const savePcapng = element(
-		"button",
-		{ id: "trace-save-pcapng", type: "button" },
-		t("Download as pcapng")
-	);
-	const keptBody = element("tbody");
-	const keptPanel = element(
-		"section",
-		{ class: "panel", "aria-labelledby": "trace-kept-title" },
-		element("h2", { id: "trace-kept-title" }, t("Kept when there was trouble")),
+function createButton(id, words, properties = {}) {
+	return element("button", { id: `trace-${id}`, type: "button", ...properties }, words);
+}
+
+function createParts() {
+	return {
+		counts: element("p", { id: "trace-counts", class: "muted" }),
+		problem: element("p", { class: "problem", role: "alert" }),
+		bus: createChoice("trace-bus", t("Bus"), []),
+		source: createChoice("trace-source", t("From"), []),
+		drive: createChoice("trace-drive", t("Drive"), []),
+		kind: createChoice("trace-kind", t("Kind"), [
+			element("option", { value: "" }, t("all")),
+			...Object.entries(KINDS).map(([group, names]) =>
+				element("optgroup", { label: group }, createOptions(names))
+			)
+		]),
+		search: element("input", { id: "trace-search", type: "search", autocomplete: "off" }),
+		pause: createButton("pause", t("Pause"), { "aria-pressed": "false" }),
+		clear: createButton("clear", t("Clear")),
+		save: createButton("save", t("Download as text")),
+		savePcapng: createButton("save-pcapng", t("Download as pcapng"))
+	};
+}
+
+function arrange(root, { parts, rows, table }) {
+	root.append(
+		element("div", { class: "view-head" }, element("h1", {}, t("Trace")), parts.counts),
 		element(
 			"div",
-			{ class: "table-frame" },
-			element(
-				"table",
-				{ id: "trace-kept" },
-				element(
-					"thead",
-					{},
-					element(
-						"tr",
-						{},
-						[t("Number"), t("When"), t("Bus"), t("Drive"), t("Event")].map((head) =>
-							element("th", { scope: "col" }, head)
-						),
-						element("td")
-					)
-				),
-				keptBody
-			)
-		)
+			{ class: "panel toolbar filters" },
+			parts.bus.field,
+			parts.source.field,
+			parts.drive.field,
+			parts.kind.field,
+			createField(t("Text"), parts.search),
+			parts.pause,
+			parts.clear,
+			parts.save,
+			parts.savePcapng
+		),
+		parts.problem,
+		rows.node,
+		table.node
 	);
-	let kept = [];
-	let ended = false;
-	let head = ""; /* of a file of CAN frames */
-	let asked = keptNumber ?? ""; /* the kept trace in this page's address */
+}
 
-	rows = createLongList({
+function createRows(onDraw) {
+	return createLongList({
 		label: t("Trace"),
 		monospace: true,
 		most: RECORDS_MOST,
@@ -137,248 +120,216 @@ export function show(root, context, busName, keptNumber) {
 				text: (entry) => (entry.record ? entry.record.bytes ?? "" : "")
 			}
 		],
-		onDraw({ all, shown, waiting }) {
-			setText(
-				counts,
-				t("{shown} of {all} records", { shown: shown.length, all: all.length }) +
-					(waiting.length > 0
-						? t(", {count} more since the pause", { count: waiting.length })
-						: "") +
-					(ended ? t("; all that was kept") : "")
-			);
-		}
+		onDraw
 	});
+}
 
-	function describeBus() {
-		return context.plant.buses.get(bus.select.value)?.description;
-	}
+function writeCounts(ended, { all, shown, waiting }) {
+	return (
+		t("{shown} of {all} records", { shown: shown.length, all: all.length }) +
+		(waiting.length > 0 ? t(", {count} more since the pause", { count: waiting.length }) : "") +
+		(ended ? t("; all that was kept") : "")
+	);
+}
 
-	function applyFilter() {
-		const wanted = search.value.trim().toLowerCase();
+function describeBus({ context, parts }) {
+	return context.plant.buses.get(parts.bus.select.value)?.description;
+}
 
-		rows.filter(
-			({ record, kind: own, words }) =>
-				(!kind.select.value ||
-					own === kind.select.value ||
-					own === "missing") &&
-				(!drive.select.value ||
-					!record ||
-					record.drive === drive.select.value) &&
-				(!wanted ||
-					(record &&
-						`${words} ${record.bytes ?? ""}`
-							.toLowerCase()
-							.includes(wanted)))
-		);
-	}
+function applyFilter({ parts, rows }) {
+	const wanted = parts.search.value.trim().toLowerCase();
+	const kind = parts.kind.select.value;
+	const drive = parts.drive.select.value;
 
-	function open() {
-		const number = Number(source.select.value);
-		const description = describeBus();
+	rows.filter(
+		({ record, kind: own, words }) =>
+			(!kind || own === kind || own === "missing") &&
+			(!drive || !record || record.drive === drive) &&
+			(!wanted ||
+				(record && `${words} ${record.bytes ?? ""}`.toLowerCase().includes(wanted)))
+	);
+}
 
-		stream?.close();
-		stream = null;
-		rows.clear();
-		setText(problem, "");
-		ended = false;
-		if (!description)
-			return;
-		const take = createIntake();
+/* Begins anew with the bus and the source that are chosen. */
+function open(view) {
+	const { parts, rows } = view;
+	const source = parts.source.select.value;
+	const number = Number(source);
+	const description = describeBus(view);
 
-		savePcapng.hidden = !description.can;
-		drive.select.replaceChildren(
-			element("option", { value: "" }, t("all")),
-			...createOptions(description.drives)
-		);
-		applyFilter();
-		stream = openStream(
-			"Trace",
-			number > 0
-				? {
-						bus: description.name,
-						kept: number,
-						pcapng: description.can
-					}
-				: {
-						bus: description.name,
-						past: source.select.value === "past",
-						pcapng: description.can
-					},
-			{
-				onData(answer) {
-					head = answer.pcapng ?? head;
-					rows.add(take(answer));
-				},
-				onState(state, error) {
-					ended ||= state === "ended";
-					if (state === "failed")
-						setText(problem, error.message);
-				},
-				once: number > 0
-			}
-		);
-	}
+	view.stream?.close();
+	view.stream = null;
+	rows.clear();
+	setText(parts.problem, "");
+	view.ended = false;
+	if (!description)
+		return;
+	const take = createIntake();
+	const asked = { bus: description.name, pcapng: description.can };
 
-	/* The choice stays, also a trace that is not kept any more. */
-	function fillSources(value) {
-		const own = kept.filter((one) => one.bus === bus.select.value);
+	parts.savePcapng.hidden = !description.can;
+	parts.drive.select.replaceChildren(
+		element("option", { value: "" }, t("all")),
+		...createOptions(description.drives)
+	);
+	applyFilter(view);
+	view.stream = openStream(
+		"Trace",
+		number > 0 ? { ...asked, kept: number } : { ...asked, past: source === "past" },
+		{
+			onData(answer) {
+				view.head = answer.pcapng ?? view.head;
+				rows.add(take(answer));
+			},
+			onState(state, error) {
+				view.ended ||= state === "ended";
+				if (state === "failed")
+					setText(parts.problem, error.message);
+			},
+			once: number > 0
+		}
+	);
+}
 
-		source.select.replaceChildren(
-			element("option", { value: "past" }, t("the last seconds on")),
-			element("option", { value: "live" }, t("now on")),
-			...own.map((one) =>
-				element(
-					"option",
-					{ value: one.number },
-					t("kept {number}: {what}", { number: one.number, what: (one.drive ? `${one.drive}, ` : "") + one.event })
-				)
+/* The choice stays, also a trace that is not kept any more. */
+function fillSources({ parts, kept }, value) {
+	const own = kept.filter((one) => one.bus === parts.bus.select.value);
+	const { select } = parts.source;
+
+	select.replaceChildren(
+		element("option", { value: "past" }, t("the last seconds on")),
+		element("option", { value: "live" }, t("now on")),
+		...own.map((one) =>
+			element(
+				"option",
+				{ value: one.number },
+				t("kept {number}: {what}", { number: one.number, what: (one.drive ? `${one.drive}, ` : "") + one.event })
 			)
-		);
-		source.select.value = value;
-		if (source.select.selectedIndex < 0) {
-			source.select.append(
-				element("option", { value }, t("kept {value}, not any more", { value }))
-			);
-			source.select.value = value;
-		}
-	}
-
-	function fillBuses() {
-		const value = bus.select.value || busName;
-
-		bus.select.replaceChildren(...createOptions([...context.plant.buses.keys()]));
-		if (context.plant.buses.has(value))
-			bus.select.value = value;
-		fillSources("past");
-		open();
-	}
-
-	function chooseKept(one) {
-		bus.select.value = one.bus;
-		fillSources(String(one.number));
-		open();
-		rows.node.focus();
-	}
-
-	function showKept() {
-		keptPanel.hidden = kept.length === 0;
-		keptBody.replaceChildren(
-			...kept.toReversed().map((one) => {
-				const button = element(
-					"button",
-					{
-						class: "small",
-						type: "button",
-						"aria-label": t("Show trace {number}", { number: one.number }),
-						disabled: !context.plant.buses.has(one.bus)
-					},
-					t("Show")
-				);
-
-				button.addEventListener("click", () => chooseKept(one));
-				return element(
-					"tr",
-					{},
-					[
-						one.number,
-						formatTime(one.time_us),
-						one.bus,
-						one.drive ?? "",
-						one.event
-					].map((text) => element("td", {}, String(text))),
-					element("td", {}, button)
-				);
-			})
-		);
-	}
-
-	/* There is no stream for the list of kept traces. */
-	async function loadKept() {
-		const own = rows;
-		const answer = await call("Traces").catch(() => ({ kept }));
-
-		if (rows !== own)
-			return;
-		if (JSON.stringify(answer.kept) !== JSON.stringify(kept)) {
-			kept = answer.kept;
-			showKept();
-			fillSources(source.select.value);
-		}
-		if (asked) {
-			const found = kept.find((one) => String(one.number) === asked);
-
-			if (found)
-				chooseKept(found);
-			else
-				setText(problem, t("trace {asked} is not kept any more", { asked }));
-			asked = "";
-		}
-		timer = setTimeout(loadKept, LOOK_FOR_KEPT_MS);
-	}
-
-	bus.select.addEventListener("change", () => {
-		fillSources("past");
-		open();
-	});
-	source.select.addEventListener("change", open);
-	drive.select.addEventListener("change", applyFilter);
-	kind.select.addEventListener("change", applyFilter);
-	search.addEventListener("input", applyFilter);
-	pause.addEventListener("click", () => {
-		rows.pause(!rows.list.paused);
-		pause.setAttribute("aria-pressed", rows.list.paused);
-	});
-	clear.addEventListener("click", () => rows.clear());
-	save.addEventListener("click", () =>
-		saveFile(
-			`trace-${bus.select.value}-${nameTime()}.txt`,
-			writeText(describeBus(), [...rows.list.all, ...rows.list.waiting])
 		)
 	);
-	savePcapng.addEventListener("click", () =>
+	select.value = value;
+	if (select.selectedIndex < 0) {
+		select.append(element("option", { value }, t("kept {value}, not any more", { value })));
+		select.value = value;
+	}
+}
+
+/* busName: chosen where none is yet. */
+function fillBuses(view, busName) {
+	const { buses } = view.context.plant;
+	const { select } = view.parts.bus;
+	const value = select.value || busName;
+
+	select.replaceChildren(...createOptions([...buses.keys()]));
+	if (buses.has(value))
+		select.value = value;
+	fillSources(view, "past");
+	open(view);
+}
+
+function chooseKept(view, one) {
+	view.parts.bus.select.value = one.bus;
+	fillSources(view, String(one.number));
+	open(view);
+	view.rows.node.focus();
+}
+
+/* There is no stream for the list of kept traces. */
+async function loadKept(view) {
+	const { parts, context } = view;
+	const answer = await call("Traces").catch(() => ({ kept: view.kept }));
+
+	if (view.closed)
+		return;
+	if (JSON.stringify(answer.kept) !== JSON.stringify(view.kept)) {
+		view.kept = answer.kept;
+		view.table.show(view.kept, (bus) => context.plant.buses.has(bus));
+		fillSources(view, parts.source.select.value);
+	}
+	if (view.asked) {
+		const { asked } = view;
+		const found = view.kept.find((one) => String(one.number) === asked);
+
+		if (found)
+			chooseKept(view, found);
+		else
+			setText(parts.problem, t("trace {asked} is not kept any more", { asked }));
+		view.asked = "";
+	}
+	view.timer = setTimeout(() => loadKept(view), LOOK_FOR_KEPT_MS);
+}
+
+function listen(view) {
+	const { parts, rows } = view;
+	const filter = () => applyFilter(view);
+	const received = () => [...rows.list.all, ...rows.list.waiting];
+	const name = (end) => `trace-${parts.bus.select.value}-${nameTime()}.${end}`;
+
+	parts.bus.select.addEventListener("change", () => {
+		fillSources(view, "past");
+		open(view);
+	});
+	parts.source.select.addEventListener("change", () => open(view));
+	parts.drive.select.addEventListener("change", filter);
+	parts.kind.select.addEventListener("change", filter);
+	parts.search.addEventListener("input", filter);
+	parts.pause.addEventListener("click", () => {
+		rows.pause(!rows.list.paused);
+		parts.pause.setAttribute("aria-pressed", rows.list.paused);
+	});
+	parts.clear.addEventListener("click", () => rows.clear());
+	parts.save.addEventListener("click", () =>
+		saveFile(name("txt"), writeText(describeBus(view), received()))
+	);
+	parts.savePcapng.addEventListener("click", () =>
 		saveFile(
-			`trace-${bus.select.value}-${nameTime()}.pcapng`,
-			[head, ...[...rows.list.all, ...rows.list.waiting].map((entry) => entry.record?.pcapng)]
-				.filter(Boolean)
-				.map(decode),
+			name("pcapng"),
+			[view.head, ...received().map((entry) => entry.record?.pcapng)].filter(Boolean).map(decode),
 			"application/octet-stream"
 		)
 	);
-	root.append(
-		element("div", { class: "view-head" }, element("h1", {}, t("Trace")), counts),
-		element(
-			"div",
-			{ class: "panel toolbar filters" },
-			bus.field,
-			source.field,
-			drive.field,
-			kind.field,
-			createField(t("Text"), search),
-			pause,
-			clear,
-			save,
-			savePcapng
-		),
-		problem,
-		rows.node,
-		keptPanel
-	);
-	keptPanel.hidden = true;
-	fillBuses();
+}
+
+let shown = null;
+
+export function show(root, context, busName, keptNumber) {
+	const parts = createParts();
+	const view = {
+		context,
+		parts,
+		rows: createRows((list) => setText(parts.counts, writeCounts(view.ended, list))),
+		table: createKeptTable((one) => chooseKept(view, one)),
+		stream: null,
+		/* Traces that the service keeps. */
+		kept: [],
+		/* Of a file of CAN frames. */
+		head: "",
+		/* The kept trace in this page's address, until it was looked for. */
+		asked: keptNumber ?? "",
+		ended: false,
+		timer: 0,
+		closed: false
+	};
+
+	shown = view;
+	listen(view);
+	arrange(root, view);
+	fillBuses(view, busName);
 	context.on("describe", () => {
-		const before = JSON.stringify(
-			[...bus.select.options].map((option) => option.value)
-		);
+		const before = JSON.stringify([...parts.bus.select.options].map((option) => option.value));
 
 		if (before !== JSON.stringify([...context.plant.buses.keys()]))
-			fillBuses();
+			fillBuses(view, busName);
 	});
-	loadKept();
+	loadKept(view);
 }
 
 export function hide() {
-	clearTimeout(timer);
-	stream?.close();
-	rows?.close();
-	stream = rows = null;
+	if (!shown)
+		return;
+	shown.closed = true;
+	clearTimeout(shown.timer);
+	shown.stream?.close();
+	shown.rows.close();
+	shown = null;
 }

@@ -176,8 +176,10 @@ const table = inBrowser ? await loadTable(language) : new Map();
 
 export const { t, plural, inLanguage } = createWords(table);
 
-/* For dates and numbers of Intl; English without a file of its language. */
+/* For numbers of Intl; English without a file of its language. */
 export const languageTag = table.size > 0 ? TAGS[language] : "en";
+/* For its dates and times: with 24 hours, the day before the month. */
+export const dateTag = languageTag === "en" ? "en-GB" : languageTag;
 
 if (inBrowser)
 	document.documentElement.lang = languageTag;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * How often each drive of a line is read (docs/guide/schedule.md), in made-up time: 32 drives on a line like RS485 at 115200 baud,
+ * How often each drive of a line is read (docs/schedule.md), in made-up time: 32 drives on a line like RS485 at 115200 baud,
  * where an exchange takes 2.65 ms and a cycle of 10 ms has no room for all.
  */
 #include "fakes/bus.h"

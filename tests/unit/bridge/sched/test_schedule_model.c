@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The bounds of docs/guide/schedule.md against the real schedule, in made-up time: two and three drives that lose, double, delay
+ * The bounds of docs/schedule.md against the real schedule, in made-up time: two and three drives that lose, double, delay
  * or garble every n-th of each kind of their answers, in all combinations, while commands keep coming, a drive obeys no
  * stop, one does not tell its parameters, one is off, or the line is scanned. The first drive answers everything: how long
  * its samples are apart, and how long its stops wait, must keep to the bounds.

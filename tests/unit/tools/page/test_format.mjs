@@ -2,6 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import * as format from "../../../../src/tools/web/page/format.js";
+import { createNumbers } from "../../../../src/tools/web/page/numbers.js";
 
 const POSITION = { name: "position", type: "i32", unit: "counts", min: -1000, max: 1000 };
 const VELOCITY = { name: "velocity", type: "f32", unit: "counts/s", min: -5000, max: 5000 };
@@ -106,4 +107,26 @@ test("a position has no more digits than the drive's counts", () => {
 	assert.equal(format.formatFine(scale.show(counts, ninety + 1), scale.step(counts)), "90.0001");
 	assert.equal(format.formatFine(-0.5, 0), "−0.5");
 	assert.equal(scale.step({ unit: "ms", type: "u16" }), 0);
+});
+
+test("a number is read as its language writes it, and never a thousandfold", () => {
+	const german = createNumbers("de");
+	const read = (typed) => format.parseValue(VELOCITY, typed, german);
+
+	assert.deepEqual(["1.5", "-0.001", "1000"].map(german.write), ["1,5", "-0,001", "1000"]);
+	assert.deepEqual(["1.5", "1000.125"].map(createNumbers("zh-CN").write), ["1.5", "1000.125"]);
+	for (const [typed, value] of [["1,5", 1.5], ["1.5", 1.5], ["−1,000", -1], ["0.125", 0.125], ["1000.125", 1000.125],
+		["1.0005", 1.0005], ["1,5e3", 1500], [",5", 0.5], ["1000", 1000]])
+		assert.deepEqual(read(typed), { value }, typed);
+	assert.equal(read("1.000").problem, "“1.000” can be read in two ways: write 1,000 or 1000");
+	assert.equal(read(" −1.250 ").problem, "“-1.250” can be read in two ways: write -1,250 or -1250");
+	assert.equal(read("1.250e1").problem, "“1.250e1” can be read in two ways: write 1,250e1 or 1250e1");
+	/* Both signs, and a whole number with a fraction, are no numbers. */
+	for (const typed of ["1.234,5", "1,234.5", "1.234.567", "1,2,3", "1.000,"])
+		assert.ok(read(typed).problem, typed);
+	for (const typed of ["1.000", "1,5", "1.5"])
+		assert.ok(format.parseValue(POSITION, typed, german).problem, typed);
+	/* A point begins the fraction where nobody writes a comma for it. */
+	assert.deepEqual(format.parseValue(VELOCITY, "1.000", createNumbers("en")), { value: 1 });
+	assert.ok(format.parseValue(VELOCITY, "1,000", createNumbers("en")).problem);
 });
