@@ -53,7 +53,8 @@ struct stream {
 	size_t choice_count;
 	size_t drive_count;
 	struct followed drives[DRIVES_MAX];
-	/* The drives that were asked for, by name, one after the other in `told`'s memory; 0: all of them. */
+	/* The names of the drives that were asked for, one after the other in the memory after
+	 * `told`; 0: all drives. */
 	size_t wanted_count;
 	char *wanted;
 	size_t name_count;
@@ -91,7 +92,8 @@ static size_t choose(struct stream *stream, const struct db_name_list *list)
 	return place;
 }
 
-/* What was sent of this drive, unless it is another one now: a reload gives a changed drive a new number. */
+/* What was sent of this drive, unless it is another one now: a reload gives a changed drive a new
+ * number. */
 static struct followed find_followed(const struct followed *before, size_t count, uint16_t number)
 {
 	for (size_t i = 0; i < count; i++) {
@@ -121,8 +123,8 @@ static void follow(struct stream *stream, struct db_registers *registers,
 }
 
 /*
- * The drives that are there now, and their registers: of those that were asked for by name the ones with
- * these names, whatever a reload has changed of them.
+ * The drives that are there now, and their registers: of those that were asked for by name the ones
+ * with these names, whatever a reload has changed of them.
  */
 static void find_again(struct stream *stream, struct db_registers *registers)
 {
