@@ -22,6 +22,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 URI = "urn:drivebridge:tests:client"
 NAMESPACE = "urn:gw:drivebridge:drives"
 TYPES = "urn:drivebridge:types"
+DEVICES = "http://opcfoundation.org/UA/DI/"
 
 # Names and passwords.
 OPERATOR = ("olga", "turns-motors")
@@ -215,6 +216,7 @@ async def connect(client, namespace=NAMESPACE):
     await client.connect()
     client.space = await client.get_namespace_index(namespace)
     client.types = await client.get_namespace_index(TYPES)
+    client.devices = await client.get_namespace_index(DEVICES)
     return client
 
 

@@ -249,7 +249,15 @@ def test_users_and_passwords_are_changed_on_the_page(site, visit):
     # What needs more is named, not offered.
     expect(view.locator("[data-denied]").first).to_contain_text("Set position")
     assert view.locator('[data-command="save_parameters"]').count() == 0
+    second = visit(site, ("otto", "winds up the clocks"))
     view = otto.go("account")
+    expect(view.locator("#sessions tbody tr")).to_have_count(2)
+    expect(view.locator("#sessions tbody tr").first).to_contain_text("this one")
+    view.locator("[data-session]").click()
+    expect(view.locator("#sessions tbody tr")).to_have_count(1)
+    expect(second.page.locator("#login-user")).to_be_visible()
+    expect(second.page.locator("#navigation")).to_be_hidden()
+    assert "add-user" not in second.page.content()
     for id_, word in ("now", "winds up the clocks"), ("fresh", "stops all the clocks"), ("again", "stops all the clocks"):
         view.locator(f"#password-{id_}").fill(word)
     view.locator("#password-submit").click()
@@ -941,6 +949,14 @@ def test_the_wire_and_the_log_are_read(site, visit):
     expect(view.locator("#trace-kept tbody tr").first).to_contain_text("drive2")
     view.locator("#trace-kept tbody tr").first.get_by_role("button").click()
     expect(view.locator("#trace-counts")).to_contain_text("all that was kept")
+    # On paper there are more than those in sight.
+    printed, shown = page.evaluate("""() => {
+        dispatchEvent(new Event("beforeprint"));
+        const rows = document.querySelectorAll(".long-list tbody tr:not(.space)").length;
+        dispatchEvent(new Event("afterprint"));
+        return [rows, parseInt(document.querySelector("#trace-counts").textContent)];
+    }""")
+    assert printed == min(shown, 1000) > 100
 
 
 def test_the_audit_trail_is_searched_verified_and_saved(state, make_site, visit):  # noqa: F811

@@ -14,7 +14,7 @@ import time
 
 import pytest
 import varlink
-from bridgelib import ROOT, STANDSTILL, Refused, eventually
+from bridgelib import ROOT, STANDSTILL, Refused, eventually, section
 
 INTERFACE = "io.drivebridge.Control"
 PLACES = 64
@@ -653,6 +653,57 @@ def test_stream_goes_on_through_a_reload(bridge):
         bridge.sections["drive drive2"] = {"bus": "line", "address": 9, "unit": 9}
         bridge.reload()
         assert eventually(lambda: line.answer()["parameters"]["samples"][0]["values"])
+
+
+def test_a_stream_has_a_drive_that_a_reload_changed(bridge):
+    """Asked for by its name, or with all others; drives that are added come to those who asked for all."""
+    with Line(bridge) as one, Line(bridge) as every:
+        for line, drives in ((one, ["drive1"]), (every, [])):
+            line.ask(f"{INTERFACE}.Subscribe", {"drives": drives, "names": ["position_units"], "interval_ms": 20,
+                                                "changes": line is one}, more=True)
+            line.answer()
+        bridge.drive().settle("set_position", target_position=640)
+        bridge.sections["drive drive1"]["counts-per-unit"] = 64.0
+        bridge.sections["drive drive2"] = {"bus": "line", "address": 9, "unit": 9}
+        bridge.reload()
+
+        def samples(line):
+            return {sample["drive"]: sample["values"] for sample in line.answer()["parameters"]["samples"]}
+
+        assert eventually(lambda: samples(one).get("drive1", {}).get("position_units") == 10)
+        assert eventually(lambda: samples(every).get("drive1", {}).get("position_units") == 10)
+        assert eventually(lambda: "drive2" in samples(every))
+
+
+def test_a_stream_of_changes_has_drives_that_are_added(make_bridge):
+    """Also one that began when there was no drive at all."""
+    bridge = make_bridge()
+    drive = bridge.sections.pop("drive drive1")
+
+    def reload():
+        bridge.reload("\n".join([*(section(title, keys) for title, keys in bridge.sections.items()), "end\n"]))
+
+    def asked():
+        line = Line(bridge)
+        line.ask(f"{INTERFACE}.Subscribe", {"drives": [], "names": ["position"], "interval_ms": 20,
+                                            "changes": True}, more=True)
+        line.answer()
+        return line
+
+    def has(line, name):
+        return any(sample["drive"] == name and "position" in sample["values"]
+                   for sample in line.answer()["parameters"]["samples"])
+
+    reload()
+    with asked() as empty:
+        bridge.sections["drive drive1"] = drive
+        reload()
+        assert eventually(lambda: has(empty, "drive1"))
+        with asked() as one:
+            bridge.sections["drive drive2"] = {"bus": "line", "address": 9, "unit": 9}
+            reload()
+            assert eventually(lambda: has(one, "drive2"))
+            assert eventually(lambda: has(empty, "drive2"))
 
 
 def test_events(tool, bridge):

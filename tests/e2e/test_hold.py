@@ -11,12 +11,12 @@ from pathlib import Path
 
 import holdlib
 import pytest
-from bridgelib import RESULT_PENDING, Unit, encode, eventually
+from bridgelib import RESULT_OK, RESULT_PENDING, Refused, Unit, encode, eventually
 from holdlib import Failed, Hand
 
 SPEED = 2000
 # A busy machine takes its time: what is judged by the clock may be later by so much (s).
-PATIENCE = 0.25
+PATIENCE = 0.4
 
 
 def obeyed(bridge, drive="drive1"):
@@ -58,7 +58,7 @@ def events(bridge, name="hold-lost"):
 
 def nothing_is_latched(bridge):
     assert bridge.drive().read("watchdog_trips") == 0
-    assert bridge.drive().settle("move_velocity", target_velocity=100) == 1
+    eventually(lambda: bridge.drive().settle("move_velocity", target_velocity=100) == RESULT_OK, what="a motion")
     assert bridge.drive().command("stop") == 0
 
 
@@ -149,10 +149,11 @@ def test_a_service_that_was_frozen_believes_no_beat_that_waited(plant, holder):
 
 @pytest.mark.parametrize("hold_ms", [100, 300, 1000])
 def test_a_hold_without_a_beat_ends(free, hand, hold_ms):
+    asked = time.monotonic()
     hand.hold(SPEED, hold_ms)
-    began = time.monotonic()
-    took = stopped(free, began)
-    assert hold_ms / 1000 - 0.05 < took < hold_ms / 1000 + PATIENCE
+    answered = time.monotonic()
+    assert stopped(free, asked) > hold_ms / 1000
+    assert stopped(free, answered) < hold_ms / 1000 + PATIENCE
     with errors("NotHeld"):
         hand.beat()
     stands(free)
@@ -405,16 +406,20 @@ def moved(bridge):
 
 
 def test_a_button_that_counts_no_more(plant):
-    with Button(plant) as button:
+    # A long hold, because a machine that stands still beats no more either.
+    with Button(plant, 1000) as button:
         button.press()
         button.held(1)
         last = time.monotonic()
         button.beat()
+        counted = time.monotonic()
         # It is there and reads; but nobody presses it.
         while not any(" stp" in what for moment, what in obeyed(plant) if moment > last):
-            button.unit.read("position")
+            with contextlib.suppress(Refused):
+                button.unit.read("position")
             assert time.monotonic() - last < 5
-        assert 0.25 < stopped(plant, last) < 0.3 + PATIENCE
+        assert stopped(plant, last) > 0.95
+        assert stopped(plant, counted) < 1.0 + PATIENCE
         stands(plant)
         assert events(plant)[0]["client"].startswith("127.0.0.1")
         assert button.unit.read("hold_beat") == button.count

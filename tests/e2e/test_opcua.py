@@ -142,7 +142,7 @@ async def test_the_tree_is_the_register_map(make_bridge, make_server, command_ta
                     f"/Gateway.Diagnosis.Configuration{name}" for name in [*DIAGNOSIS, "Errors"] if name != "Detail"}
 
         identification = found["drive1.Identification"].children
-        assert (await identification["ComponentName"].node.read_value()) == "drive1"
+        assert (await identification["ComponentName"].node.read_value()).Text == "drive1"
         await until(lambda: holds(at(session, "/Gateway.DriveCount"), 1))
         await until(lambda: holds(at(session, "/Buses.line.Up"), True))
 

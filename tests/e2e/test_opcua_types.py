@@ -9,6 +9,7 @@ import pytest
 from asyncua import Server, ua
 from bridgelib import DOCS, MAP
 from opcualib import (  # noqa: F401
+    DEVICES,
     NAMESPACE,
     OPERATOR,
     TYPES,
@@ -36,6 +37,12 @@ def node_set():
     """Its nodes by their ids."""
     return {one.get("NodeId").removeprefix("ns=1;s="): one
             for one in xml.etree.ElementTree.parse(NODESET).getroot() if one.get("NodeId")}
+
+
+def as_in_file(session, node):
+    """A node's id as the file has it: it counts namespaces in an order of its own."""
+    number = {session.types: "ns=1;", session.devices: "ns=2;", 0: ""}[node.NamespaceIndex]
+    return number + ua.NodeId(node.Identifier, 0).to_string()
 
 
 async def references_of(session, nodes):
@@ -74,11 +81,11 @@ async def test_two_gateways_share_types_and_no_drive(bridge, make_server, tmp_pa
             for node in await session.get_node(ua.ObjectIds.Server_Namespaces).get_children():
                 said[(await node.read_browse_name()).Name] = {
                     (await each.read_browse_name()).Name: await each.read_value() for each in await node.get_properties()}
-            assert {TYPES, uri} <= set(said)
-            for name, static in ((TYPES, [ua.IdType.String]), (uri, [])):
+            assert {TYPES, uri, DEVICES} <= set(said)
+            for name, static, year in ((TYPES, [ua.IdType.String], 2026), (uri, [], 2026), (DEVICES, [ua.IdType.Numeric], 2022)):
                 assert said[name]["NamespaceUri"] == name
-                assert said[name]["NamespaceVersion"] and said[name]["IsNamespaceSubset"] is False
-                assert said[name]["NamespacePublicationDate"].year >= 2026
+                assert said[name]["NamespaceVersion"] and said[name]["IsNamespaceSubset"] is (name == DEVICES)
+                assert said[name]["NamespacePublicationDate"].year >= year
                 assert (said[name]["StaticNodeIdTypes"] or []) == static
         finally:
             await session.disconnect()
@@ -110,7 +117,7 @@ async def test_the_node_set_is_what_the_server_shows(bridge, make_server):
             assert ua.NodeClass(kind) == kinds[one.tag.removeprefix(SCHEMA)], name
         for (name, one, _), got in zip(shown, await read(ua.AttributeIds.BrowseName, shown)):
             own, _, text = one.get("BrowseName").rpartition(":")
-            assert (got.Name, got.NamespaceIndex) == (text, session.types if own else 0), name
+            assert (got.Name, got.NamespaceIndex) == (text, {"": 0, "1": session.types, "2": session.devices}[own]), name
         for (name, one, _), text in zip(shown, await read(ua.AttributeIds.Description, shown)):
             assert text.Text == one.find(f"{SCHEMA}Description").text, name
         variables = [each for each in shown if each[1].tag == f"{SCHEMA}UAVariable"]
@@ -118,7 +125,7 @@ async def test_the_node_set_is_what_the_server_shows(bridge, make_server):
             for (name, one, _), got in zip(variables, await read(attribute, variables)):
                 assert got == int(one.get(key, usual)), name
         for (name, one, _), got in zip(variables, await read(ua.AttributeIds.DataType, variables)):
-            assert got.to_string().replace(f"ns={session.types};", "ns=1;") == one.get("DataType"), name
+            assert as_in_file(session, got) == one.get("DataType"), name
 
         # References of each node, and nothing of this namespace that is not in the file.
         found = set()
@@ -127,7 +134,7 @@ async def test_the_node_set_is_what_the_server_shows(bridge, make_server):
             for (name, one, _), result in zip(part, await references_of(session, [node for _, _, node in part])):
                 wanted = {(each.get("ReferenceType"), each.text) for each in one.iter(f"{SCHEMA}Reference")}
                 got = {(ua.ObjectIdNames[each.ReferenceTypeId.Identifier],
-                        each.NodeId.to_string().replace(f"ns={session.types};", "ns=1;")) for each in result.References}
+                        as_in_file(session, each.NodeId)) for each in result.References}
                 forward = {(each.ReferenceTypeId.Identifier, each.NodeId.Identifier) for each in result.References
                            if each.IsForward and each.NodeId.NamespaceIndex == session.types}
                 found |= {target for _, target in forward}
@@ -170,11 +177,60 @@ async def test_a_drive_is_an_instance_of_its_family(make_bridge, make_server, fa
         both = [(path, found[path]) for path in members if path in found]
         assert len(both) > 90
         for (path, _), name in zip(both, await read_all(session, [entry for _, entry in both], ua.AttributeIds.BrowseName)):
-            space = session.types if ":" in members[path].get("BrowseName") else 0
+            space = {"1": session.types, "2": session.devices}.get(members[path].get("BrowseName").rpartition(":")[0], 0)
             assert name.Value.Value.NamespaceIndex == space, path
         variables = [(path, entry) for path, entry in both if entry.kind == ua.NodeClass.Variable]
         for (path, _), kind in zip(variables, await read_all(session, [entry for _, entry in variables], ua.AttributeIds.DataType)):
-            assert kind.Value.Value.to_string().replace(f"ns={session.types};", "ns=1;") == members[path].get("DataType"), path
+            assert as_in_file(session, kind.Value.Value) == members[path].get("DataType"), path
+
+
+# Numbers and names of OPC UA for Devices (OPC 10000-100) that a tool finds a drive by.
+NAMEPLATE = ("Manufacturer ManufacturerUri Model HardwareRevision SoftwareRevision DeviceRevision ProductCode DeviceManual"
+             " DeviceClass SerialNumber ProductInstanceUri RevisionCounter AssetId ComponentName").split()
+LOCALIZED = {"Manufacturer", "Model", "ComponentName"}
+
+
+@in_loop
+async def test_a_drive_is_a_component_of_the_devices_model(make_bridge, make_server):
+    """Clients that know OPC UA for Devices find each drive in DeviceSet, and who it is in Identification: only what it tells."""
+    bridge = make_bridge(drives=2)
+    server = make_server(bridge)
+    async with server.session() as session:
+        def devices(number):
+            return session.get_node(ua.NodeId(number, session.devices))
+
+        for kind, above, members in ((15063, devices(1001), dict(zip(range(15086, 15100), NAMEPLATE))),
+                                     (15035, session.get_node(17602), dict(zip(range(15036, 15048), NAMEPLATE))),
+                                     (15048, session.get_node(17602), dict(zip(range(15049, 15051), NAMEPLATE[12:]))),
+                                     (1001, session.get_node(58), {6014: "Identification"}),
+                                     (1005, session.get_node(61), {})):
+            assert await devices(kind).get_parent() == above
+            found = {one.NodeId: one for one in await devices(kind).get_references(
+                ua.ObjectIds.Aggregates, ua.BrowseDirection.Forward)}
+            assert {node.Identifier: one.BrowseName.Name for node, one in found.items()} == members
+            assert {one.BrowseName.NamespaceIndex for one in found.values()} <= {session.devices}
+            for node, one in found.items():
+                rules = await session.get_node(node).get_referenced_nodes(ua.ObjectIds.HasModellingRule)
+                assert [each.nodeid.Identifier for each in rules] == [80]
+                if one.BrowseName.Name in NAMEPLATE:
+                    data = (await session.get_node(node).read_data_type()).Identifier
+                    assert data == (21 if one.BrowseName.Name in LOCALIZED else 6 if "Counter" in one.BrowseName.Name else 12)
+        assert [one.nodeid for one in await session.nodes.objects.get_children() if one == devices(5001)]
+        assert [one.nodeid for one in await devices(5001).get_children()] == [at(session, name).nodeid for name in ("drive1", "drive2")]
+        # What a VSMD drive tells is read by the names of the standard; nothing that it does not tell is there.
+        group = await at(session, "drive1").get_child(f"{session.devices}:Identification")
+        assert (await group.read_type_definition()) == devices(1005).nodeid
+        assert {one.Identifier for one in [each.nodeid for each in await group.get_referenced_nodes(
+            ua.ObjectIds.HasInterface)]} == {15035, 15048}
+        told = {(await one.read_browse_name()).Name for one in await group.get_children()}
+        assert told == {"ComponentName", "Location", "Model", "SoftwareRevision"}
+
+        async def read(name):
+            return (await (await group.get_child(f"{session.devices}:{name}")).read_data_value(raise_on_bad_status=False)).Value.Value
+
+        assert (await read("ComponentName")).Text == "drive1"
+        model = await until(lambda: read("Model"), what="the drive to say its model")
+        assert (model.Text, await read("SoftwareRevision")) == ("VSMD113_025T", "1.0.008.170428")
 
 
 @in_loop
@@ -207,16 +263,34 @@ async def test_values_and_bits_have_names(bridge, make_server):
         assert history.Value.VariantType == ua.VariantType.Int32 and history.Value.is_array
 
 
+def made_type(number, name, above):
+    return (f'<UAObjectType NodeId="ns=1;i={number}" BrowseName="1:{name}"><DisplayName>{name}</DisplayName><References>'
+            f'<Reference ReferenceType="i=45" IsForward="false">{above}</Reference></References></UAObjectType>')
+
+
+DEVICES_MODEL = (
+    '<?xml version="1.0" encoding="utf-8"?><UANodeSet xmlns="http://opcfoundation.org/UA/2011/03/UANodeSet.xsd">'
+    f"<NamespaceUris><Uri>{DEVICES}</Uri></NamespaceUris><Models><Model ModelUri=\"{DEVICES}\" Version=\"1.04.0\" "
+    'PublicationDate="2022-11-03T00:00:00Z"/></Models>'
+    + made_type(1001, "TopologyElementType", "i=58") + made_type(15063, "ComponentType", "ns=1;i=1001")
+    + made_type(1005, "FunctionalGroupType", "i=61") + made_type(15035, "IVendorNameplateType", "i=17602")
+    + made_type(15048, "ITagNameplateType", "i=17602") + "</UANodeSet>")
+
+
 @in_loop
 async def test_the_node_set_loads_without_a_server(tmp_path):
     """Another program takes it in, and makes a drive of it with all that it may have."""
     server = Server()
     await server.init()
+    # In the place of the model that tools have: its types that ours are below.
+    (tmp_path / "di.xml").write_text(DEVICES_MODEL, encoding="utf-8")
+    await server.import_xml(tmp_path / "di.xml")
     await server.import_xml(NODESET)
     space = await server.get_namespace_index(TYPES)
     made = await server.nodes.objects.add_object(space, "feeder", ua.NodeId("ServoCanDriveType", space), instantiate_optional=True)
     names = {(await one.read_browse_name()).Name for one in await made.get_children()}
     assert {"AxisState", "MoveAbsolute", "CommandBlock", "Identification", "ConverterTemperature"} <= names
+    assert (await server.get_node(ua.NodeId("DriveType", space)).get_parent()).nodeid.Identifier == 15063
     words = await server.get_node(ua.NodeId("AxisStateEnum.EnumValues", space)).read_value()
     assert {one.DisplayName.Text: one.Value for one in words} == MAP.find("axis_state").codes
     arguments = await server.get_node(ua.NodeId("DriveType.MoveAbsolute.InputArguments", space)).read_value()

@@ -4,6 +4,7 @@
 import re
 
 import pytest
+from bridgelib import eventually
 from browserlib import DESKTOP, PHONE, expect, findings
 from test_browser import chromium, make_site, visit  # noqa: F401 (fixtures)
 
@@ -59,7 +60,8 @@ def test_nothing_moves_under_a_pointer_on_its_way(plant, visit):  # noqa: F811
     stop = page.locator('[data-stop="drive2"]')
     expect(stop).to_be_visible()
     expect(page.locator("#summary")).to_have_text("all is well")
-    before = stop.bounding_box()
+    # Rows are made anew when the service describes its drives.
+    before = eventually(stop.bounding_box, what="the row")
     # A pointer that goes on moving over the table.
     page.evaluate("""() => { window.moves = setInterval(() => document.querySelector("#drives")
         .dispatchEvent(new PointerEvent("pointermove")), 50); }""")

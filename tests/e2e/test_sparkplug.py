@@ -377,8 +377,9 @@ def test_nothing_is_published_without_the_primary_host(plant):
     since = host.count()
     state.tell(False)
     host.wait_for("NDEATH", since=since)
+    dead = host.count()
     unit.settle("move_absolute", target_position=3200)
-    assert not host.of("NBIRTH", "DDATA", since=since)
+    assert not host.of("NBIRTH", "DDATA", since=dead)
     state.tell(True)
     host.wait_for("DDATA", "drive1", lambda one: one.historical and one.values.get("position") == 3200, since,
                   timeout=20)

@@ -572,6 +572,30 @@ def test_whatever_else_ends_a_grip(gateway):
     stands(bridge)
     eventually(lambda: grip.last("why") == "stopped")
     grip.vanish()
+    # Logged out by another session of the same user; it is told of no other user's, and ends none.
+    reader = gateway.page(webd, READER)
+    grip = page.hold("drive1", SPEED)
+    eventually(lambda: moving(bridge))
+    sessions = page.ask("POST", "/api/sessions", {})["sessions"]
+    assert [(one["from"], one["own"]) for one in sessions] == [("127.0.0.1", True)]
+    number = sessions[0]["number"]
+    assert refused(409, page.ask, "POST", "/api/sessions/end", {"number": number}).error == "NoSuchSession"
+    assert refused(409, reader.ask, "POST", "/api/sessions/end", {"number": number}).error == "NoSuchSession"
+    assert refused(400, page.ask, "POST", "/api/sessions/end", {}).error == "BadRequest"
+    assert refused(400, page.ask, "POST", "/api/sessions/end", {"number": number, "others": True}).error == "BadRequest"
+    assert moving(bridge)
+    other = gateway.page(webd, OPERATOR)
+    assert [one["own"] for one in other.ask("POST", "/api/sessions", {})["sessions"]] == [False, True]
+    assert len(other.ask("POST", "/api/sessions/end", {"number": number})["sessions"]) == 1
+    stands(bridge, 2.0)
+    eventually(lambda: isinstance(grip.answers[-1], Failed))
+    grip.vanish()
+    assert page.load()["user"] is None and reader.load()["user"] == READER[0]
+    assert "olga at 127.0.0.1: logged out another session, from 127.0.0.1" in webd.log()
+    page.log_in(*OPERATOR)
+    assert len(other.ask("POST", "/api/sessions/end", {"others": True})["sessions"]) == 1
+    assert page.load()["user"] is None and reader.load()["user"] == READER[0]
+    page.log_in(*OPERATOR)
     # Logging out.
     grip = page.hold("drive1", SPEED)
     eventually(lambda: moving(bridge))

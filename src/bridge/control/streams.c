@@ -35,6 +35,15 @@ struct told {
 	uint64_t bits; /* the value; unused for a text */
 };
 
+/* Of a drive, while it goes on. */
+struct followed {
+	uint16_t number;
+	uint16_t choice;
+	bool begun;
+	db_time taken;    /* time of the data that were sent last, or left out */
+	uint32_t samples; /* number of samples at the last sending */
+};
+
 struct stream {
 	uint32_t generation; /* generation of the registers when the choices were made */
 	db_time interval;    /* 0: with every cycle */
@@ -43,18 +52,15 @@ struct stream {
 	struct choice choices[FAMILIES_MAX];
 	size_t choice_count;
 	size_t drive_count;
-	struct {
-		uint16_t number;
-		uint16_t choice;
-		bool begun;
-		db_time taken;    /* time of the data that were sent last, or left out */
-		uint32_t samples; /* number of samples at the last sending */
-	} drives[DRIVES_MAX];
+	struct followed drives[DRIVES_MAX];
+	/* The drives that were asked for, by name, one after the other in `told`'s memory; 0: all of
+	 * them. */
+	size_t wanted_count;
+	char *wanted;
 	size_t name_count;
 	char names[NAMES_MAX][DB_ROW_NAME_MAX];
-	bool changes;       /* only changed values are sent */
 	size_t told_places; /* for each drive */
-	size_t told_count;
+	size_t told_count;  /* 0: not only changed values are sent */
 	struct told told[];
 };
 
@@ -85,54 +91,90 @@ static size_t choose(struct stream *stream, const struct db_name_list *list)
 	return place;
 }
 
-/* The drives that are still there, and their registers. */
+/* What was sent of this drive, unless it is another one now: a reload gives a changed drive a new
+ * number. */
+static struct followed find_followed(const struct followed *before, size_t count, uint16_t number)
+{
+	for (size_t i = 0; i < count; i++) {
+		if (before[i].number == number)
+			return before[i];
+	}
+	return (struct followed){ .number = number };
+}
+
+static void follow(struct stream *stream, struct db_registers *registers,
+                   const struct followed *before, size_t count, uint16_t number)
+{
+	const struct db_name_list *list = db_named_registers(registers, number);
+	size_t place = list && stream->drive_count < DRIVES_MAX ? choose(stream, list) :
+	                                                          FAMILIES_MAX;
+	db_time cycle;
+
+	if (place == FAMILIES_MAX)
+		return;
+	cycle = db_named_cycle(registers, number);
+	/* Twice as often as new data arrive, so that none is missed. */
+	if (stream->interval == 0 && cycle / 2 < stream->period)
+		stream->period = cycle / 2 > SHORTEST ? cycle / 2 : SHORTEST;
+	stream->drives[stream->drive_count] = find_followed(before, count, number);
+	stream->drives[stream->drive_count++].choice = (uint16_t)place;
+}
+
+/*
+ * The drives that are there now, and their registers: of those that were asked for by name the ones
+ * with these names, whatever a reload has changed of them.
+ */
 static void find_again(struct stream *stream, struct db_registers *registers)
 {
-	size_t kept = 0;
+	struct followed before[DRIVES_MAX];
+	size_t count = stream->drive_count;
+	const char *name = stream->wanted;
+	struct db_named_drive drive;
 
+	memcpy(before, stream->drives, count * sizeof(before[0]));
 	stream->generation = db_named_generation(registers);
 	stream->choice_count = 0;
+	stream->drive_count = 0;
 	memset(stream->told, 0, stream->told_count * sizeof(stream->told[0]));
 	stream->period = stream->interval != 0 ? stream->interval : DB_NS_PER_S;
-	for (size_t i = 0; i < stream->drive_count; i++) {
-		const struct db_name_list *list = db_named_registers(registers,
-		                                                     stream->drives[i].number);
-		size_t place = list ? choose(stream, list) : FAMILIES_MAX;
-		db_time cycle;
-
-		if (place == FAMILIES_MAX)
-			continue;
-		cycle = db_named_cycle(registers, stream->drives[i].number);
-		/* Twice as often as new data arrive, so that none is missed. */
-		if (stream->interval == 0 && cycle / 2 < stream->period)
-			stream->period = cycle / 2 > SHORTEST ? cycle / 2 : SHORTEST;
-		stream->drives[kept] = stream->drives[i];
-		stream->drives[kept++].choice = (uint16_t)place;
+	for (size_t i = 0; stream->wanted_count == 0 && i < db_named_drive_count(registers); i++) {
+		if (db_named_drive_at(registers, i, &drive))
+			follow(stream, registers, before, count, drive.number);
 	}
-	stream->drive_count = kept;
+	for (size_t i = 0; i < stream->wanted_count; i++, name += strlen(name) + 1) {
+		if (db_named_drive_find(registers, name, &drive))
+			follow(stream, registers, before, count, drive.number);
+	}
 }
 
 /* False when the call was answered already. */
 static bool take_drives(const struct db_call *call, struct stream *stream, const json_t *names)
 {
 	struct db_registers *registers = call->session->control->setup.registers;
-	size_t count = json_array_size(names);
+	char *at = stream->wanted;
 	struct db_named_drive drive;
 
-	for (size_t i = 0; count == 0 && i < db_named_drive_count(registers); i++) {
-		if (stream->drive_count < DRIVES_MAX && db_named_drive_at(registers, i, &drive))
-			stream->drives[stream->drive_count++].number = drive.number;
-	}
-	for (size_t i = 0; i < count; i++) {
-		const char *name = json_string_value(json_array_get(names, i));
+	for (; stream->wanted_count < json_array_size(names); stream->wanted_count++) {
+		const char *name = json_string_value(json_array_get(names, stream->wanted_count));
 
 		if (!db_named_drive_find(registers, name, &drive)) {
 			db_session_fail_drive(call->session, name);
 			return false;
 		}
-		stream->drives[stream->drive_count++].number = drive.number;
+		at = stpcpy(at, name) + 1;
 	}
 	return true;
+}
+
+/* The bytes of all these texts, each with its end. */
+static size_t measure_texts(const json_t *texts)
+{
+	size_t size = 0;
+	size_t i;
+	const json_t *text;
+
+	json_array_foreach(texts, i, text) size += json_string_length(text) + 1;
+	return size;
 }
 
 /* A name that no drive has; null. */
@@ -158,6 +200,7 @@ void db_streams_subscribe(const struct db_call *call)
 	bool changes = false;
 	size_t drive_count;
 	size_t name_count;
+	size_t told_count;
 	int64_t interval_ms;
 	json_t *drives;
 	json_t *names;
@@ -174,17 +217,18 @@ void db_streams_subscribe(const struct db_call *call)
 	if (json_array_size(drives) > 0)
 		drive_count = json_array_size(drives);
 	name_count = json_array_size(names) > 0 ? json_array_size(names) : NAMES_MAX;
-	stream = calloc(1, sizeof(*stream) +
-	                           (changes ? drive_count * name_count : 0) * sizeof(struct told));
+	told_count = changes ? drive_count * name_count : 0;
+	stream = calloc(1,
+	                sizeof(*stream) + told_count * sizeof(struct told) + measure_texts(drives));
 	if (!stream) {
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
 	}
 	session->job = stream;
 	stream->interval = interval_ms * DB_NS_PER_MS;
-	stream->changes = changes;
 	stream->told_places = name_count;
-	stream->told_count = changes ? drive_count * name_count : 0;
+	stream->told_count = told_count;
+	stream->wanted = (char *)&stream->told[told_count];
 	if (!take_drives(call, stream, drives))
 		return;
 	for (; stream->name_count < json_array_size(names); stream->name_count++) {
@@ -242,7 +286,10 @@ static json_t *sample(struct db_session *session, struct stream *stream, size_t 
 	uint16_t number = stream->drives[place].number;
 	struct db_named_moment moment = db_named_moment(registers, number);
 	struct db_client nobody = session->client;
-	struct told *told = stream->changes ? &stream->told[place * stream->told_places] : NULL;
+	/* Of a drive that was added later all values are sent each time: it has no place here. */
+	struct told *told = place < stream->told_count / stream->told_places ?
+	                            &stream->told[place * stream->told_places] :
+	                            NULL;
 	struct collection collection = { .before = told };
 	json_int_t lost;
 

@@ -227,6 +227,11 @@ void db_link_introduce(struct db_link *link, const char *user, const char *from,
 		(void)db_link_send(link, "Introduce", parameters, false, answer, data);
 }
 
+const char *db_link_user(const struct db_link *link)
+{
+	return link->user;
+}
+
 void db_link_introduce_now(struct db_link *link, const char *user, const char *from)
 {
 	json_t *parameters = take_user(link, user, from);

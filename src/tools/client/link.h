@@ -42,7 +42,10 @@ int db_link_tell(struct db_link *link, const char *method, json_t *parameters);
 void db_link_introduce(struct db_link *link, const char *user, const char *from,
                        db_client_answer_fn *answer, void *data);
 
-/* The same, without an answer that a later call would wait for. */
+/* The one introduced last; "" at first. */
+const char *db_link_user(const struct db_link *link);
+
+/* The same as db_link_introduce(), without an answer that a later call would wait for. */
 void db_link_introduce_now(struct db_link *link, const char *user, const char *from);
 
 /* What a user did at this tool, for the audit trail. Texts in UTF-8; NULL: none. */

@@ -1,45 +1,33 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/acting.h"
 
-#include "client/link.h"
+#include "client/lanes.h"
 #include "client/log.h"
-#include "client/stops.h"
 
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* A session without work for this time may be closed when another drive needs one. */
+/* A lane without work for this time may be closed when another drive needs one. */
 #define IDLE_MIN (60 * DB_NS_PER_S)
 
 /* Twelve drives can be commanded at the same time, and all of them can be stopped; the service has
  * 64 sessions for all its tools. */
-#define SESSIONS_MAX 12
+#define LANES_MAX 12
 
 /* Stops whose answers are waited for at the same time. */
 #define STOPS_MAX 4
 
-/* For one drive: a flood of commands for it leaves sessions for the others. */
-#define SESSIONS_EACH (SESSIONS_MAX / 2)
+/* For one drive: a flood of commands for it leaves lanes for the others. */
+#define LANES_EACH (LANES_MAX / 2)
 
 #define WRITE_NAME "write"
 
-struct session {
+/* A command or a stop without its last answer. */
+struct call {
 	struct db_mqtt_acting *acting;
-	struct db_link *link; /* NULL: there is none */
-	char drive[32];
-	char id[DB_MQTT_ID_MAX + 1];
-	char command[48];
-	char user[DB_MQTT_USER_MAX + 1]; /* of the last command */
-	bool busy;                       /* a command is under way */
-	bool feeding;                    /* a feeding call is not answered yet */
-	db_time used;
-};
-
-/* A stop without its last answer. */
-struct stop {
-	struct db_mqtt_acting *acting;
+	struct db_lane *lane; /* NULL: it is a stop */
 	char drive[32];
 	char id[DB_MQTT_ID_MAX + 1];
 	char command[48];
@@ -47,43 +35,34 @@ struct stop {
 };
 
 struct db_mqtt_acting {
-	sd_event *loop;
-	const char *socket;
 	const char *from; /* for the audit trail; "": the service has none */
 	db_mqtt_result_fn *result;
 	void *context;
-	struct session sessions[SESSIONS_MAX];
-	struct db_stops *stops;
+	struct db_lanes *lanes;
 	bool drops; /* within db_mqtt_acting_drop(): nothing is reported */
 };
 
 struct db_mqtt_acting *db_mqtt_acting_new(sd_event *loop, const char *socket,
                                           db_mqtt_result_fn *result, void *context)
 {
+	/* Without an interval: a drive is fed each time that its commands' sender shows life. */
+	const struct db_lanes_form form = {
+		.socket = socket,
+		.most = LANES_MAX,
+		.stops = STOPS_MAX,
+	};
 	struct db_mqtt_acting *acting = calloc(1, sizeof(*acting));
 
 	if (!acting)
 		return NULL;
-	acting->loop = loop;
-	acting->socket = socket;
 	acting->from = "";
 	acting->result = result;
 	acting->context = context;
-	for (size_t i = 0; i < SESSIONS_MAX; i++)
-		acting->sessions[i].acting = acting;
-	acting->stops = db_stops_new(loop, socket, STOPS_MAX);
-	if (acting->stops)
+	acting->lanes = db_lanes_new(loop, &form, acting);
+	if (acting->lanes)
 		return acting;
 	free(acting);
 	return NULL;
-}
-
-static void close_session(struct session *session)
-{
-	db_link_drop(session->link);
-	session->link = NULL;
-	session->busy = false;
-	session->feeding = false;
 }
 
 void db_mqtt_acting_free(struct db_mqtt_acting *acting)
@@ -91,7 +70,7 @@ void db_mqtt_acting_free(struct db_mqtt_acting *acting)
 	if (!acting)
 		return;
 	(void)db_mqtt_acting_drop(acting);
-	db_stops_free(acting->stops);
+	db_lanes_free(acting->lanes);
 	free(acting);
 }
 
@@ -111,14 +90,14 @@ static void name_error(const struct db_client_error *error, char *name, size_t s
 static void on_introduced(void *data, json_t *parameters, const struct db_client_error *error,
                           bool more)
 {
-	const struct session *session = data;
+	const struct call *call = data;
 
 	(void)parameters;
 	(void)more;
-	/* After an error the session has no user at the service. */
+	/* After an error the lane has no user at the service. */
 	if (error)
 		db_client_log(DB_CLIENT_WARNING, "command %s to drive %s: its user is not told: %s",
-		              session->command, session->drive, error->text);
+		              call->command, call->drive, error->text);
 }
 
 /* Reports an answer, or an error, with the command that is in `outcome`. */
@@ -142,136 +121,95 @@ static void report(const struct db_mqtt_acting *acting, struct db_mqtt_outcome *
 	acting->result(acting->context, outcome);
 }
 
-static void on_result(void *data, json_t *parameters, const struct db_client_error *error,
+static void on_answer(void *data, json_t *parameters, const struct db_client_error *error,
                       bool more)
 {
-	struct session *session = data;
+	struct call *call = data;
 
-	session->busy = more;
-	report(session->acting,
-	       &(struct db_mqtt_outcome){
-		       .drive = session->drive,
-		       .sender = session->user,
-		       .id = session->id,
-		       .command = session->command,
-	       },
-	       parameters, error);
-}
-
-static void on_stop_answer(void *data, json_t *parameters, const struct db_client_error *error,
-                           bool more)
-{
-	struct stop *stop = data;
-
-	if (!stop->acting->drops)
-		report(stop->acting,
+	if (!more && call->lane)
+		call->lane->call = NULL;
+	if (!call->acting->drops)
+		report(call->acting,
 		       &(struct db_mqtt_outcome){
-			       .drive = stop->drive,
-			       .sender = stop->user,
-			       .id = stop->id,
-			       .command = stop->command,
+			       .drive = call->drive,
+			       .sender = call->user,
+			       .id = call->id,
+			       .command = call->command,
 		       },
 		       parameters, error);
 	if (!more)
-		free(stop);
+		free(call);
 }
 
-static void on_feed_answer(void *data, json_t *parameters, const struct db_client_error *error,
-                           bool more)
-{
-	struct session *session = data;
-
-	(void)parameters;
-	(void)error;
-	(void)more;
-	session->feeding = false;
-}
-
-/* True if the same command is under way. */
-static bool is_under_way(const struct db_mqtt_acting *acting, const char *drive,
-                         const struct db_mqtt_command *command)
-{
-	for (size_t i = 0; i < SESSIONS_MAX; i++) {
-		const struct session *session = &acting->sessions[i];
-
-		if (session->busy && strcmp(session->drive, drive) == 0 &&
-		    strcmp(session->id, command->id) == 0 &&
-		    strcmp(session->user, command->user) == 0)
-			return true;
-	}
-	return false;
-}
-
-static size_t count_busy(const struct db_mqtt_acting *acting, const char *drive)
+/* Commands of this drive that are under way. `same`: whether this one is among them. */
+static size_t count_calls(const struct db_mqtt_acting *acting, const char *drive,
+                          const struct db_mqtt_command *command, bool *same)
 {
 	size_t count = 0;
 
-	for (size_t i = 0; i < SESSIONS_MAX; i++)
-		count += acting->sessions[i].busy && strcmp(acting->sessions[i].drive, drive) == 0;
+	*same = false;
+	for (struct db_lane *lane = NULL; (lane = db_lanes_next(acting->lanes, lane));) {
+		const struct call *call = lane->call;
+
+		if (!call || strcmp(call->drive, drive) != 0)
+			continue;
+		count++;
+		*same = *same || (strcmp(call->id, command->id) == 0 &&
+		                  strcmp(call->user, command->user) == 0);
+	}
 	return count;
 }
 
-/* A free one for the drive; NULL when all are taken. */
-static struct session *find_session(struct db_mqtt_acting *acting, const char *drive, db_time now)
+/* A lane of this drive without a call, or a new one; NULL with an error. */
+static struct db_lane *take_lane(struct db_mqtt_acting *acting, const char *drive, db_time now,
+                                 struct db_client_error *error)
 {
-	struct session *empty = NULL;
-	struct session *oldest = NULL;
+	struct db_lane *oldest = NULL;
+	size_t count = 0;
 
-	for (size_t i = 0; i < SESSIONS_MAX; i++) {
-		struct session *session = &acting->sessions[i];
-
-		if (session->link && !session->busy && strcmp(session->drive, drive) == 0)
-			return session;
-		if (!session->link)
-			empty = session;
-		else if (!session->busy && now - session->used >= IDLE_MIN &&
-		         (!oldest || session->used < oldest->used))
-			oldest = session;
+	for (struct db_lane *lane = NULL; (lane = db_lanes_next(acting->lanes, lane)); count++) {
+		if (lane->call)
+			continue;
+		if (db_lane_note(lane, drive))
+			return lane;
+		if (now - lane->used >= IDLE_MIN && (!oldest || lane->used < oldest->used))
+			oldest = lane;
 	}
-	if (empty || !oldest)
-		return empty;
-	close_session(oldest);
-	return oldest;
+	if (count == LANES_MAX && oldest)
+		db_lane_drop(oldest);
+	return db_lanes_open(acting->lanes, error);
 }
 
-static void lose_session(void *data)
+static struct call *make_call(struct db_mqtt_acting *acting, struct db_lane *lane,
+                              const struct db_mqtt_outcome *command)
 {
-	close_session(data);
+	struct call *call = calloc(1, sizeof(*call));
+
+	if (!call)
+		return NULL;
+	call->acting = acting;
+	call->lane = lane;
+	(void)snprintf(call->drive, sizeof(call->drive), "%s", command->drive);
+	(void)snprintf(call->id, sizeof(call->id), "%s", command->id);
+	(void)snprintf(call->command, sizeof(call->command), "%s", command->command);
+	(void)snprintf(call->user, sizeof(call->user), "%s", command->sender);
+	return call;
 }
 
-/* Without a connection the reason is in `error`, else it is "". */
-static void open_session(struct session *session, const char *drive, struct db_client_error *error)
+/* Past all lanes. */
+static void send_stop(struct db_mqtt_acting *acting, const struct db_mqtt_command *command,
+                      struct db_mqtt_outcome *outcome)
 {
-	struct db_mqtt_acting *acting = session->acting;
+	struct call *call = make_call(acting, NULL, outcome);
 
-	db_stops_prepare(acting->stops);
-	if (!session->link)
-		session->link = db_link_open(acting->loop, acting->socket, lose_session, session,
-		                             error);
-	(void)snprintf(session->drive, sizeof(session->drive), "%s", drive);
-}
-
-/* Past all sessions. */
-static void send_stop(struct db_mqtt_acting *acting, const char *drive,
-                      const struct db_mqtt_command *command, struct db_mqtt_outcome *outcome)
-{
-	struct stop *stop = calloc(1, sizeof(*stop));
-
-	if (stop) {
-		stop->acting = acting;
-		(void)snprintf(stop->drive, sizeof(stop->drive), "%s", drive);
-		(void)snprintf(stop->id, sizeof(stop->id), "%s", command->id);
-		(void)snprintf(stop->command, sizeof(stop->command), "%s", command->name);
-		(void)snprintf(stop->user, sizeof(stop->user), "%s", command->user);
-	}
-	if (stop &&
-	    db_stops_send(acting->stops, drive,
+	if (call &&
+	    db_stops_send(db_lanes_stops(acting->lanes), outcome->drive,
 	                  &(struct db_stops_user){ command->user, acting->from }, "Run",
-	                  json_pack("{s:s, s:s, s:O*, s:b}", "drive", drive, "command",
+	                  json_pack("{s:s, s:s, s:O*, s:b}", "drive", outcome->drive, "command",
 	                            command->name, "arguments", command->arguments, "until_end", 1),
-	                  true, on_stop_answer, stop))
+	                  true, on_answer, call))
 		return;
-	free(stop);
+	free(call);
 	outcome->result = "lost";
 	outcome->why = "drivebridged cannot be reached";
 	acting->result(acting->context, outcome);
@@ -296,6 +234,26 @@ static json_t *describe_call(const char *drive, const struct db_mqtt_command *co
 	return call;
 }
 
+/* False: nothing was sent, and the lane is closed. */
+static bool send_command(struct db_mqtt_acting *acting, struct db_lane *lane,
+                         const struct db_mqtt_command *command,
+                         const struct db_mqtt_outcome *outcome, unsigned within_ms, db_time now)
+{
+	struct call *call = make_call(acting, lane, outcome);
+
+	lane->call = call;
+	lane->used = now;
+	if (call && db_lane_command(lane, outcome->drive, now)) {
+		db_link_introduce(lane->link, command->user, acting->from, on_introduced, call);
+		if (db_link_send(lane->link, command->name ? "Run" : "Write",
+		                 describe_call(outcome->drive, command, within_ms, now),
+		                 command->name != NULL, on_answer, call) == 0)
+			return true;
+	}
+	db_lane_drop(lane);
+	return false;
+}
+
 void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
                         const struct db_mqtt_command *command, unsigned within_ms, db_time now)
 {
@@ -307,48 +265,32 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 		.why = "",
 	};
 	struct db_client_error error = { .parameters = NULL };
-	struct session *session = NULL;
+	struct db_lane *lane = NULL;
+	bool same;
 	bool sent = false;
 
 	if (command->stops) {
-		send_stop(acting, drive, command, &outcome);
+		send_stop(acting, command, &outcome);
 		return;
 	}
+	if (count_calls(acting, drive, command, &same) < LANES_EACH && !same)
+		lane = take_lane(acting, drive, now, &error);
 	/* Both get one result. */
-	if (is_under_way(acting, drive, command)) {
+	if (same) {
 		outcome.result = "pending";
 		outcome.repeated = true;
-		acting->result(acting->context, &outcome);
-		return;
-	}
-	if (count_busy(acting, drive) < SESSIONS_EACH)
-		session = find_session(acting, drive, now);
-	if (!session) {
+	} else if (!lane && (error.name[0] == '\0' || strcmp(error.name, DB_LANES_FULL) == 0)) {
 		outcome.result = "busy";
 		outcome.why = "too much is commanded at the same time";
 		outcome.refused = true;
-		acting->result(acting->context, &outcome);
-		return;
-	}
-	open_session(session, drive, &error);
-	(void)snprintf(session->id, sizeof(session->id), "%s", command->id);
-	(void)snprintf(session->command, sizeof(session->command), "%s", outcome.command);
-	(void)snprintf(session->user, sizeof(session->user), "%s", command->user);
-	session->used = now;
-	session->busy = true;
-	if (session->link) {
-		db_link_introduce(session->link, command->user, acting->from, on_introduced,
-		                  session);
-		sent = db_link_send(session->link, command->name ? "Run" : "Write",
-		                    describe_call(drive, command, within_ms, now),
-		                    command->name != NULL, on_result, session) == 0;
-	}
-	if (!sent) {
-		close_session(session);
+	} else {
+		if (lane)
+			sent = send_command(acting, lane, command, &outcome, within_ms, now);
 		outcome.result = "lost";
 		outcome.why = error.text[0] ? error.text : "the service has closed the connection";
-		acting->result(acting->context, &outcome);
 	}
+	if (!sent)
+		acting->result(acting->context, &outcome);
 	db_client_error_clear(&error);
 }
 
@@ -360,33 +302,21 @@ void db_mqtt_acting_set_audit(struct db_mqtt_acting *acting, bool has_audit)
 void db_mqtt_acting_feed(struct db_mqtt_acting *acting, const char *drive, const char *user,
                          db_time now)
 {
-	for (size_t i = 0; i < SESSIONS_MAX; i++) {
-		struct session *session = &acting->sessions[i];
-
-		if (!session->link || session->busy || session->feeding ||
-		    strcmp(session->drive, drive) != 0 ||
-		    (user && strcmp(session->user, user) != 0))
+	for (struct db_lane *lane = NULL; (lane = db_lanes_next(acting->lanes, lane));) {
+		if (lane->call || !db_lane_note(lane, drive) ||
+		    (user && strcmp(db_link_user(lane->link), user) != 0))
 			continue;
-		session->used = now;
-		/* A read shows that the client is alive. A lost connection is noticed at its next
-		 * handling. */
-		session->feeding = db_link_send(session->link, "Read",
-		                                json_pack("{s:s, s:[s]}", "drive", drive, "names",
-		                                          "watchdog_remaining_ms"),
-		                                false, on_feed_answer, session) == 0;
+		lane->used = now;
+		db_lane_feed(lane, now);
 	}
 }
 
 bool db_mqtt_acting_drop(struct db_mqtt_acting *acting)
 {
-	bool any = false;
+	bool any;
 
-	for (size_t i = 0; i < SESSIONS_MAX; i++) {
-		any = any || acting->sessions[i].link;
-		close_session(&acting->sessions[i]);
-	}
 	acting->drops = true;
-	any = db_stops_drop(acting->stops) || any;
+	any = db_lanes_drop(acting->lanes);
 	acting->drops = false;
 	return any;
 }

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/about.h"
+#include "opcua/devices.h"
 #include "opcua/types.h"
 #include "opcua/values.h"
 
@@ -14,6 +15,11 @@ struct space {
 	const char *version;
 	const char *day; /* "2026-11-28" */
 	bool shared;     /* its nodes are the same on every gateway */
+	UA_IdType ids;   /* their ids */
+	bool part;       /* not all of its nodes are here */
+	/* Where and what the node is that says this; NULL: in the namespace itself. Others define
+	 * which nodes theirs has. */
+	const char *home;
 };
 
 static UA_StatusCode set_property(UA_Server *server, UA_NodeId object, const char *name,
@@ -43,24 +49,31 @@ static UA_StatusCode describe_space(UA_Server *server, const struct space *space
 	UA_String uri = db_opcua_string(space->uri);
 	UA_String version = db_opcua_string(space->version);
 	UA_DateTime date = date_of_day(space->day);
-	UA_Boolean subset = false;
-	UA_IdType text = UA_IDTYPE_STRING;
+	UA_Boolean part = space->part;
+	UA_IdType ids = space->ids;
 	UA_ObjectAttributes attributes = UA_ObjectAttributes_default;
 	UA_NodeId node = { .identifierType = UA_NODEIDTYPE_STRING,
-		           .identifier.string = UA_STRING_STATIC("/Namespace") };
+		           .identifier.string = db_opcua_string(space->home ? space->uri :
+		                                                              "/Namespace") };
 	UA_StatusCode status;
 	size_t index = 0;
+	size_t home = 0;
 	UA_Variant value;
 
 	status = UA_Server_getNamespaceByName(server, uri, &index);
 	if (status != UA_STATUSCODE_GOOD)
 		return status;
-	node.namespaceIndex = (UA_UInt16)index;
+	home = index;
+	if (space->home)
+		status = UA_Server_getNamespaceByName(server, db_opcua_string(space->home), &home);
+	if (status != UA_STATUSCODE_GOOD)
+		return status;
+	node.namespaceIndex = (UA_UInt16)home;
 	attributes.displayName.text = uri;
 	status = UA_Server_addObjectNode(
 		server, node, UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER_NAMESPACES),
 		UA_NODEID_NUMERIC(0, UA_NS0ID_HASCOMPONENT),
-		(UA_QualifiedName){ .namespaceIndex = node.namespaceIndex, .name = uri },
+		(UA_QualifiedName){ .namespaceIndex = (UA_UInt16)index, .name = uri },
 		UA_NODEID_NUMERIC(0, UA_NS0ID_NAMESPACEMETADATATYPE), attributes, NULL, NULL);
 	if (status != UA_STATUSCODE_GOOD)
 		return status;
@@ -70,10 +83,10 @@ static UA_StatusCode describe_space(UA_Server *server, const struct space *space
 	status |= set_property(server, node, "NamespaceVersion", value);
 	UA_Variant_setScalar(&value, &date, &UA_TYPES[UA_TYPES_DATETIME]);
 	status |= set_property(server, node, "NamespacePublicationDate", value);
-	UA_Variant_setScalar(&value, &subset, &UA_TYPES[UA_TYPES_BOOLEAN]);
+	UA_Variant_setScalar(&value, &part, &UA_TYPES[UA_TYPES_BOOLEAN]);
 	status |= set_property(server, node, "IsNamespaceSubset", value);
 	/* A gateway's own ids mean nothing elsewhere. */
-	UA_Variant_setArray(&value, space->shared ? (void *)&text : UA_EMPTY_ARRAY_SENTINEL,
+	UA_Variant_setArray(&value, space->shared ? (void *)&ids : UA_EMPTY_ARRAY_SENTINEL,
 	                    space->shared ? 1 : 0, &UA_TYPES[UA_TYPES_IDTYPE]);
 	status |= set_property(server, node, "StaticNodeIdTypes", value);
 	return status;
@@ -150,7 +163,15 @@ UA_StatusCode db_opcua_about_set_up(UA_Server *server, const struct db_opcua_con
 	const struct space types = { .uri = DB_OPCUA_TYPES_NAMESPACE,
 		                     .version = db_opcua_types_version,
 		                     .day = db_opcua_types_date,
-		                     .shared = true };
+		                     .shared = true,
+		                     .ids = UA_IDTYPE_STRING };
+	const struct space devices = { .uri = DB_OPCUA_DEVICES_NAMESPACE,
+		                       .version = DB_OPCUA_DEVICES_VERSION,
+		                       .day = DB_OPCUA_DEVICES_DATE,
+		                       .shared = true,
+		                       .ids = UA_IDTYPE_NUMERIC,
+		                       .part = true,
+		                       .home = uri };
 	const struct space own = { .uri = uri,
 		                   .version = db_opcua_types_version,
 		                   .day = db_opcua_types_date };
@@ -159,6 +180,8 @@ UA_StatusCode db_opcua_about_set_up(UA_Server *server, const struct db_opcua_con
 	db_opcua_config_space(config, uri);
 	if (status == UA_STATUSCODE_GOOD)
 		status = describe_space(server, &own);
+	if (status == UA_STATUSCODE_GOOD)
+		status = describe_space(server, &devices);
 	if (status == UA_STATUSCODE_GOOD)
 		status = add_limits(server, config, message_max);
 	if (status == UA_STATUSCODE_GOOD)

@@ -2,9 +2,8 @@
 #include "opcua/acting.h"
 
 #include "client/clock.h"
-#include "client/link.h"
+#include "client/lanes.h"
 #include "client/log.h"
-#include "client/stops.h"
 #include "users/roles.h"
 
 #include <stdio.h>
@@ -17,43 +16,21 @@
 
 /* Most connections at the same time, in addition to those of stops; the service has 64 for all its
  * tools. */
-#define LINKS_MAX 14
+#define LANES_MAX 14
 
 /* Connections of one session, and stops without an answer. */
-#define LINKS_PER_SESSION 4
+#define LANES_PER_SESSION 4
 #define STOPS_MAX 4
 
-/* Longest and shortest interval for feeding a drive's watchdog. */
+/* Longest interval for feeding a drive's watchdog, and shortest one for looking whether that is
+ * due. */
 #define FEED_LONGEST (1 * DB_NS_PER_S)
 #define FEED_SHORTEST (20 * DB_NS_PER_MS)
-
-/* A drive that a connection has commanded. */
-struct fed_drive {
-	char name[64];
-	db_time commanded; /* last */
-	db_time due;       /* when it is to be fed next */
-	bool feeding;      /* a feeding call is not answered yet */
-	json_t *block;     /* what this session wrote into the command block; NULL: nothing yet */
-	struct link *link;
-	struct fed_drive *next;
-};
-
-struct link {
-	struct db_opcua_acting *acting;
-	struct db_link *connection; /* NULL: the place is free */
-	bool lost;                  /* to be closed in the next turn */
-	unsigned session;
-	bool shared; /* for control and staged commands, and for starting all staged ones */
-	/* The unanswered one; no other call waits for its end, because it could then be carried out
-	 * when nobody expects it; NULL: none. */
-	struct call *call;
-	struct fed_drive *drives;
-};
 
 /* A call with a waiting caller, or one that has stopped waiting. */
 struct call {
 	struct db_opcua_acting *acting;
-	struct link *link; /* NULL: it is a stop */
+	struct db_lane *lane; /* NULL: it is a stop */
 	char drive[64];
 	char what[96]; /* for the log */
 	bool done;
@@ -62,7 +39,6 @@ struct call {
 };
 
 struct db_opcua_acting {
-	sd_event *loop;
 	const struct db_opcua_config *config;
 	const struct db_opcua_network *network;
 	db_opcua_ended_fn *ended;
@@ -70,8 +46,7 @@ struct db_opcua_acting {
 	void *context;
 	db_time now;     /* of this turn */
 	db_time awaited; /* since when other clients wait in this turn; 0: none does */
-	struct link links[LINKS_MAX];
-	struct db_stops *stops;
+	struct db_lanes *lanes;
 };
 
 struct db_opcua_acting *db_opcua_acting_new(sd_event *loop, const struct db_opcua_config *config,
@@ -79,75 +54,52 @@ struct db_opcua_acting *db_opcua_acting_new(sd_event *loop, const struct db_opcu
                                             db_opcua_ended_fn *ended, db_opcua_feed_fn *feed,
                                             void *context)
 {
+	const struct db_lanes_form form = {
+		.socket = config->socket,
+		.most = LANES_MAX,
+		.stops = STOPS_MAX,
+		.interval = FEED_LONGEST,
+	};
 	struct db_opcua_acting *acting = calloc(1, sizeof(*acting));
 
 	if (!acting)
 		return NULL;
-	acting->loop = loop;
 	acting->config = config;
 	acting->network = network;
 	acting->ended = ended;
 	acting->feed = feed;
 	acting->context = context;
-	for (size_t i = 0; i < LINKS_MAX; i++)
-		acting->links[i].acting = acting;
-	acting->stops = db_stops_new(loop, config->socket, STOPS_MAX);
-	if (acting->stops)
+	acting->lanes = db_lanes_new(loop, &form, acting);
+	if (acting->lanes)
 		return acting;
 	free(acting);
 	return NULL;
 }
 
-/* --- connections ------------------------------------------------------------------------------ */
-
-/* A call under way continues in the service; its result is dropped. */
-static void close_link(struct link *link)
-{
-	db_link_drop(link->connection);
-	free(link->call);
-	while (link->drives) {
-		struct fed_drive *drive = link->drives;
-
-		link->drives = drive->next;
-		json_decref(drive->block);
-		free(drive);
-	}
-	*link = (struct link){ .acting = link->acting };
-}
+/* --- lanes ------------------------------------------------------------------------------------ */
 
 void db_opcua_acting_free(struct db_opcua_acting *acting)
 {
-	for (size_t i = 0; acting && i < LINKS_MAX; i++)
-		close_link(&acting->links[i]);
 	if (acting)
-		db_stops_free(acting->stops);
+		db_lanes_free(acting->lanes);
 	free(acting);
+}
+
+/* The next lane of this session; NULL at the end. */
+static struct db_lane *next_lane(const struct db_opcua_acting *acting, unsigned session,
+                                 const struct db_lane *lane)
+{
+	struct db_lane *next = db_lanes_next(acting->lanes, lane);
+
+	while (next && next->session != session)
+		next = db_lanes_next(acting->lanes, next);
+	return next;
 }
 
 void db_opcua_acting_drop(struct db_opcua_acting *acting, unsigned session)
 {
-	for (size_t i = 0; i < LINKS_MAX; i++) {
-		if (acting->links[i].connection && acting->links[i].session == session)
-			close_link(&acting->links[i]);
-	}
-}
-
-static struct fed_drive *find_fed(const struct link *link, const char *drive)
-{
-	for (struct fed_drive *fed = link->drives; fed; fed = fed->next) {
-		if (strcmp(fed->name, drive) == 0)
-			return fed;
-	}
-	return NULL;
-}
-
-static size_t count_fed(const struct link *link)
-{
-	size_t count = 0;
-
-	for (const struct fed_drive *fed = link->drives; fed; fed = fed->next)
-		count++;
-	return count;
+	for (struct db_lane *lane; (lane = next_lane(acting, session, NULL));)
+		db_lane_drop(lane);
 }
 
 static void fail(struct db_opcua_outcome *outcome, const char *result, const char *reason)
@@ -156,48 +108,31 @@ static void fail(struct db_opcua_outcome *outcome, const char *result, const cha
 	(void)snprintf(outcome->reason, sizeof(outcome->reason), "%.255s", reason);
 }
 
-static void lose_link(void *data)
-{
-	struct link *link = data;
-
-	link->lost = true;
-}
-
-static struct link *open_link(struct db_opcua_acting *acting, unsigned session,
-                              struct db_opcua_outcome *outcome)
+static struct db_lane *open_lane(struct db_opcua_acting *acting, unsigned session,
+                                 struct db_opcua_outcome *outcome)
 {
 	struct db_client_error error = { .parameters = NULL };
-	struct link *empty = NULL;
+	struct db_lane *lane = db_lanes_open(acting->lanes, &error);
 
-	for (size_t i = 0; i < LINKS_MAX && !empty; i++)
-		empty = acting->links[i].connection ? NULL : &acting->links[i];
-	if (!empty) {
+	if (lane)
+		lane->session = session;
+	else if (strcmp(error.name, DB_LANES_FULL) == 0)
 		fail(outcome, "busy", "too many sessions command at the same time");
-		return NULL;
-	}
-	empty->connection = db_link_open(acting->loop, acting->config->socket, lose_link, empty,
-	                                 &error);
-	if (!empty->connection) {
+	else
 		fail(outcome, "Unreachable", error.text);
-		db_client_error_clear(&error);
-		return NULL;
-	}
-	empty->session = session;
-	db_stops_prepare(acting->stops);
-	return empty;
+	db_client_error_clear(&error);
+	return lane;
 }
 
-/* The connection over which this session commands the drive; NULL: there is none yet. */
-static struct link *find_own(struct db_opcua_acting *acting, unsigned session, const char *drive)
+/* The lane over which this session commands the drive; NULL: there is none yet. */
+static struct db_lane *find_own(const struct db_opcua_acting *acting, unsigned session,
+                                const char *drive)
 {
-	struct link *found = NULL;
+	struct db_lane *found = NULL;
 
-	for (size_t i = 0; i < LINKS_MAX; i++) {
-		struct link *link = &acting->links[i];
-
-		if (link->connection && link->session == session && find_fed(link, drive) &&
-		    (!found || link->shared))
-			found = link;
+	for (struct db_lane *lane = NULL; (lane = next_lane(acting, session, lane));) {
+		if (db_lane_note(lane, drive) && (!found || lane->shared))
+			found = lane;
 	}
 	return found;
 }
@@ -214,32 +149,28 @@ enum way {
 	PASSING,
 };
 
-static struct link *find_link(struct db_opcua_acting *acting, unsigned session, const char *drive,
-                              enum way way, struct db_opcua_outcome *outcome)
+static struct db_lane *find_lane(struct db_opcua_acting *acting, unsigned session,
+                                 const char *drive, enum way way, struct db_opcua_outcome *outcome)
 {
-	struct link *link = way == SHARED ? NULL : find_own(acting, session, drive);
-	struct link *least = NULL;
+	struct db_lane *lane = way == SHARED ? NULL : find_own(acting, session, drive);
+	struct db_lane *least = NULL;
 	size_t own = 0;
 
-	for (size_t i = 0; i < LINKS_MAX && !link; i++) {
-		struct link *other = &acting->links[i];
-
-		if (!other->connection || other->session != session)
-			continue;
+	for (struct db_lane *other = NULL; !lane && (other = next_lane(acting, session, other));) {
 		if (way == SHARED && other->shared)
-			link = other;
+			lane = other;
 		own++;
 		if (!least || (least->call && !other->call) ||
-		    (!other->call == !least->call && count_fed(other) < count_fed(least)))
+		    (!other->call == !least->call && other->count < least->count))
 			least = other;
 	}
-	if (!link && own < LINKS_PER_SESSION)
-		link = open_link(acting, session, outcome);
-	if (!link)
-		link = least;
-	if (link && way == SHARED)
-		link->shared = true;
-	return link;
+	if (!lane && own < LANES_PER_SESSION)
+		lane = open_lane(acting, session, outcome);
+	if (!lane)
+		lane = least;
+	if (lane && way == SHARED)
+		lane->shared = true;
+	return lane;
 }
 
 /* --- answers ---------------------------------------------------------------------------------- */
@@ -272,8 +203,8 @@ static void on_result(void *data, json_t *parameters, const struct db_client_err
 	struct db_opcua_outcome *outcome = &call->outcome;
 
 	(void)more;
-	if (call->link)
-		call->link->call = NULL;
+	if (call->lane)
+		call->lane->call = NULL;
 	call->done = true;
 	outcome->pending = result && strcmp(result, "pending") == 0;
 	if (error && strcmp(error->name, DB_STOPS_PENDING) == 0) {
@@ -306,12 +237,9 @@ void db_opcua_acting_go_on(struct db_opcua_acting *acting)
 	if (now - acting->now < FEED_SHORTEST)
 		return;
 	acting->now = now;
-	/* Answers tell when the next feeding is due. A lost connection is closed in the next
-	 * turn. */
-	for (size_t i = 0; i < LINKS_MAX; i++) {
-		if (acting->links[i].connection && !acting->links[i].lost)
-			db_link_handle(acting->links[i].connection);
-	}
+	/* Answers tell when the next feeding is due. */
+	for (struct db_lane *lane = NULL; (lane = db_lanes_next(acting->lanes, lane));)
+		db_link_handle(lane->link);
 	acting->feed(acting->context, now);
 }
 
@@ -321,8 +249,9 @@ static void wait_for(struct call *call)
 {
 	struct db_opcua_acting *acting = call->acting;
 	/* A stop's is closed by its answer. */
-	struct db_link *connection = call->link ? call->link->connection :
-	                                          db_stops_link(acting->stops, call);
+	struct db_link *connection = call->lane ?
+	                                     call->lane->link :
+	                                     db_stops_link(db_lanes_stops(acting->lanes), call);
 	db_time deadline = db_client_now() + acting->config->confirm_ms * DB_NS_PER_MS;
 	struct pollfd fds[1 + DB_OPCUA_NETWORK_PLACES];
 
@@ -355,69 +284,47 @@ static void wait_for(struct call *call)
 }
 
 /* From now on commands for the drive use `to`, with this session's part of the command block, and
- * with control. The former connection still feeds what was commanded over it. */
-static void move_drive(struct link *from, struct link *to, const char *name)
+ * with control. The former lane still feeds what was commanded over it. */
+static void move_drive(struct db_lane *from, struct db_lane *to, const char *name)
 {
-	struct fed_drive *before = find_fed(from, name);
-	struct fed_drive *fed = find_fed(to, name);
+	json_t **before = db_lane_note(from, name);
+	json_t **after = db_lane_note(to, name);
 
-	json_decref(fed->block);
-	fed->block = before->block;
-	before->block = NULL;
+	json_decref(*after);
+	*after = *before;
+	*before = NULL;
 	/* The next write takes control. Without control in the configuration the service answers
 	 * with an error, which is ignored. */
 	(void)db_link_send(
-		from->connection, "Write",
+		from->link, "Write",
 		json_pack("{s:s, s:{s:i}}", "drive", name, "values", "control_request", 0), false,
 		NULL, NULL);
 }
 
-/* False: out of memory. */
-static bool remember_drive(struct link *link, const char *name, db_time now)
+/* The lane to use, without an unanswered call: no other call waits for its end, because it could
+ * then be carried out when nobody expects it. */
+static struct db_lane *take_lane(struct db_opcua_acting *acting, unsigned session,
+                                 const char *drive, enum way way, struct db_opcua_outcome *outcome)
 {
-	struct link *before = find_own(link->acting, link->session, name);
-	struct fed_drive *fed = find_fed(link, name);
+	struct db_lane *before = find_own(acting, session, drive);
+	struct db_lane *lane = find_lane(acting, session, drive, drive[0] == '\0' ? SHARED : way,
+	                                 outcome);
 
-	if (!fed) {
-		fed = calloc(1, sizeof(*fed));
-		if (!fed)
-			return false;
-		(void)snprintf(fed->name, sizeof(fed->name), "%s", name);
-		fed->link = link;
-		fed->next = link->drives;
-		link->drives = fed;
-	}
-	if (before && before != link)
-		move_drive(before, link, name);
-	fed->commanded = now;
-	fed->due = now;
-	return true;
-}
-
-/* The connection to use, without an unanswered call. */
-static struct link *take_link(struct db_opcua_acting *acting, unsigned session, const char *drive,
-                              enum way way, struct db_opcua_outcome *outcome)
-{
-	const struct link *before = find_own(acting, session, drive);
-	struct link *link = find_link(acting, session, drive, drive[0] == '\0' ? SHARED : way,
-	                              outcome);
-
-	if (!link)
+	if (!lane)
 		return NULL;
-	if (link->call || (before && before->call)) {
+	if (lane->call || (before && before->call)) {
 		fail(outcome, "busy",
 		     "what was told before has not ended; nothing waits behind it");
 		return NULL;
 	}
-	if (drive[0] == '\0') {
-		/* A command of the gateway may start each of its drives. */
-		for (struct fed_drive *fed = link->drives; fed; fed = fed->next)
-			fed->commanded = fed->due = db_client_now();
-	} else if (!remember_drive(link, drive, db_client_now())) {
+	/* A command of the gateway may start each of its drives. */
+	if (!db_lane_command(lane, drive[0] ? drive : NULL, db_client_now())) {
 		fail(outcome, "NoMemory", "out of memory");
 		return NULL;
 	}
-	return link;
+	if (before && before != lane)
+		move_drive(before, lane, drive);
+	return lane;
 }
 
 /* Takes `parameters` over. False: it was not sent. */
@@ -426,14 +333,14 @@ static bool send_call(struct call *call, const struct db_opcua_actor *actor, con
 {
 	char key[96];
 
-	if (call->link) {
+	if (call->lane) {
 		/* A session may be activated again as another user. */
-		db_link_introduce(call->link->connection, actor->user, actor->from, NULL, NULL);
-		return db_link_send(call->link->connection, method, parameters, false, on_result,
-		                    call) == 0;
+		db_link_introduce(call->lane->link, actor->user, actor->from, NULL, NULL);
+		return db_link_send(call->lane->link, method, parameters, false, on_result, call) ==
+		       0;
 	}
 	(void)snprintf(key, sizeof(key), "%u %s", actor->session, call->drive);
-	return db_stops_send(call->acting->stops, key,
+	return db_stops_send(db_lanes_stops(call->acting->lanes), key,
 	                     &(struct db_stops_user){ actor->user, actor->from }, method,
 	                     parameters, false, on_result, call);
 }
@@ -443,13 +350,13 @@ static void act(struct db_opcua_acting *acting, const struct db_opcua_actor *act
                 const char *drive, const char *what, enum way way, const char *method,
                 json_t *parameters, struct db_opcua_outcome *outcome)
 {
-	struct link *link = NULL;
+	struct db_lane *lane = NULL;
 	struct call *call;
 
 	*outcome = (struct db_opcua_outcome){ .pending = false };
 	if (way != PASSING) {
-		link = take_link(acting, actor->session, drive, way, outcome);
-		if (!link) {
+		lane = take_lane(acting, actor->session, drive, way, outcome);
+		if (!lane) {
 			json_decref(parameters);
 			return;
 		}
@@ -461,16 +368,16 @@ static void act(struct db_opcua_acting *acting, const struct db_opcua_actor *act
 		return;
 	}
 	call->acting = acting;
-	call->link = link;
+	call->lane = lane;
 	(void)snprintf(call->drive, sizeof(call->drive), "%s", drive);
 	(void)snprintf(call->what, sizeof(call->what), "%s by %s", what, actor->label);
-	/* gcc's analyzer: it is the link's now, which frees it. */
-	if (link)
-		link->call = call;
+	/* gcc's analyzer: it is the lane's now, which frees it. */
+	if (lane)
+		lane->call = call;
 	if (!send_call(call, actor, method, parameters)) {
 		fail(outcome, "Lost", "the service has closed the connection");
-		if (link)
-			close_link(link);
+		if (lane)
+			db_lane_drop(lane);
 		else
 			free(call);
 		return;
@@ -537,12 +444,11 @@ void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua
                            const char *drive, const char *reg, json_t *value, bool block,
                            bool command, bool stops, struct db_opcua_outcome *outcome)
 {
-	struct link *own = find_own(acting, actor->session, drive);
-	const struct fed_drive *fed = own ? find_fed(own, drive) : NULL;
+	struct db_lane *own = find_own(acting, actor->session, drive);
+	json_t **kept = own ? db_lane_note(own, drive) : NULL;
 	bool uses_block = command || strcmp(reg, "staged_command") == 0;
 	/* With this session's arguments, whatever other clients have written there meanwhile. */
-	json_t *values = uses_block && fed && fed->block ? json_copy(fed->block) : json_object();
-	struct fed_drive *keeper;
+	json_t *values = uses_block && kept && *kept ? json_copy(*kept) : json_object();
 	char what[80];
 
 	if (!has_right_place(actor, way_of_write(reg, stops) == PASSING, outcome)) {
@@ -558,11 +464,11 @@ void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua
 	if (!block || uses_block || outcome->pending || outcome->reason[0] != '\0')
 		return;
 	own = find_own(acting, actor->session, drive);
-	keeper = own ? find_fed(own, drive) : NULL;
-	if (keeper && !keeper->block)
-		keeper->block = json_object();
-	if (keeper)
-		(void)json_object_set(keeper->block, reg, value);
+	kept = own ? db_lane_note(own, drive) : NULL;
+	if (kept && !*kept)
+		*kept = json_object();
+	if (kept)
+		(void)json_object_set(*kept, reg, value);
 }
 
 void db_opcua_acting_acknowledge(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
@@ -585,86 +491,19 @@ void db_opcua_acting_acknowledge(struct db_opcua_acting *acting, const struct db
 
 /* --- watchdogs -------------------------------------------------------------------------------- */
 
-/* Time until silence would end something; 0 if it would end nothing. */
-static db_time time_left(const json_t *values)
-{
-	json_int_t watchdog = json_integer_value(json_object_get(values, "watchdog_remaining_ms"));
-	json_int_t control = json_integer_value(json_object_get(values, "control_remaining_ms"));
-
-	/* Reads 1 on the connection that has control. */
-	if (json_integer_value(json_object_get(values, "control_request")) != 1)
-		control = 0;
-	if (watchdog > 0 && control > 0)
-		return (watchdog < control ? watchdog : control) * DB_NS_PER_MS;
-	return (watchdog > 0 ? watchdog : control) * DB_NS_PER_MS;
-}
-
-static void on_feed_answer(void *data, json_t *parameters, const struct db_client_error *error,
-                           bool more)
-{
-	struct fed_drive *fed = data;
-	db_time left = time_left(json_object_get(parameters, "values"));
-	db_time wait = left / 4;
-	db_time now = db_client_now();
-
-	(void)more;
-	if (wait > FEED_LONGEST || error)
-		wait = FEED_LONGEST;
-	if (wait < FEED_SHORTEST)
-		wait = FEED_SHORTEST;
-	fed->feeding = false;
-	/* The watchdog stays armed at standstill, and control stays too. The next command starts
-	 * both again, which may show a little later than its answer. */
-	if (left > 0 || error || now - fed->commanded < FEED_LONGEST)
-		fed->due = now + wait;
-	else
-		fed->due = DB_TIME_NEVER;
-}
-
 void db_opcua_acting_feed(struct db_opcua_acting *acting, unsigned session, db_time now)
 {
-	for (size_t i = 0; i < LINKS_MAX; i++) {
-		struct link *link = &acting->links[i];
-
-		/* While a call is unanswered, a feeding call after it would not be processed. */
-		if (!link->connection || link->session != session || link->call)
-			continue;
-		for (struct fed_drive *fed = link->drives; fed; fed = fed->next) {
-			if (fed->feeding || now < fed->due)
-				continue;
-			/* A read shows that the client is alive. A lost connection is noticed at
-			 * its next handling. */
-			fed->feeding = db_link_send(
-					       link->connection, "Read",
-					       json_pack("{s:s, s:[s,s,s]}", "drive", fed->name,
-			                                 "names", "watchdog_remaining_ms",
-			                                 "control_request", "control_remaining_ms"),
-					       false, on_feed_answer, fed) == 0;
-		}
-	}
+	for (struct db_lane *lane = NULL; (lane = next_lane(acting, session, lane));)
+		db_lane_feed(lane, now);
 }
 
 db_time db_opcua_acting_due(const struct db_opcua_acting *acting)
 {
-	db_time due = DB_TIME_NEVER;
-
-	for (size_t i = 0; i < LINKS_MAX; i++) {
-		for (const struct fed_drive *fed = acting->links[i].drives; fed; fed = fed->next) {
-			if (!fed->feeding && fed->due < due)
-				due = fed->due;
-		}
-	}
-	return due;
+	return db_lanes_due(acting->lanes);
 }
 
 void db_opcua_acting_begin(struct db_opcua_acting *acting, db_time now)
 {
 	acting->now = now;
 	acting->awaited = 0;
-	for (size_t i = 0; i < LINKS_MAX; i++) {
-		struct link *link = &acting->links[i];
-
-		if (link->lost)
-			close_link(link);
-	}
 }

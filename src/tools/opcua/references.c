@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/references.h"
+#include "opcua/devices.h"
 #include "opcua/values.h"
 
 #include <stdio.h>
@@ -45,6 +46,32 @@ UA_QualifiedName db_opcua_row_name(const struct db_opcua_roster *roster,
 
 	if (row->class >= DB_OPCUA_NAMES_ROW)
 		name.namespaceIndex = 0;
+	else if (row->devices_name)
+		name.namespaceIndex = roster->devices;
+	return name;
+}
+
+UA_QualifiedName db_opcua_branch_name(const struct db_opcua_roster *roster,
+                                      const struct db_opcua_branch *branch)
+{
+	UA_QualifiedName name = db_opcua_member_name(roster, branch->name);
+
+	switch (branch->type) {
+	case DB_OPCUA_IDENTIFICATION:
+	case DB_OPCUA_COMPONENT_NAME:
+	case DB_OPCUA_MODEL:
+	case DB_OPCUA_SOFTWARE_REVISION:
+		name.namespaceIndex = roster->devices;
+		break;
+	case DB_OPCUA_UNIT:
+	case DB_OPCUA_RANGE:
+	case DB_OPCUA_INPUTS:
+	case DB_OPCUA_OUTPUTS:
+		name.namespaceIndex = 0;
+		break;
+	default:
+		break;
+	}
 	return name;
 }
 
@@ -59,7 +86,6 @@ static UA_UInt32 type_of(const struct db_opcua_tree *tree, const struct db_opcua
 {
 	switch (branch->type) {
 	case DB_OPCUA_FOLDER:
-	case DB_OPCUA_IDENTIFICATION:
 		return UA_NS0ID_FOLDERTYPE;
 	case DB_OPCUA_VARIABLE:
 		return tree->kind->list[branch->place].unit[0] ? UA_NS0ID_BASEANALOGTYPE :
@@ -97,6 +123,26 @@ static void refer_to_type(struct db_opcua_references *references, UA_UInt32 type
 {
 	/* By its id alone: nobody searches a type by its name from an instance. */
 	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false, type, "");
+}
+
+static void refer_to_devices(const struct db_opcua_roster *roster,
+                             struct db_opcua_references *references, UA_Byte type, bool inverse,
+                             UA_UInt32 target)
+{
+	db_opcua_store_refer(references, type, inverse, UA_NODEID_NUMERIC(roster->devices, target),
+	                     (UA_QualifiedName){ .namespaceIndex = roster->devices });
+}
+
+/* What is known of a drive are parts of these interfaces. */
+static void refer_to_nameplates(const struct db_opcua_roster *roster,
+                                struct db_opcua_references *references, bool vendor)
+{
+	if (roster->has_interface == 0)
+		return;
+	refer_to_devices(roster, references, roster->has_interface, false, DB_OPCUA_TAG_NAMEPLATE);
+	if (vendor)
+		refer_to_devices(roster, references, roster->has_interface, false,
+		                 DB_OPCUA_VENDOR_NAMEPLATE);
 }
 
 /* --- conditions ------------------------------------------------------------------------------- */
@@ -240,11 +286,14 @@ static void refer_of_branch(const struct db_opcua_roster *roster,
 		db_opcua_store_refer(references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false,
 		                     db_opcua_type_id(roster, tree->kind->type),
 		                     db_opcua_member_name(roster, ""));
+	else if (branch->type == DB_OPCUA_IDENTIFICATION)
+		refer_to_devices(roster, references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false,
+		                 DB_OPCUA_FUNCTIONAL_GROUP_TYPE);
 	else if (branch->type != DB_OPCUA_METHOD)
 		refer_to_type(references, type_of(tree, branch));
 	if (branch->type != DB_OPCUA_ROOT) {
 		refer_to(roster, references, tie_of(branch->type), true, shown->name, parent->path,
-		         parent->name[0] ? db_opcua_member_name(roster, parent->name) :
+		         parent->name[0] ? db_opcua_branch_name(roster, parent) :
 		                           db_opcua_own_name(roster, shown->name));
 	} else if (gateway) {
 		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
@@ -257,13 +306,12 @@ static void refer_of_branch(const struct db_opcua_roster *roster,
 	}
 	for (size_t i = branch->first; i < branch->first + branch->count; i++) {
 		const struct db_opcua_branch *child = &tree->list[i];
-		UA_QualifiedName name = db_opcua_member_name(roster, child->name);
 
-		if (child->type >= DB_OPCUA_UNIT)
-			name.namespaceIndex = 0;
 		refer_to(roster, references, tie_of(child->type), false, shown->name, child->path,
-		         name);
+		         db_opcua_branch_name(roster, child));
 	}
+	if (branch->type == DB_OPCUA_IDENTIFICATION)
+		refer_to_nameplates(roster, references, db_opcua_type_has_vendor(tree->kind->type));
 	if (branch->type == DB_OPCUA_ROOT)
 		refer_to_conditions(roster, references, gateway ? "configuration" : "drive",
 		                    gateway ? "" : shown->name);
@@ -317,12 +365,21 @@ static void refer_of_row(const struct db_opcua_roster *roster, const struct db_o
 		db_opcua_store_refer(references, tie_of_row(row), true,
 		                     db_opcua_type_id(roster, above),
 		                     db_opcua_row_name(roster, above));
+	} else if (row->devices_type) {
+		refer_to_devices(roster, references, UA_REFERENCETYPEINDEX_HASSUBTYPE, true,
+		                 row->standard);
 	} else {
 		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASSUBTYPE, true, row->standard,
 		                  "");
 	}
-	if (!is_type(row) && row->standard != 0)
+	if (!is_type(row) && row->devices_type)
+		refer_to_devices(roster, references, UA_REFERENCETYPEINDEX_HASTYPEDEFINITION, false,
+		                 row->standard);
+	else if (!is_type(row) && row->standard != 0)
 		refer_to_type(references, row->standard);
+	if (!is_type(row) && row->devices_type)
+		refer_to_nameplates(roster, references,
+		                    db_opcua_type_has_vendor(&db_opcua_type_rows[row->above]));
 	/* What a data type has is no part of an instance. */
 	if (!is_type(row) && row->class != DB_OPCUA_NAMES_ROW && row->class != DB_OPCUA_BITS_ROW)
 		refer_to_standard(references, UA_REFERENCETYPEINDEX_HASMODELLINGRULE, false,

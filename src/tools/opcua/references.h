@@ -25,6 +25,9 @@ UA_QualifiedName db_opcua_member_name(const struct db_opcua_roster *roster, cons
 UA_QualifiedName db_opcua_condition_name(const struct db_opcua_roster *roster,
                                          const struct db_opcua_alarm *alarm);
 /* The name of a row: that of a property is the standard's. */
+/* Of a node below a drive. */
+UA_QualifiedName db_opcua_branch_name(const struct db_opcua_roster *roster,
+                                      const struct db_opcua_branch *branch);
 UA_QualifiedName db_opcua_row_name(const struct db_opcua_roster *roster,
                                    const struct db_opcua_type_row *row);
 

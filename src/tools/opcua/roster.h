@@ -36,11 +36,14 @@ struct db_opcua_shown {
 struct db_opcua_roster {
 	uint16_t space;                 /* the namespace of this gateway's nodes */
 	uint16_t types;                 /* ... and of the types, which every gateway has */
+	uint16_t devices;               /* ... and of OPC UA for Devices */
 	struct db_opcua_shown **drives; /* sorted by their names */
 	size_t count;
 	struct db_opcua_bus *buses;
 	struct db_opcua_alarms alarms;
-	uint8_t has_condition; /* the library's index of this type of references; 0: it has none */
+	/* The library's indexes of these types of references; 0: it has none. */
+	uint8_t has_condition;
+	uint8_t has_interface;
 };
 
 enum db_opcua_subject_type {

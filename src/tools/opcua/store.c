@@ -137,13 +137,12 @@ UA_Byte db_opcua_store_reference_type(const struct db_opcua_store *store, UA_UIn
 	return index;
 }
 
-UA_StatusCode db_opcua_store_link(struct db_opcua_store *store, UA_UInt32 from, UA_Byte type,
+UA_StatusCode db_opcua_store_link(struct db_opcua_store *store, UA_NodeId from, UA_Byte type,
                                   UA_NodeId target, UA_QualifiedName name, bool comes)
 {
-	UA_NodeId id = UA_NODEID_NUMERIC(0, from);
 	UA_ExpandedNodeId to = UA_EXPANDEDNODEID_NODEID(target);
 	UA_Node *node;
-	UA_StatusCode status = store->plain.getNodeCopy(store->plain.context, &id, &node);
+	UA_StatusCode status = store->plain.getNodeCopy(store->plain.context, &from, &node);
 
 	if (status != UA_STATUSCODE_GOOD)
 		return status;

@@ -76,7 +76,7 @@ void db_opcua_store_refer(struct db_opcua_references *references, UA_Byte type, 
 UA_Byte db_opcua_store_reference_type(const struct db_opcua_store *store, UA_UInt32 type);
 
 /* A reference of one of the library's own nodes is added or removed. */
-UA_StatusCode db_opcua_store_link(struct db_opcua_store *store, UA_UInt32 from, UA_Byte type,
+UA_StatusCode db_opcua_store_link(struct db_opcua_store *store, UA_NodeId from, UA_Byte type,
                                   UA_NodeId target, UA_QualifiedName name, bool comes);
 
 #endif

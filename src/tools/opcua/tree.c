@@ -132,8 +132,12 @@ static bool add_children(struct db_opcua_tree *tree, size_t parent,
 			good = add(tree, parent, DB_OPCUA_INPUTS, "InputArguments", place);
 		return good && add(tree, parent, DB_OPCUA_OUTPUTS, "OutputArguments", place);
 	case DB_OPCUA_IDENTIFICATION:
-		return add(tree, parent, DB_OPCUA_COMPONENT_NAME, "ComponentName", 0) &&
+		good = add(tree, parent, DB_OPCUA_COMPONENT_NAME, "ComponentName", 0) &&
 		       add(tree, parent, DB_OPCUA_LOCATION, "Location", 0);
+		if (good && db_opcua_type_has_vendor(tree->kind->type))
+			good = add(tree, parent, DB_OPCUA_MODEL, "Model", 0) &&
+			       add(tree, parent, DB_OPCUA_SOFTWARE_REVISION, "SoftwareRevision", 0);
+		return good;
 	default:
 		return true;
 	}
@@ -215,4 +219,10 @@ const struct db_opcua_branch *db_opcua_tree_find(const struct db_opcua_tree *tre
 			low = middle + 1;
 	}
 	return NULL;
+}
+
+const json_t *db_opcua_tree_command(const struct db_opcua_tree *tree,
+                                    const struct db_opcua_branch *method)
+{
+	return json_array_get(tree->kind->commands, method->place);
 }

@@ -23,6 +23,9 @@ enum db_opcua_branch_type {
 	DB_OPCUA_IDENTIFICATION, /* a folder */
 	DB_OPCUA_COMPONENT_NAME,
 	DB_OPCUA_LOCATION,
+	/* As the drive says itself. */
+	DB_OPCUA_MODEL,
+	DB_OPCUA_SOFTWARE_REVISION,
 	/* Properties of a variable. */
 	DB_OPCUA_UNIT,
 	DB_OPCUA_RANGE,
@@ -60,5 +63,9 @@ void db_opcua_tree_free(struct db_opcua_tree *tree);
 /* The branch with this path, which needs no terminating zero; NULL when there is none. */
 const struct db_opcua_branch *db_opcua_tree_find(const struct db_opcua_tree *tree, const char *path,
                                                  size_t length);
+
+/* The command of a method, of the interface's type Command. */
+const json_t *db_opcua_tree_command(const struct db_opcua_tree *tree,
+                                    const struct db_opcua_branch *method);
 
 #endif

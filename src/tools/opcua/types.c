@@ -82,6 +82,11 @@ const struct db_opcua_type_row *db_opcua_type_member(const struct db_opcua_type_
 	return NULL;
 }
 
+bool db_opcua_type_has_vendor(const struct db_opcua_type_row *type)
+{
+	return db_opcua_type_member(type, "Identification.Model") != NULL;
+}
+
 const struct db_opcua_type_row *db_opcua_type_data(const struct db_opcua_type_row *row)
 {
 	return row && row->data >= 0 ? &db_opcua_type_rows[row->data] : NULL;

@@ -46,6 +46,9 @@ struct db_opcua_type_row {
 	bool array;
 	bool writable;
 	bool always; /* each instance has it */
+	/* `standard`, and the name, are of OPC UA for Devices. */
+	bool devices_type;
+	bool devices_name;
 };
 
 /* Sorted by their ids. */
@@ -68,6 +71,9 @@ const struct db_opcua_type_row *db_opcua_type_of_bus(void);
 /* The member "CommandBlock.Command" of a type or of one above it; NULL: it has none. */
 const struct db_opcua_type_row *db_opcua_type_member(const struct db_opcua_type_row *type,
                                                      const char *path);
+
+/* True if drives of this type say what they are. */
+bool db_opcua_type_has_vendor(const struct db_opcua_type_row *type);
 
 /* The data type that is ours; NULL: it is one of the standard, or there is no row. */
 const struct db_opcua_type_row *db_opcua_type_data(const struct db_opcua_type_row *row);

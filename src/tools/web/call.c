@@ -1,9 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/call.h"
 #include "client/log.h"
+#include "web/service.h"
 
 #include <stdlib.h>
 #include <string.h>
+
+/* Connections of calls aside at the same time: the service carries out one after the other. */
+#define LINKS_MAX 4
 
 /* Bytes per log line. */
 #define PART 700
@@ -54,6 +58,75 @@ void db_web_call(struct db_web_request *request, struct db_link *link, db_time w
 		                      "drivebridged cannot be reached");
 	}
 }
+
+/* --- aside ------------------------------------------------------------------------------------ */
+
+struct aside {
+	struct db_web_request *request;
+	struct db_link *link;
+	void (*answer)(struct db_web_request *request, json_t *parameters);
+};
+
+static void end_aside(void *job)
+{
+	struct aside *aside = job;
+
+	if (aside->link)
+		aside->request->server->calls_aside--;
+	db_link_drop(aside->link);
+	free(aside);
+}
+
+static void lose_aside(void *data)
+{
+	/* Its call has been answered with that; the link is closed with the request. */
+	(void)data;
+}
+
+static void on_aside(void *data, json_t *parameters, const struct db_client_error *error, bool more)
+{
+	const struct aside *aside = data;
+
+	(void)more;
+	if (error)
+		db_web_request_fail(aside->request, error);
+	else
+		aside->answer(aside->request, parameters);
+}
+
+void db_web_call_aside(struct db_web_request *request, const char *method, json_t *parameters,
+                       db_time within,
+                       void (*answer)(struct db_web_request *request, json_t *parameters))
+{
+	struct db_client_error error = { .parameters = NULL };
+	struct db_web_server *server = request->server;
+	struct aside *aside = server->calls_aside < LINKS_MAX ? calloc(1, sizeof(*aside)) : NULL;
+
+	if (!aside) {
+		request->retry_s = 1;
+		json_decref(parameters);
+		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy",
+		                      "others are reading what takes long");
+		return;
+	}
+	*aside = (struct aside){ .request = request, .answer = answer };
+	aside->link = db_web_service_open(server->service, lose_aside, aside, &error);
+	request->job = aside;
+	request->end_job = end_aside;
+	request->answer_by = db_client_now() + within;
+	if (aside->link)
+		server->calls_aside++;
+	if (!aside->link) {
+		db_web_request_fail(request, &error);
+		json_decref(parameters);
+	} else if (db_link_send(aside->link, method, parameters, false, on_aside, aside) != 0) {
+		db_web_request_refuse(request, MHD_HTTP_BAD_GATEWAY, "ServiceUnreachable",
+		                      "drivebridged cannot be reached");
+	}
+	db_client_error_clear(&error);
+}
+
+/* --- the log ---------------------------------------------------------------------------------- */
 
 void db_web_log_action(const struct db_web_request *request, const char *what,
                        const json_t *parameters)

@@ -13,6 +13,15 @@
  */
 void db_web_call(struct db_web_request *request, struct db_link *link, db_time within);
 
+/*
+ * Makes a call over a connection of its own, closed with the request: for what takes the service
+ * long, so that no other call waits for it. Takes `parameters` over. `answer` answers the request
+ * from what the service has answered; errors are answered here, and Busy when LINKS_MAX are open.
+ */
+void db_web_call_aside(struct db_web_request *request, const char *method, json_t *parameters,
+                       db_time within,
+                       void (*answer)(struct db_web_request *request, json_t *parameters));
+
 /* Logs an action of a request with all its parameters. */
 void db_web_log_action(const struct db_web_request *request, const char *what,
                        const json_t *parameters);

@@ -7,8 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Connections at once: the service reads for one client after the other. */
-#define LINKS_MAX 3
 /* A disk that fails takes seconds. */
 #define ANSWER_WITHIN (10 * DB_NS_PER_S)
 #define WEEK_S (7 * 24 * 3600)
@@ -23,27 +21,6 @@ static const char *text_of(const json_t *object, const char *key)
 
 /* --- values ----------------------------------------------------------------------------------- */
 
-struct reading {
-	struct db_web_request *request;
-	struct db_link *link;
-};
-
-static void end_reading(void *job)
-{
-	struct reading *reading = job;
-
-	if (reading->link)
-		reading->request->server->health_links--;
-	db_link_drop(reading->link);
-	free(reading);
-}
-
-static void lose_link(void *data)
-{
-	/* Its call has been answered with that; the link is closed with the request. */
-	(void)data;
-}
-
 /* Leaves the rows of the user's drives. */
 static void filter_rows(const struct db_grant *grant, const json_t *answer)
 {
@@ -55,17 +32,8 @@ static void filter_rows(const struct db_grant *grant, const json_t *answer)
 	}
 }
 
-static void on_values(void *data, json_t *parameters, const struct db_client_error *error,
-                      bool more)
+static void answer_values(struct db_web_request *request, json_t *parameters)
 {
-	struct reading *reading = data;
-	struct db_web_request *request = reading->request;
-
-	(void)more;
-	if (error) {
-		db_web_request_fail(request, error);
-		return;
-	}
 	filter_rows(&request->grant, parameters);
 	(void)json_object_set_new(parameters, "now_us", json_integer(db_client_wall_us()));
 	request->packable = true;
@@ -108,35 +76,11 @@ static json_t *make_query(struct db_web_request *request)
 
 void db_web_health(struct db_web_request *request)
 {
-	struct db_client_error error = { .parameters = NULL };
 	json_t *query = make_query(request);
-	struct reading *reading = query ? calloc(1, sizeof(*reading)) : NULL;
 
-	if (!reading || request->server->health_links >= LINKS_MAX) {
-		request->retry_s = 1;
-		free(reading);
-		json_decref(query);
-		/* One that was refused above stays refused for that reason. */
-		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy",
-		                      "others are reading health values");
-		return;
-	}
-	reading->request = request;
-	reading->link = db_web_service_open(request->server->service, lose_link, reading, &error);
-	request->job = reading;
-	request->end_job = end_reading;
-	request->answer_by = db_client_now() + ANSWER_WITHIN;
-	if (reading->link)
-		request->server->health_links++;
-	if (!reading->link) {
-		db_web_request_fail(request, &error);
-		json_decref(query);
-	} else if (db_link_send(reading->link, request->route.name, query, false, on_values,
-	                        reading) != 0) {
-		db_web_request_refuse(request, MHD_HTTP_BAD_GATEWAY, "ServiceUnreachable",
-		                      "drivebridged cannot be reached");
-	}
-	db_client_error_clear(&error);
+	if (query)
+		db_web_call_aside(request, request->route.name, query, ANSWER_WITHIN,
+		                  answer_values);
 }
 
 /* --- alarms ----------------------------------------------------------------------------------- */

@@ -188,8 +188,8 @@ static void begin_session(struct db_web_request *request)
 	/* The session of this cookie so far ends. */
 	if (request->session[0] != '\0')
 		end_session(server, request->session);
-	session = db_web_sessions_begin(server->sessions, request->known, request->weak, secrets,
-	                                db_client_now());
+	session = db_web_sessions_begin(server->sessions, request->known, request->weak,
+	                                &request->address, secrets, db_client_now());
 	explicit_bzero(secrets, sizeof(secrets));
 	(void)snprintf(request->user, sizeof(request->user), "%s", session->user);
 	(void)snprintf(request->session, sizeof(request->session), "%s", session->id);
@@ -278,6 +278,79 @@ void db_web_logout(struct db_web_request *request)
 	request->grant = db_web_grant_of_nobody(server->config);
 	request->weak = NULL;
 	db_web_login_tell(request);
+}
+
+/* --- other sessions of the same user ------------------------------------------------------------ */
+
+static void tell_own(struct db_web_request *request)
+{
+	const struct db_web_session *found[DB_WEB_SESSIONS_MAX];
+	db_time now = db_client_now();
+	size_t count = db_web_sessions_of(request->server->sessions, request->user, now, found);
+	json_t *list = json_array();
+
+	for (size_t i = 0; i < count; i++) {
+		char address[DB_WEB_ADDRESS_TEXT];
+
+		db_web_address_write(&found[i]->from, address);
+		(void)json_array_append_new(
+			list,
+			json_pack("{s:I, s:s, s:I, s:I, s:b}", "number",
+		                  (json_int_t)found[i]->number, "from", address, "begun_ms",
+		                  (json_int_t)((now - found[i]->begun) / DB_NS_PER_MS), "used_ms",
+		                  (json_int_t)((now - found[i]->used) / DB_NS_PER_MS), "own",
+		                  strcmp(found[i]->id, request->session) == 0));
+	}
+	db_web_request_answer(request, MHD_HTTP_OK, json_pack("{s:o}", "sessions", list));
+}
+
+/* What it moves ends as when he logs out there. */
+static void end_other(struct db_web_request *request, const struct db_web_session *session)
+{
+	struct db_web_caller caller = db_web_request_caller(request);
+	char address[DB_WEB_ADDRESS_TEXT];
+	char text[DB_WEB_ADDRESS_TEXT + 32];
+
+	db_web_address_write(&session->from, address);
+	(void)snprintf(text, sizeof(text), "another session, from %s", address);
+	db_client_log(DB_CLIENT_NOTICE, "%s: logged out %s", caller.text, text);
+	db_web_service_note(request->server->service, &(struct db_link_note){ .kind = "login",
+	                                                                      .what = "out",
+	                                                                      .user = caller.user,
+	                                                                      .from = caller.from,
+	                                                                      .text = text });
+	end_session(request->server, session->id);
+}
+
+void db_web_login_own(struct db_web_request *request)
+{
+	const struct db_web_session *found[DB_WEB_SESSIONS_MAX];
+	json_t *number = json_object_get(request->parameters, "number");
+	json_t *others = json_object_get(request->parameters, "others");
+	size_t count = db_web_sessions_of(request->server->sessions, request->user, db_client_now(),
+	                                  found);
+	size_t ended = 0;
+
+	if (request->route.kind == DB_WEB_SESSIONS_END) {
+		if (json_is_integer(number) == json_is_true(others)) {
+			db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
+			                      "either {\"number\": ...} or {\"others\": true}");
+			return;
+		}
+		for (size_t i = 0; i < count; i++) {
+			if (strcmp(found[i]->id, request->session) == 0 ||
+			    (number && found[i]->number != json_integer_value(number)))
+				continue;
+			end_other(request, found[i]);
+			ended++;
+		}
+		if (number && ended == 0) {
+			db_web_request_refuse(request, MHD_HTTP_CONFLICT, "NoSuchSession",
+			                      "you have no other session of this number any more");
+			return;
+		}
+	}
+	tell_own(request);
 }
 
 /* True while the user of this session changes his own password: a request of which something is

@@ -12,6 +12,9 @@ void db_web_login_tell(struct db_web_request *request);
 void db_web_login(struct db_web_request *request);
 void db_web_logout(struct db_web_request *request);
 
+/* Answers with the sessions of the same user, after ending some of them where that is asked for. */
+void db_web_login_own(struct db_web_request *request);
+
 /* The password of a login was compared. */
 void db_web_login_end(struct db_web_request *request, const struct db_web_work *work);
 

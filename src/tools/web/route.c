@@ -16,6 +16,8 @@ static const struct {
 	{ "/metrics", "GET", { DB_WEB_METRICS, "", DB_MAY_NOTHING, false } },
 	{ "/api/login", "POST", { DB_WEB_LOGIN, "", DB_MAY_NOTHING, false } },
 	{ "/api/logout", "POST", { DB_WEB_LOGOUT, "", DB_MAY_NOTHING, false } },
+	{ "/api/sessions", "POST", { DB_WEB_SESSIONS, "", DB_MAY_LOOK, false } },
+	{ "/api/sessions/end", "POST", { DB_WEB_SESSIONS_END, "", DB_MAY_LOOK, false } },
 	{ "/api/password", "POST", { DB_WEB_PASSWORD, "", DB_MAY_LOOK, false } },
 	{ "/api/users", "POST", { DB_WEB_USERS, "users", DB_MAY_APPOINT, false } },
 	{ "/api/users/put", "POST", { DB_WEB_USERS_PUT, "users/put", DB_MAY_APPOINT, false } },

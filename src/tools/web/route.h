@@ -18,9 +18,11 @@ enum db_web_kind {
 	DB_WEB_METRICS,
 	DB_WEB_LOGIN,
 	DB_WEB_LOGOUT,
-	DB_WEB_PASSWORD,  /* the user's own is changed */
-	DB_WEB_USERS,     /* the list of them */
-	DB_WEB_USERS_PUT, /* one is made, or changed */
+	DB_WEB_SESSIONS,     /* the user's own */
+	DB_WEB_SESSIONS_END, /* some of them end */
+	DB_WEB_PASSWORD,     /* the user's own is changed */
+	DB_WEB_USERS,        /* the list of them */
+	DB_WEB_USERS_PUT,    /* one is made, or changed */
 	DB_WEB_USERS_REMOVE,
 	DB_WEB_ALIVE,
 	DB_WEB_CLOCK, /* the moment of this program's clock */

@@ -142,6 +142,8 @@ static void dispatch(struct db_web_request *request)
 		[DB_WEB_METRICS] = db_web_metrics,
 		[DB_WEB_LOGIN] = db_web_login,
 		[DB_WEB_LOGOUT] = db_web_logout,
+		[DB_WEB_SESSIONS] = db_web_login_own,
+		[DB_WEB_SESSIONS_END] = db_web_login_own,
 		[DB_WEB_PASSWORD] = db_web_users_take,
 		[DB_WEB_USERS] = db_web_users_take,
 		[DB_WEB_USERS_PUT] = db_web_users_take,
@@ -635,7 +637,9 @@ static bool start(struct db_web_server *server)
 	server->hasher = db_web_hasher_new();
 	server->asker = db_web_hasher_new();
 	server->service = db_web_service_new(server, on_service_changed, on_token, server);
-	server->stops = db_web_stops_new(server);
+	server->lanes = db_web_tabs_make_lanes(server);
+	if (server->lanes)
+		server->stops = db_web_stops_new(server);
 	server->trail = db_web_trail_new(server);
 	if (server->service)
 		server->overview = db_web_overview_new(server);
@@ -697,6 +701,7 @@ int db_web_serve(const void *config, sd_event *loop)
 	db_web_commission_free(&server);
 	stop_daemon(&server);
 	/* Before the objects that wait for its answers. */
+	db_lanes_free(server.lanes);
 	db_web_stops_free(server.stops);
 	db_web_trail_free(server.trail);
 	db_web_service_free(server.service);

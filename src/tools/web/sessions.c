@@ -8,6 +8,7 @@
 struct db_web_sessions {
 	db_time idle;
 	db_time longest;
+	uint32_t last_number;
 	struct db_web_session list[DB_WEB_SESSIONS_MAX];
 };
 
@@ -65,6 +66,7 @@ static bool is_over(const struct db_web_sessions *sessions, const struct db_web_
 
 const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessions,
                                                    const struct db_user *user, const char *weak,
+                                                   const struct db_web_address *from,
                                                    const struct db_web_secret secrets[2],
                                                    db_time now)
 {
@@ -81,6 +83,8 @@ const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessi
 	clear(place);
 	db_web_secret_write(&secrets[0], place->id);
 	db_web_secret_write(&secrets[1], place->token);
+	place->number = ++sessions->last_number;
+	place->from = *from;
 	(void)snprintf(place->user, sizeof(place->user), "%s", user->name);
 	place->grant = user->grant;
 	place->pam = user->pam;
@@ -110,6 +114,26 @@ const struct db_web_session *db_web_sessions_find(struct db_web_sessions *sessio
 		return NULL;
 	}
 	return session;
+}
+
+size_t db_web_sessions_of(struct db_web_sessions *sessions, const char *user, db_time now,
+                          const struct db_web_session *found[DB_WEB_SESSIONS_MAX])
+{
+	size_t count = 0;
+
+	for (size_t i = 0; i < DB_WEB_SESSIONS_MAX; i++) {
+		const struct db_web_session *session = &sessions->list[i];
+		size_t place = count;
+
+		if (session->id[0] == '\0' || strcmp(session->user, user) != 0 ||
+		    is_over(sessions, session, now))
+			continue;
+		for (; place > 0 && found[place - 1]->number > session->number; place--)
+			found[place] = found[place - 1];
+		found[place] = session;
+		count++;
+	}
+	return count;
 }
 
 void db_web_sessions_touch(struct db_web_sessions *sessions, const char *id, db_time now)

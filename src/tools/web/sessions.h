@@ -14,8 +14,11 @@
 
 #include "drivebridge/time.h"
 #include "users/users.h"
+#include "web/address.h"
 
 #include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
 
 /* When there would be more, the one that was unused for longest ends. */
 #define DB_WEB_SESSIONS_MAX 64
@@ -30,6 +33,8 @@ struct db_web_secret {
 struct db_web_session {
 	char id[DB_WEB_SECRET_TEXT]; /* "": the place is free */
 	char token[DB_WEB_SECRET_TEXT];
+	uint32_t number;            /* unique among all since the program's start; no secret */
+	struct db_web_address from; /* where the user logged in */
 	char user[DB_USERS_NAME_MAX + 1];
 	struct db_grant grant;
 	bool pam;           /* his password is not this program's */
@@ -59,6 +64,7 @@ bool db_web_secret_equal(const char *one, const char *other);
  * the next call. */
 const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessions,
                                                    const struct db_user *user, const char *weak,
+                                                   const struct db_web_address *from,
                                                    const struct db_web_secret secrets[2],
                                                    db_time now);
 
@@ -66,6 +72,11 @@ const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessi
  * call. */
 const struct db_web_session *db_web_sessions_find(struct db_web_sessions *sessions, const char *id,
                                                   db_time now);
+
+/* Those of a user, the oldest first. They belong to the sessions, and are valid until one begins.
+ * Returns how many. */
+size_t db_web_sessions_of(struct db_web_sessions *sessions, const char *user, db_time now,
+                          const struct db_web_session *found[DB_WEB_SESSIONS_MAX]);
 
 /* It was used. */
 void db_web_sessions_touch(struct db_web_sessions *sessions, const char *id, db_time now);

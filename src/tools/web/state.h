@@ -18,6 +18,7 @@
 #include <microhttpd.h>
 #include <systemd/sd-event.h>
 
+struct db_lanes;
 struct db_web_commission;
 struct db_web_overview;
 struct db_web_parameters;
@@ -65,6 +66,7 @@ struct db_web_server {
 	struct db_web_hasher *asker; /* of PAM, which may take seconds */
 	uint64_t users_stamp; /* of the file of users when sessions were last checked against it */
 	struct db_web_service *service;
+	struct db_lanes *lanes;
 	struct db_web_stops *stops;
 	struct db_web_overview *overview;
 	struct db_web_request *requests;
@@ -74,8 +76,8 @@ struct db_web_server {
 	struct db_web_parameters *parameters;
 	struct db_web_setup *setups;
 	struct db_web_trail *trail;
-	unsigned health_links; /* connections that wait for health values */
-	uint64_t last_number;  /* of requests */
+	unsigned calls_aside; /* their connections (call.h) */
+	uint64_t last_number; /* of requests */
 	struct db_web_connections *connections;
 	struct db_web_counts counts;
 };

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/stops.h"
+#include "client/lanes.h"
 #include "client/log.h"
 #include "web/service.h"
 
@@ -28,17 +29,12 @@ struct db_web_stops *db_web_stops_new(struct db_web_server *server)
 	if (!stops)
 		return NULL;
 	stops->server = server;
-	stops->stops = db_stops_new(server->loop, server->config->socket, DB_WEB_STOPS_MAX);
-	if (stops->stops)
-		return stops;
-	free(stops);
-	return NULL;
+	stops->stops = db_lanes_stops(server->lanes);
+	return stops;
 }
 
 void db_web_stops_free(struct db_web_stops *stops)
 {
-	if (stops)
-		db_stops_free(stops->stops);
 	free(stops);
 }
 

@@ -11,7 +11,8 @@
 
 struct db_web_stops;
 
-/* NULL without memory. Freed with db_web_stops_free(), NULL is allowed. */
+/* They go past the server's lanes, which are freed before them. NULL without memory; freed with
+ * db_web_stops_free(), NULL is allowed. */
 struct db_web_stops *db_web_stops_new(struct db_web_server *server);
 void db_web_stops_free(struct db_web_stops *stops);
 

@@ -13,42 +13,29 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Most drives that one page feeds at the same time. */
-#define DRIVES_MAX 32
-#define DRIVE_NAME_MAX 64
+/* Pages that act, and those that have left while what they moved is being stopped. */
+#define LANES_MAX (4 * DB_WEB_TABS_MAX)
 
-/* A commanded drive counts as moving for this time, whatever it reports. */
-#define BEGINS_WITHIN (3 * DB_NS_PER_S)
+/* Drives that move are read at each tick. */
+#define INTERVAL (DB_WEB_CONNECTIONS_TICK / 2)
 
 /* An acting call is answered when the drive has confirmed it; one that waits for the end of a
  * motion, at that end. */
 #define ACT_WITHIN (15 * DB_NS_PER_S)
 #define MOTION_WITHIN (600 * DB_NS_PER_S)
 
-struct drive {
-	struct db_web_tab *tab;
-	char name[DRIVE_NAME_MAX]; /* "": the place is free */
-	db_time commanded;
-	bool moves;
-	bool armed;      /* its watchdog, which can be armed while it stands */
-	bool controlled; /* the page has taken control, and not released it */
-	bool asking;
-	bool given; /* it was replaced by another drive while an answer about it was awaited */
-};
-
 struct db_web_tab {
 	struct db_web_tab *next;
 	struct db_web_server *server;
 	char id[DB_WEB_TAB_MAX + 1];
 	char session[DB_WEB_SECRET_TEXT];
-	struct db_link *act;
+	struct db_lane *lane;
 	struct db_web_jog *jog;
 	struct db_web_sequence *sequence;
 	struct db_web_order order;
 	bool lost;
 	bool leaves; /* no more calls are taken from it */
 	db_time heard;
-	struct drive drives[DRIVES_MAX];
 };
 
 bool db_web_tab_is_good(const char *id)
@@ -72,8 +59,6 @@ bool db_web_call_number_read(const char *text, uint64_t *number)
 
 static void free_tab(struct db_web_tab *tab)
 {
-	struct db_link *act = tab->act;
-
 	for (struct db_web_tab **at = &tab->server->tabs; *at; at = &(*at)->next) {
 		if (*at == tab) {
 			*at = tab->next;
@@ -84,18 +69,10 @@ static void free_tab(struct db_web_tab *tab)
 		db_web_jog_lose(tab->jog);
 	if (tab->sequence)
 		db_web_sequence_lose(tab->sequence);
-	tab->act = NULL;
-	db_link_close(act);
+	db_lane_close(tab->lane);
 	db_web_sequence_free(tab->sequence);
 	db_web_jog_free(tab->jog);
 	free(tab);
-}
-
-static void lose(void *data)
-{
-	struct db_web_tab *tab = data;
-
-	tab->lost = true;
 }
 
 static struct db_web_tab *find_tab(const struct db_web_request *request)
@@ -135,13 +112,13 @@ static struct db_web_tab *open_tab(const struct db_web_request *request,
 	(void)snprintf(tab->id, sizeof(tab->id), "%s", request->tab);
 	(void)snprintf(tab->session, sizeof(tab->session), "%s", request->session);
 	tab->heard = db_client_now();
-	tab->act = db_web_service_open(request->server->service, lose, tab, error);
-	if (tab->act) {
+	tab->lane = db_lanes_open(request->server->lanes, error);
+	if (tab->lane) {
 		struct db_web_caller caller = db_web_request_caller(request);
 
-		db_link_introduce(tab->act, caller.user, caller.from, NULL, NULL);
-		tab->jog = db_web_jog_new(tab->server, tab->act);
-		tab->sequence = db_web_sequence_new(tab->server, tab->act);
+		db_link_introduce(tab->lane->link, caller.user, caller.from, NULL, NULL);
+		tab->jog = db_web_jog_new(tab->server, tab->lane->link);
+		tab->sequence = db_web_sequence_new(tab->server, tab->lane->link);
 	}
 	if (tab->jog && tab->sequence)
 		return tab;
@@ -151,74 +128,50 @@ static struct db_web_tab *open_tab(const struct db_web_request *request,
 	return NULL;
 }
 
-/* --- watchdogs -------------------------------------------------------------------------------- */
+/* --- lanes ------------------------------------------------------------------------------------ */
 
-/* `control` is the value written to control_request, NULL: none. */
-static void remember_drive(struct db_web_tab *tab, const char *name, const json_t *control)
+static struct db_web_tab *find_tab_of(const struct db_web_server *server,
+                                      const struct db_lane *lane)
 {
-	struct drive *place = &tab->drives[0];
+	struct db_web_tab *tab = server->tabs;
 
-	for (size_t i = 0; i < DRIVES_MAX; i++) {
-		struct drive *drive = &tab->drives[i];
-
-		if (strcmp(drive->name, name) == 0) {
-			place = drive;
-			break;
-		}
-		/* When all places are used, the one that was commanded first. */
-		if (drive->commanded < place->commanded)
-			place = drive;
-	}
-	if (strcmp(place->name, name) != 0) {
-		place->controlled = false;
-		place->given = place->asking;
-	}
-	if (json_is_number(control))
-		place->controlled = json_number_value(control) != 0;
-	place->tab = tab;
-	(void)snprintf(place->name, sizeof(place->name), "%s", name);
-	place->commanded = db_client_now();
-	place->moves = true;
+	while (tab && tab->lane != lane)
+		tab = tab->next;
+	return tab;
 }
 
-static void on_state(void *data, json_t *parameters, const struct db_client_error *error, bool more)
+static void lose(void *context, struct db_lane *lane)
 {
-	struct drive *drive = data;
-	const json_t *state = json_object_get(json_object_get(parameters, "values"), "axis_state");
+	struct db_web_tab *tab = find_tab_of(context, lane);
 
-	(void)more;
-	drive->asking = false;
-	if (drive->given) {
-		drive->given = false;
-		return;
-	}
-	drive->moves = !error && db_web_service_is_moving(drive->tab->server->service, state);
-	drive->armed = json_number_value(json_object_get(json_object_get(parameters, "values"),
-	                                                 "watchdog_remaining_ms")) > 0;
-	if (!error)
-		db_web_jog_see(drive->tab->jog, drive->name, drive->moves);
+	if (tab)
+		tab->lost = true;
 }
 
-/* A read shows the service that the client is alive: for the watchdog while it is armed, and for
- * control that the page has taken. */
-static void feed(struct db_web_tab *tab, db_time now)
+static bool see(void *context, struct db_lane *lane, const char *drive, const json_t *values)
 {
-	/* The service would process the beats of an unconfirmed motion only after this read. */
-	if (db_link_waiting(tab->act) > 0)
-		return;
-	for (size_t i = 0; i < DRIVES_MAX; i++) {
-		struct drive *drive = &tab->drives[i];
+	const struct db_web_server *server = context;
+	const struct db_web_tab *tab = find_tab_of(server, lane);
+	bool moves = db_web_service_is_moving(server->service,
+	                                      json_object_get(values, "axis_state"));
 
-		if (drive->name[0] == '\0' || drive->asking ||
-		    (!drive->moves && !drive->armed && !drive->controlled &&
-		     now - drive->commanded >= BEGINS_WITHIN))
-			continue;
-		drive->asking = db_link_send(tab->act, "Read",
-		                             json_pack("{s:s, s:[s,s]}", "drive", drive->name,
-		                                       "names", "axis_state",
-		                                       "watchdog_remaining_ms"),
-		                             false, on_state, drive) == 0;
-	}
+	if (tab)
+		db_web_jog_see(tab->jog, drive, moves);
+	return moves;
+}
+
+struct db_lanes *db_web_tabs_make_lanes(struct db_web_server *server)
+{
+	const struct db_lanes_form form = {
+		.socket = server->config->socket,
+		.most = LANES_MAX,
+		.stops = DB_WEB_STOPS_MAX,
+		.interval = INTERVAL,
+		.lost = lose,
+		.seen = see,
+	};
+
+	return db_lanes_new(server->loop, &form, server);
 }
 
 /* --- acting ----------------------------------------------------------------------------------- */
@@ -243,11 +196,12 @@ static bool is_stop(const struct db_web_request *request, const char **drive)
 static void stop(struct db_web_request *request, const char *drive)
 {
 	struct db_web_tab *tab = find_tab(request);
-	bool waits = tab && db_link_waiting(tab->act) > 0;
+	bool waits = tab && db_link_waiting(tab->lane->link) > 0;
 	bool is_new = db_web_stops_call(request->server->stops, request, ACT_WITHIN);
 
 	if (waits && is_new)
-		(void)db_link_tell(tab->act, request->route.name, json_incref(request->parameters));
+		(void)db_link_tell(tab->lane->link, request->route.name,
+		                   json_incref(request->parameters));
 	if (tab) {
 		db_web_jog_yield(tab->jog, drive);
 		db_web_sequence_yield(tab->sequence, drive);
@@ -308,7 +262,6 @@ static bool check_turn(struct db_web_tab *tab, struct db_web_request *request)
 
 void db_web_tabs_act(struct db_web_request *request)
 {
-	const json_t *values = json_object_get(request->parameters, "values");
 	bool to_end = json_is_true(json_object_get(request->parameters, "until_end"));
 	struct db_web_tab *tab;
 	const char *drive;
@@ -324,9 +277,9 @@ void db_web_tabs_act(struct db_web_request *request)
 	tab = require_tab(request);
 	if (!tab || !check_turn(tab, request))
 		return;
-	if (drive && strlen(drive) < DRIVE_NAME_MAX)
-		remember_drive(tab, drive, json_object_get(values, "control_request"));
-	db_web_call(request, tab->act, to_end ? MOTION_WITHIN : ACT_WITHIN);
+	if (drive && drive[0] != '\0')
+		(void)db_lane_command(tab->lane, drive, db_client_now());
+	db_web_call(request, tab->lane->link, to_end ? MOTION_WITHIN : ACT_WITHIN);
 }
 
 bool db_web_tabs_begin(struct db_web_request *request, const char *drive)
@@ -336,7 +289,7 @@ bool db_web_tabs_begin(struct db_web_request *request, const char *drive)
 	if (!tab || !check_turn(tab, request))
 		return false;
 	if (drive)
-		remember_drive(tab, drive, NULL);
+		(void)db_lane_command(tab->lane, drive, db_client_now());
 	return true;
 }
 
@@ -352,8 +305,8 @@ struct db_link *db_web_tabs_link(const struct db_web_request *request, const cha
 	if (db_web_order_is_overtaken(&tab->order, request->call))
 		*why = "a stop overtook it";
 	else if (drive)
-		remember_drive(tab, drive, NULL);
-	return tab->act;
+		(void)db_lane_command(tab->lane, drive, db_client_now());
+	return tab->lane->link;
 }
 
 void db_web_tabs_jog(struct db_web_request *request)
@@ -376,7 +329,7 @@ void db_web_tabs_jog(struct db_web_request *request)
 		                                "text", "a sequence is held, or is being stopped",
 		                                "result", ""));
 	else if (db_web_jog_take(tab->jog, request))
-		remember_drive(tab, drive, NULL);
+		(void)db_lane_command(tab->lane, drive, db_client_now());
 }
 
 void db_web_tabs_sequence(struct db_web_request *request)
@@ -398,7 +351,7 @@ void db_web_tabs_sequence(struct db_web_request *request)
 	} else if (db_web_sequence_take(tab->sequence, request)) {
 		drive = db_web_sequence_drive(tab->sequence);
 		if (drive)
-			remember_drive(tab, drive, NULL);
+			(void)db_lane_command(tab->lane, drive, db_client_now());
 	}
 }
 
@@ -438,7 +391,7 @@ void db_web_tabs_tick(struct db_web_server *server, db_time now)
 		                  db_web_sequence_is_over(tab->sequence, now)))
 			free_tab(tab);
 		else if (!tab->leaves)
-			feed(tab, now);
+			db_lane_feed(tab->lane, now);
 	}
 }
 

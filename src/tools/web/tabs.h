@@ -9,12 +9,15 @@
 #ifndef DRIVEBRIDGE_WEB_TABS_H
 #define DRIVEBRIDGE_WEB_TABS_H
 
-#include "client/link.h"
+#include "client/lanes.h"
 #include "web/grip.h"
 #include "web/request.h"
 
 /* Pages send a keep-alive at this interval; a page without one for DB_WEB_TAB_SILENT is gone. */
 #define DB_WEB_TAB_SILENT (5 * DB_NS_PER_S)
+
+/* The lanes of the server's pages, and of all stops. NULL without memory. */
+struct db_lanes *db_web_tabs_make_lanes(struct db_web_server *server);
 
 /* True for a possible id of a page. */
 bool db_web_tab_is_good(const char *id);

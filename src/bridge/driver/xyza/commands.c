@@ -216,6 +216,8 @@ static enum db_step refuse_write(struct db_conversation *talk)
 	struct xyza_plan *plan = plan_of(talk);
 	enum xyza_verb verb = step_of(talk)->request.verb;
 
+	if (step_of(talk)->kind == STEP_OR_BEFORE && plan->stop_taken)
+		return send_next(talk);
 	if (is_proven_next(plan) && !plan->same_way) {
 		plan->refused = true;
 		return send_next(talk);
@@ -223,11 +225,6 @@ static enum db_step refuse_write(struct db_conversation *talk)
 	if (verb == XYZA_WRITE_MAGNITUDE || verb == XYZA_WRITE_SIGN)
 		talk->device->held_until = 0;
 	return refuse_job(talk);
-}
-
-static enum db_step refuse_unless_stopped(struct db_conversation *talk)
-{
-	return plan_of(talk)->stop_taken ? send_next(talk) : refuse_write(talk);
 }
 
 static enum db_step answer_call_off(struct db_conversation *talk)
@@ -579,6 +576,8 @@ static enum db_step lose_planned(struct db_conversation *talk)
 	const struct xyza_request *request = &step_of(talk)->request;
 
 	talk->device->held_until = 0;
+	if (step_of(talk)->kind == STEP_CALL_OFF)
+		return end_job(talk, DB_RESULT_INDETERMINATE);
 	if (is_proven_next(plan)) {
 		plan->lost = true;
 		/* Unknown: assume that it moves. */
@@ -591,18 +590,12 @@ static enum db_step lose_planned(struct db_conversation *talk)
 	                                                                  DB_RESULT_TIMEOUT);
 }
 
-static enum db_step lose_call_off(struct db_conversation *talk)
-{
-	talk->device->held_until = 0;
-	return end_job(talk, DB_RESULT_INDETERMINATE);
-}
-
 /* --- the table -------------------------------------------------------------------------------- */
 
 const struct conversation_step xyza_plan_steps[] = {
 	[STEP_PLAIN] = { send_planned, 0, answer_write, refuse_write, lose_planned },
 	[STEP_MAY_FAIL] = { send_planned, 0, answer_write, send_next, lose_planned },
-	[STEP_OR_BEFORE] = { send_planned, 0, answer_write, refuse_unless_stopped, lose_planned },
+	[STEP_OR_BEFORE] = { send_planned, 0, answer_write, refuse_write, lose_planned },
 	[STEP_IF] = { send_planned, 0, answer_condition, send_next, lose_planned },
 	[STEP_GUARD] = { send_planned, 0, answer_guard, send_next, lose_planned },
 	[STEP_BEFORE] = { send_planned, 0, answer_before, send_next, lose_planned },
@@ -615,7 +608,7 @@ const struct conversation_step xyza_plan_steps[] = {
 	[STEP_EXPECT_MOVING] = { send_planned, 0, answer_moving, refuse_effect, lose_planned },
 	[STEP_EXPECT_SPEED] = { send_planned, 0, answer_speed, refuse_effect, lose_planned },
 	[STEP_EXPECT_PROGRAM] = { send_planned, 0, answer_program, refuse_effect, lose_planned },
-	[STEP_CALL_OFF] = { send_planned, 0, answer_call_off, answer_call_off, lose_call_off },
+	[STEP_CALL_OFF] = { send_planned, 0, answer_call_off, answer_call_off, lose_planned },
 };
 
 /* --- beginning -------------------------------------------------------------------------------- */

@@ -92,9 +92,3 @@ enum db_step xyza_answer_raw(struct db_conversation *talk, const uint8_t *frame,
 	                     shows  ? DB_RESULT_OK :
 	                              DB_RESULT_UNPROVEN);
 }
-
-enum db_step xyza_lose_raw(struct db_conversation *talk)
-{
-	xyza_forget_all(talk->device->first);
-	return end_job(talk, DB_RESULT_INDETERMINATE);
-}

@@ -3,21 +3,15 @@
 
 #include <math.h>
 
-static struct xyza_step *add_verb(struct xyza_plan *plan, const struct db_device *device,
-                                  enum xyza_verb verb)
+static struct xyza_step *add_step(struct xyza_plan *plan, const struct db_device *device,
+                                  enum xyza_verb verb, enum xyza_plan_kind kind)
 {
 	struct xyza_step *step = &plan->steps[plan->count++];
 
-	*step = (struct xyza_step){ .request = { .verb = verb, .axis = device->axis } };
-	return step;
-}
-
-static struct xyza_step *add_kind(struct xyza_plan *plan, const struct db_device *device,
-                                  enum xyza_verb verb, enum xyza_plan_kind kind)
-{
-	struct xyza_step *step = add_verb(plan, device, verb);
-
-	step->kind = kind;
+	*step = (struct xyza_step){
+		.request = { .verb = verb, .axis = device->axis },
+		.kind = kind,
+	};
 	return step;
 }
 
@@ -26,7 +20,7 @@ static struct xyza_step *add_read(struct xyza_plan *plan, const struct db_device
                                   enum xyza_verb verb, enum xyza_plan_kind kind, uint32_t mask,
                                   uint32_t wanted)
 {
-	struct xyza_step *step = add_kind(plan, device, verb, kind);
+	struct xyza_step *step = add_step(plan, device, verb, kind);
 
 	step->mask = mask;
 	step->wanted = wanted;
@@ -38,7 +32,7 @@ static struct xyza_step *add_read(struct xyza_plan *plan, const struct db_device
 static void add_item(struct xyza_plan *plan, const struct db_device *device, enum xyza_verb verb,
                      enum xyza_plan_kind kind, enum xyza_param param, uint32_t value, uint32_t mask)
 {
-	struct xyza_step *step = add_kind(plan, device, verb, kind);
+	struct xyza_step *step = add_step(plan, device, verb, kind);
 
 	step->request.item = xyza_param_item(param);
 	step->request.value = verb == XYZA_WRITE_ITEM ?
@@ -89,13 +83,6 @@ void xyza_plan_setting(struct xyza_plan *plan, const struct db_device *device,
 	add_change(plan, device, XYZA_ACCELERATION_TIME, 0, UINT32_MAX);
 }
 
-static void plan_enable(struct xyza_plan *plan, const struct db_device *device, bool on)
-{
-	uint32_t bit = 1u << device->axis;
-
-	add_change(plan, device, XYZA_ENABLE, on ? bit : 0, bit);
-}
-
 /* --- stops ------------------------------------------------------------------------------------ */
 
 /*
@@ -112,26 +99,26 @@ static void plan_stop(struct xyza_plan *plan, const struct db_device *device, bo
 	bool runs = first->program_state == XYZA_PROGRAM_RUNNING;
 
 	if (xyza_is_program_stopped(first)) {
-		add_kind(plan, device, manual, STEP_OR_BEFORE);
+		add_step(plan, device, manual, STEP_OR_BEFORE);
 		add_read(plan, device, XYZA_PROGRAM_STATE, STEP_IF, UINT8_MAX,
 		         XYZA_PROGRAM_RUNNING);
-		add_verb(plan, device, program);
+		add_step(plan, device, program, STEP_PLAIN);
 		return;
 	}
 	if (first->program_state != XYZA_PROGRAM_IDLE) {
-		add_kind(plan, device, program, runs ? STEP_PLAIN : STEP_MAY_FAIL);
-		add_kind(plan, device, manual, STEP_OR_BEFORE);
+		add_step(plan, device, program, runs ? STEP_PLAIN : STEP_MAY_FAIL);
+		add_step(plan, device, manual, STEP_OR_BEFORE);
 		return;
 	}
-	add_kind(plan, device, manual, STEP_MAY_FAIL);
+	add_step(plan, device, manual, STEP_MAY_FAIL);
 	/* An emergency stop would leave a program interrupted that never ran. */
-	add_kind(plan, device, XYZA_PROGRAM_STOP, STEP_OR_BEFORE);
+	add_step(plan, device, XYZA_PROGRAM_STOP, STEP_OR_BEFORE);
 }
 
 static void add_standstill(struct xyza_plan *plan, const struct db_device *device)
 {
-	add_verb(plan, device, XYZA_MANUAL_STOP);
-	add_kind(plan, device, XYZA_READ_STANDING, STEP_UNTIL_STANDING)->back = 1;
+	add_step(plan, device, XYZA_MANUAL_STOP, STEP_PLAIN);
+	add_step(plan, device, XYZA_READ_STANDING, STEP_UNTIL_STANDING)->back = 1;
 }
 
 /* --- motion ----------------------------------------------------------------------------------- */
@@ -179,15 +166,15 @@ static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool nega
 		if (!(device->unread >> xyza_param_item(needed[i]) & 1))
 			add_item(plan, device, XYZA_READ_ITEM, STEP_REFRESH, needed[i], 0, 0);
 	}
-	add_verb(plan, device, XYZA_MANUAL_JOG)->request.negative = negative;
-	add_kind(plan, device, XYZA_READ_STANDING, STEP_EXPECT_MOVING);
+	add_step(plan, device, XYZA_MANUAL_JOG, STEP_PLAIN)->request.negative = negative;
+	add_step(plan, device, XYZA_READ_STANDING, STEP_EXPECT_MOVING);
 	if (plan->same_way && speed > 0.0f) {
 		plan->speed = negative ? -speed : speed;
 		plan->speed_before = device->velocity;
-		add_kind(plan, device, XYZA_READ_STANDING, STEP_EXPECT_SPEED);
+		add_step(plan, device, XYZA_READ_STANDING, STEP_EXPECT_SPEED);
 	}
 	/* The motion must not begin after its writer was notified that it did not. */
-	add_kind(plan, device, XYZA_MANUAL_STOP, STEP_CALL_OFF);
+	add_step(plan, device, XYZA_MANUAL_STOP, STEP_CALL_OFF);
 	plan->count--;
 }
 
@@ -199,12 +186,12 @@ static void plan_position(struct xyza_plan *plan, const struct db_device *device
 
 	add_read(plan, device, XYZA_READ_STANDING, STEP_GUARD, UINT32_MAX, 0);
 	if (position == 0) {
-		add_verb(plan, device, XYZA_MANUAL_CLEAR);
+		add_step(plan, device, XYZA_MANUAL_CLEAR, STEP_PLAIN);
 		add_read(plan, device, XYZA_READ_MAGNITUDE, STEP_EXPECT, UINT32_MAX, 0)->back = 1;
 		return;
 	}
-	add_verb(plan, device, XYZA_WRITE_MAGNITUDE)->request.value = magnitude;
-	add_verb(plan, device, XYZA_WRITE_SIGN)->request.negative = position < 0;
+	add_step(plan, device, XYZA_WRITE_MAGNITUDE, STEP_PLAIN)->request.value = magnitude;
+	add_step(plan, device, XYZA_WRITE_SIGN, STEP_PLAIN)->request.negative = position < 0;
 	add_read(plan, device, XYZA_READ_SIGN, STEP_EXPECT, UINT32_MAX, position < 0)->back = 2;
 	add_read(plan, device, XYZA_READ_MAGNITUDE, STEP_EXPECT, UINT32_MAX, magnitude)->back = 3;
 }
@@ -220,17 +207,17 @@ static void plan_outputs(struct xyza_plan *plan, const struct db_device *device,
 	bool at_once = mask == ALL_OUTPUTS && (levels == 0 || levels == ALL_OUTPUTS);
 
 	if (at_once)
-		add_verb(plan, device, XYZA_WRITE_OUTPUTS)->request.on = levels != 0;
+		add_step(plan, device, XYZA_WRITE_OUTPUTS, STEP_PLAIN)->request.on = levels != 0;
 	for (unsigned port = 1; port <= XYZA_OUTPUTS; port++) {
 		struct xyza_step *step;
 
 		if (at_once || !(mask >> (port - 1) & 1))
 			continue;
-		step = add_verb(plan, device, XYZA_WRITE_OUTPUT);
+		step = add_step(plan, device, XYZA_WRITE_OUTPUT, STEP_PLAIN);
 		step->request.number = (uint8_t)port;
 		step->request.on = levels >> (port - 1) & 1;
 	}
-	if (xyza_is_skipped(&device->first->ports_part))
+	if (device->first->ports_part.pause > 0)
 		plan->unproven = true;
 	else
 		add_read(plan, device, XYZA_READ_PORTS, STEP_EXPECT, mask << XYZA_OUTPUTS_SHIFT,
@@ -241,10 +228,10 @@ static void plan_outputs(struct xyza_plan *plan, const struct db_device *device,
 static void add_program_read(struct xyza_plan *plan, const struct db_device *device,
                              enum xyza_plan_kind kind)
 {
-	if (xyza_is_skipped(&device->first->program_part))
+	if (device->first->program_part.pause > 0)
 		plan->unproven = true;
 	else
-		add_kind(plan, device, XYZA_PROGRAM_STATE, kind);
+		add_step(plan, device, XYZA_PROGRAM_STATE, kind);
 }
 
 static void plan_start(struct xyza_plan *plan, const struct db_device *device,
@@ -254,12 +241,13 @@ static void plan_start(struct xyza_plan *plan, const struct db_device *device,
 
 	add_program_read(plan, device, STEP_BEFORE);
 	if (args->program_delay > 0 || first->delayed) {
-		add_kind(plan, device, XYZA_PROGRAM_DELAY,
+		add_step(plan, device, XYZA_PROGRAM_DELAY,
 		         args->program_delay == 0 ? STEP_MAY_FAIL : STEP_PLAIN)
 			->request.number = (uint8_t)args->program_delay;
 		first->delayed = true;
 	}
-	add_verb(plan, device, XYZA_PROGRAM_START)->request.number = (uint8_t)args->program_number;
+	add_step(plan, device, XYZA_PROGRAM_START, STEP_PLAIN)->request.number =
+		(uint8_t)args->program_number;
 	/* Before its delay is over a started program shows as idle. */
 	if (args->program_delay > 0)
 		plan->unproven = true;
@@ -270,7 +258,7 @@ static void plan_program(struct xyza_plan *plan, const struct db_device *device,
                          enum xyza_verb verb)
 {
 	add_program_read(plan, device, STEP_BEFORE);
-	add_verb(plan, device, verb);
+	add_step(plan, device, verb, STEP_PLAIN);
 	add_program_read(plan, device, STEP_EXPECT_PROGRAM);
 }
 
@@ -294,9 +282,9 @@ static void plan_program_command(struct xyza_plan *plan, const struct db_device 
 		plan_program(plan, device, XYZA_PROGRAM_END);
 		break;
 	case DB_CMD_SINGLE_STEP:
-		add_verb(plan, device,
-		         request->args->output_value ? XYZA_PROGRAM_STEP_ON :
-		                                       XYZA_PROGRAM_STEP_OFF);
+		add_step(plan, device,
+		         request->args->output_value ? XYZA_PROGRAM_STEP_ON : XYZA_PROGRAM_STEP_OFF,
+		         STEP_PLAIN);
 		plan->unproven = true;
 		break;
 	default:
@@ -308,6 +296,7 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
                        const struct db_request *request, bool out_of_step)
 {
 	const struct db_args *args = request->args;
+	uint32_t power = 1u << device->axis;
 	unsigned bit;
 
 	*plan = (struct xyza_plan){ .steps = plan->steps };
@@ -317,7 +306,7 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
 		plan_stop(plan, device, request->command == DB_CMD_QUICK_STOP);
 		break;
 	case DB_CMD_ENABLE:
-		plan_enable(plan, device, true);
+		add_change(plan, device, XYZA_ENABLE, power, power);
 		break;
 	case DB_CMD_DISABLE:
 		/* Switching off the power of a standing axis has no effect on the others. A moving
@@ -327,10 +316,10 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
 		if (!out_of_step)
 			add_read(plan, device, XYZA_READ_STANDING, STEP_IF, UINT32_MAX, 0);
 		if (device->first->program_state == XYZA_PROGRAM_RUNNING)
-			add_kind(plan, device, XYZA_PROGRAM_STOP, STEP_MAY_FAIL);
+			add_step(plan, device, XYZA_PROGRAM_STOP, STEP_MAY_FAIL);
 		else
-			add_kind(plan, device, XYZA_MANUAL_QUICK_STOP, STEP_MAY_FAIL);
-		plan_enable(plan, device, false);
+			add_step(plan, device, XYZA_MANUAL_QUICK_STOP, STEP_MAY_FAIL);
+		add_change(plan, device, XYZA_ENABLE, 0, power);
 		break;
 	case DB_CMD_MOVE_VELOCITY:
 		if (args->target_velocity > 0.0f || args->target_velocity < 0.0f)

@@ -55,6 +55,112 @@ static bool note_part_lost(struct xyza_part *part, db_time now)
 	return first;
 }
 
+/* --- items that are read again in service ----------------------------------------------------- */
+
+/* They may be changed at the controller's keys, or by a short loss of its power. The power is read
+ * again once in this number of readings, and halfway between them an item in turn, if the last one
+ * was read a while ago. So they use at most a tenth of an axis's exchanges. */
+#define POWER_EVERY 10
+#define ITEM_PAUSE DB_NS_PER_S
+
+static unsigned *item_losses(struct xyza_turn *turn)
+{
+	return turn->asked == XYZA_ITEM_ENABLE ? &turn->enable_losses : &turn->losses;
+}
+
+/* The axis of an item; for a common item any axis that is there. */
+static struct db_device *item_owner(const struct db_device *first, unsigned axis,
+                                    enum xyza_item item)
+{
+	if (xyza_item_of_axis(item))
+		return first->axes[axis];
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (first->axes[i])
+			return first->axes[i];
+	}
+	return NULL;
+}
+
+/* True if it was read when the controller came online. */
+static bool is_known(const struct db_device *first, unsigned axis, enum xyza_item item)
+{
+	const struct db_device *owner = item_owner(first, axis, item);
+
+	return owner && owner->params_valid && !(owner->unread >> item & 1);
+}
+
+static bool is_in_turn(const struct db_device *first, unsigned axis, enum xyza_item item)
+{
+	switch (item) {
+	case XYZA_ITEM_ENABLE:        /* it is read in its own turn */
+	case XYZA_ITEM_READ_PASSWORD: /* a value that is not shown need not be read */
+	case XYZA_ITEM_PASSWORD:
+	case XYZA_ITEM_FACTORY_RESET:
+	case XYZA_ITEM_SLAVE_NUMBER:
+		return false;
+	default:
+		break;
+	}
+	/* Common items are read once in a round. */
+	if (!xyza_item_of_axis(item) && axis != XYZA_X)
+		return false;
+	return is_known(first, axis, item);
+}
+
+/* It was refused, or is not answered: it is read again with all others. All axes know a common item
+ * from the same read. */
+static void doubt_item(struct db_device *first)
+{
+	struct xyza_turn *turn = &first->turn;
+
+	*item_losses(turn) = 0;
+	if (!xyza_item_of_axis(turn->asked))
+		xyza_forget_all(first);
+	else if (first->axes[turn->axis])
+		first->axes[turn->axis]->plate.doubtful = true;
+}
+
+/* An axis that was sent a stop is judged by the end of this reading. */
+static bool is_any_stopping(const struct db_device *first)
+{
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (first->axes[i] && first->axes[i]->stopping)
+			return true;
+	}
+	return false;
+}
+
+/* True if an item is to follow now that all axes were read. */
+static bool choose_item(struct db_device *first, db_time now)
+{
+	struct xyza_turn *turn = &first->turn;
+	unsigned phase = ++turn->polls % POWER_EVERY;
+
+	if (phase % (POWER_EVERY / 2) != 0 || is_any_stopping(first))
+		return false;
+	turn->asked = XYZA_ITEM_ENABLE;
+	if (phase == 0)
+		return is_known(first, XYZA_X, turn->asked);
+	if (now - turn->at < ITEM_PAUSE)
+		return false;
+	turn->at = now;
+	turn->asked = turn->item;
+	/* An item whose answer was lost is read again. */
+	if (turn->losses > 0)
+		return true;
+	for (unsigned n = 0; n < (unsigned)XYZA_AXIS_COUNT * XYZA_ITEM_COUNT; n++) {
+		unsigned next = (turn->item + 1u) % XYZA_ITEM_COUNT;
+
+		if (next == 0)
+			turn->axis = (turn->axis + 1) % XYZA_AXIS_COUNT;
+		// NOLINTNEXTLINE(clang-analyzer-optin.core.EnumCastOutOfRange)
+		turn->asked = turn->item = (enum xyza_item)next;
+		if (is_in_turn(first, turn->axis, turn->item))
+			return true;
+	}
+	return false;
+}
+
 /* A reading that lost an answer is abandoned: the next one begins, and judges where it ended. */
 static void note_loss(struct db_device *first, db_time now)
 {
@@ -70,10 +176,12 @@ static void note_loss(struct db_device *first, db_time now)
 		break;
 	case STEP_PROGRAM:
 		if (note_part_lost(&first->program_part, now))
-			xyza_forget_program(first);
+			xyza_take_program(first,
+			                  &(struct xyza_reply){ .state = XYZA_PROGRAM_IDLE });
 		break;
 	case STEP_ITEM:
-		xyza_turn_lost(first);
+		if (++*item_losses(&first->turn) >= XYZA_ITEM_TRIES)
+			doubt_item(first);
 		break;
 	default:
 		/* An axis that has answered exists, and continues to be read. */
@@ -118,14 +226,19 @@ static enum db_step end_poll(struct db_conversation *talk)
 
 static enum db_step send_item(struct db_conversation *talk)
 {
-	return xyza_send(talk, xyza_turn_request(talk->device), true);
+	const struct xyza_turn *turn = &talk->device->turn;
+	struct xyza_request request = { .verb = XYZA_READ_ITEM, .item = turn->asked };
+
+	// NOLINTNEXTLINE(clang-analyzer-optin.core.EnumCastOutOfRange)
+	request.axis = (enum xyza_axis)turn->axis;
+	return xyza_send(talk, request, true);
 }
 
 /* All axes were read; an item may follow. */
 static enum db_step read_item(struct db_conversation *talk)
 {
-	return xyza_turn_comes(talk->device, talk->now) ? send_poll_step(talk, STEP_ITEM) :
-	                                                  end_poll(talk);
+	return choose_item(talk->device, talk->now) ? send_poll_step(talk, STEP_ITEM) :
+	                                              end_poll(talk);
 }
 
 static enum db_step read_program(struct db_conversation *talk)
@@ -314,13 +427,19 @@ static enum db_step answer_sign_again(struct db_conversation *talk)
 	return read_axis(talk, first->poll_axis + 1);
 }
 
+/* For what is the controller's own a refusal is handled as an answer: it does not have this, and
+ * the next part is read. */
+
 static enum db_step answer_ports(struct db_conversation *talk)
 {
 	const struct xyza_reply *reply = talk->reply;
+	struct db_device *first = talk->device;
 
-	talk->unchanged = talk->device->ports == reply->value;
-	talk->device->ports = reply->value;
-	note_part_answered(&talk->device->ports_part);
+	if (reply->kind != XYZA_REPLY_FAILED) {
+		talk->unchanged = first->ports == reply->value;
+		first->ports = reply->value;
+	}
+	note_part_answered(&first->ports_part);
 	return read_program(talk);
 }
 
@@ -329,11 +448,13 @@ static enum db_step answer_program(struct db_conversation *talk)
 	const struct xyza_reply *reply = talk->reply;
 	struct db_device *first = talk->device;
 
-	talk->unchanged = !xyza_is_skipped(&first->program_part) &&
-	                  reply->program == first->program &&
-	                  reply->state == first->program_state &&
-	                  reply->step == first->program_step;
-	xyza_take_program(first, reply);
+	if (reply->kind != XYZA_REPLY_FAILED) {
+		talk->unchanged = first->program_part.pause == 0 &&
+		                  reply->program == first->program &&
+		                  reply->state == first->program_state &&
+		                  reply->step == first->program_step;
+		xyza_take_program(first, reply);
+	}
 	note_part_answered(&first->program_part);
 	return read_item(talk);
 }
@@ -341,35 +462,24 @@ static enum db_step answer_program(struct db_conversation *talk)
 static enum db_step answer_item(struct db_conversation *talk)
 {
 	const struct xyza_reply *reply = talk->reply;
+	struct db_device *first = talk->device;
+	struct xyza_turn *turn = &first->turn;
+	struct db_device *owner = item_owner(first, turn->axis, turn->asked);
 
-	xyza_turn_answered(talk->device, reply->value, talk->now);
+	if (reply->kind == XYZA_REPLY_FAILED) {
+		doubt_item(first);
+	} else {
+		*item_losses(turn) = 0;
+		if (owner)
+			xyza_learn_item(owner, turn->asked, reply->value, talk->now);
+	}
 	return end_poll(talk);
 }
-
-/* --- what the controller does not have -------------------------------------------------------- */
 
 /* An axis that the controller does not have is not shown; the others are. */
 static enum db_step refuse_axis(struct db_conversation *talk)
 {
 	return read_axis(talk, talk->device->poll_axis + 1);
-}
-
-static enum db_step refuse_ports(struct db_conversation *talk)
-{
-	note_part_answered(&talk->device->ports_part);
-	return read_program(talk);
-}
-
-static enum db_step refuse_program(struct db_conversation *talk)
-{
-	note_part_answered(&talk->device->program_part);
-	return read_item(talk);
-}
-
-static enum db_step refuse_item(struct db_conversation *talk)
-{
-	xyza_turn_refused(talk->device);
-	return end_poll(talk);
 }
 
 const struct conversation_step xyza_poll_steps[] = {
@@ -383,11 +493,9 @@ const struct conversation_step xyza_poll_steps[] = {
 	[STEP_SIGN_AGAIN] = { .send = send_read,
 	                      .answered = answer_sign_again,
 	                      .refused = refuse_axis },
-	[STEP_PORTS] = { .send = send_read, .answered = answer_ports, .refused = refuse_ports },
-	[STEP_PROGRAM] = { .send = send_read,
-	                   .answered = answer_program,
-	                   .refused = refuse_program },
-	[STEP_ITEM] = { .send = send_item, .answered = answer_item, .refused = refuse_item },
+	[STEP_PORTS] = { .send = send_read, .answered = answer_ports },
+	[STEP_PROGRAM] = { .send = send_read, .answered = answer_program },
+	[STEP_ITEM] = { .send = send_item, .answered = answer_item },
 };
 
 enum db_step xyza_begin_poll(struct db_conversation *talk)

@@ -5,23 +5,11 @@
 
 /* --- what was read ---------------------------------------------------------------------------- */
 
-bool xyza_is_skipped(const struct xyza_part *part)
-{
-	return part->pause > 0;
-}
-
 void xyza_take_program(struct db_device *first, const struct xyza_reply *reply)
 {
 	first->program = reply->program;
 	first->program_state = reply->state;
 	first->program_step = reply->step;
-	first->paused = false;
-}
-
-void xyza_forget_program(struct db_device *first)
-{
-	first->program = first->program_state = XYZA_PROGRAM_IDLE;
-	first->program_step = 0;
 	first->paused = false;
 }
 
@@ -283,8 +271,8 @@ void xyza_write_feedback(const struct db_device *device, struct db_feedback *fee
 	feedback->outputs = xyza_outputs(first->ports);
 	/* The controller still reports the last program that ran. */
 	feedback->program = first->program_state == XYZA_PROGRAM_IDLE ? 0 : first->program;
-	feedback->program_state = xyza_is_skipped(&first->program_part) ? PROGRAM_STATE_UNKNOWN :
-	                                                                  first->program_state;
+	feedback->program_state = first->program_part.pause > 0 ? PROGRAM_STATE_UNKNOWN :
+	                                                          first->program_state;
 	feedback->program_step = first->program_step;
 	feedback->counts_per_unit = counts_per_unit(&device->plate);
 	feedback->deceleration = deceleration_of(device);

@@ -58,7 +58,7 @@ enum db_step xyza_begin(struct db_conversation *talk)
 	case DB_JOB_PROBE:
 		return send_step(talk, probe_steps, 0);
 	case DB_JOB_IDENTIFY:
-		return xyza_begin_items(talk);
+		return xyza_read_items(talk, 0);
 	case DB_JOB_POLL:
 		return xyza_begin_poll(talk);
 	case DB_JOB_SETTINGS:
@@ -79,7 +79,7 @@ enum db_step xyza_begin(struct db_conversation *talk)
 		(void)restart_settle(&talk->device->restart);
 	switch (command) {
 	case DB_CMD_READ_PARAMETERS:
-		return xyza_begin_items(talk);
+		return xyza_read_items(talk, 0);
 	case DB_CMD_RAW_FRAME:
 		return xyza_begin_raw(talk);
 	default:
@@ -150,5 +150,8 @@ enum db_step xyza_lose_answer(struct db_conversation *talk)
 {
 	if (talk->job->kind == DB_JOB_SETTINGS)
 		talk->device->plate.doubtful = true;
-	return is_raw(talk->job) ? xyza_lose_raw(talk) : lose_step(talk, steps_of(talk->job));
+	if (!is_raw(talk->job))
+		return lose_step(talk, steps_of(talk->job));
+	xyza_forget_all(talk->device->first);
+	return end_job(talk, DB_RESULT_INDETERMINATE);
 }

@@ -87,8 +87,10 @@ struct xyza_item_reading {
 
 /* A part of the cyclic reading that a controller may not answer, though it answers the rest. */
 struct xyza_part {
-	unsigned losses;  /* lost answers in a row */
-	db_time pause;    /* pause between two reads, once it is skipped; 0: not skipped */
+	unsigned losses; /* lost answers in a row */
+	/* Pause between two reads, once it is skipped because the controller does not answer for
+	 * it; earlier values do not count then. 0: not skipped. */
+	db_time pause;
 	db_time again_at; /* when it is read again */
 };
 
@@ -96,9 +98,9 @@ struct xyza_part {
 struct xyza_turn {
 	unsigned polls;         /* number of complete readings of all axes */
 	unsigned axis;          /* the axis whose item is read next, or was */
-	unsigned item;          /* the previous item */
+	enum xyza_item item;    /* the previous item in turn */
+	enum xyza_item asked;   /* the item that is read: that one, or the power */
 	db_time at;             /* when an item was last read */
-	bool of_enable;         /* the power is being read, not an item in turn */
 	unsigned losses;        /* lost answers in a row */
 	unsigned enable_losses; /* lost answers of the power in a row */
 };
@@ -183,12 +185,8 @@ struct db_device {
 /* program_state of a controller that does not report it. */
 #define PROGRAM_STATE_UNKNOWN UINT16_MAX
 
-/* True if the controller does not answer for it, as far as tried: earlier values do not count. */
-bool xyza_is_skipped(const struct xyza_part *part);
-
+/* One that is not known counts as idle: it prevents nothing. */
 void xyza_take_program(struct db_device *first, const struct xyza_reply *reply);
-/* The program's state is not known: it prevents nothing. */
-void xyza_forget_program(struct db_device *first);
 
 /* Takes the value that was read for an item. */
 void xyza_learn_item(struct db_device *device, enum xyza_item item, uint32_t content, db_time now);
@@ -228,7 +226,6 @@ int xyza_write_raw(const struct db_args *args, uint8_t object, uint8_t *frame, s
 /* The conversation of raw_frame. */
 enum db_step xyza_begin_raw(struct db_conversation *talk);
 enum db_step xyza_answer_raw(struct db_conversation *talk, const uint8_t *frame, size_t length);
-enum db_step xyza_lose_raw(struct db_conversation *talk);
 
 /* --- plan.c ----------------------------------------------------------------------------------- */
 
@@ -263,20 +260,12 @@ bool xyza_is_refusal_final(const struct db_conversation *talk);
 
 extern const struct conversation_step xyza_item_steps[];
 
-enum db_step xyza_begin_items(struct db_conversation *talk);
+/* After this number of unanswered reads an item counts as missing in this controller; one with a
+ * known value is read again with all others. */
+#define XYZA_ITEM_TRIES 2
 
-/* Items that are read again while a controller is in service: they may be changed at its keys, or
- * by a short loss of its power. `first` is the controller's first device. */
-
-/* True if an item is to follow now that all axes were read. Then xyza_turn_request() reads it. */
-bool xyza_turn_comes(struct db_device *first, db_time now);
-struct xyza_request xyza_turn_request(const struct db_device *first);
-
-/* The item was answered. If it is not answered, or refused, it is read again with all other
- * items. */
-void xyza_turn_answered(struct db_device *first, uint32_t content, db_time now);
-void xyza_turn_lost(struct db_device *first);
-void xyza_turn_refused(struct db_device *first);
+/* Reads the next readable item, from this one on. */
+enum db_step xyza_read_items(struct db_conversation *talk, unsigned item);
 
 /* --- poll.c ----------------------------------------------------------------------------------- */
 

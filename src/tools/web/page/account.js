@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The user's own name and rights, and another password for himself. */
+/* The user's own name and rights, where he is logged in, and another password for himself. */
 import { changePassword, getSession } from "./api.js";
 import { element, setText } from "./dom.js";
+import { createOwnSessions } from "./own_sessions.js";
 import { t } from "./words.js";
 
 export const title = t("Account");
@@ -73,6 +74,7 @@ export function show(root, context) {
 			element("ul", {}, RIGHTS.map(([what, words]) => element(
 				"li", { class: context.may(what) ? null : "muted" },
 				context.may(what) ? words : `${words}: ${context.whyNot(what)}`)))),
+		createOwnSessions(context),
 		password.own ? createForm(context, session) :
 			element("p", { class: "panel" }, t("This password is not kept here: PAM checks it.")));
 }

@@ -159,6 +159,12 @@ export async function changePassword(password, fresh) {
 	return loadSession();
 }
 
+/* The user's own sessions: [{ number, from, begun_ms, used_ms, own }], own: this one. */
+export async function listSessions() { return (await ask("POST", "sessions", {})).sessions; }
+
+/* which: { number }, or { others: true }. Promises those that are left. */
+export async function endSessions(which) { return (await ask("POST", "sessions/end", which)).sessions; }
+
 export async function listUsers() { return (await ask("POST", "users", {})).users; }
 
 /* user, role, drives ("*" or names with commas), pam, password (missing: it stays). */

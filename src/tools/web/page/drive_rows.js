@@ -4,7 +4,7 @@
  * arrives and stay where they are; streamed data only change their texts and attributes.
  */
 import { element, icon, setAttribute, setIcon, setText } from "./dom.js";
-import { formatAge, formatFixed, lookUpUnit } from "./format.js";
+import { NONE, formatAge, formatFixed, lookUpUnit } from "./format.js";
 import { createLimitBar } from "./limit_bar.js";
 import { ageOf, isMoving, NEED, stateWord } from "./plant.js";
 import { t } from "./words.js";
@@ -98,11 +98,13 @@ function showQuantities(cells, drive, registers) {
 
 function updateRow(cells, drive, registers) {
 	const { judgement } = drive;
+	/* Nothing has come of it yet, which is no fault. */
+	const shape = drive.values === null ? "unknown" : judgement.shape;
 
-	setIcon(cells.stateIcon, judgement.shape);
+	setIcon(cells.stateIcon, shape === "unknown" ? "hint" : shape);
 	setText(cells.word, stateWord(judgement.state));
 	setText(cells.state, judgement.state);
-	setAttribute(cells.stateBox, "data-shape", judgement.shape);
+	setAttribute(cells.stateBox, "data-shape", shape);
 	setText(cells.mustStand, judgement.mustStand);
 	showQuantities(cells, drive, registers);
 	cells.bar?.show(drive.values);
@@ -111,10 +113,12 @@ function updateRow(cells, drive, registers) {
 }
 
 /* `old`: why what is shown is not known any more; "": it is known. */
-function showNeed(cells, { judgement }, old) {
-	setIcon(cells.needIcon, old ? "hint" : NEED_ICONS[judgement.need]);
+function showNeed(cells, { judgement, values }, old) {
+	const unknown = old || values === null;
+
+	setIcon(cells.needIcon, old || (unknown && !judgement.why) ? "hint" : NEED_ICONS[judgement.need]);
 	setAttribute(cells.need, "data-need", old ? "0" : String(judgement.need));
-	setText(cells.why, old || judgement.why || t("nothing"));
+	setText(cells.why, old || judgement.why || (unknown ? t("not known") : t("nothing")));
 	setText(cells.advice, old ? judgement.why : judgement.advice);
 	setAttribute(cells.advice, "title", judgement.advice);
 }
@@ -149,8 +153,8 @@ export function createDriveRows(context) {
 
 		if (age !== null && age < YOUNG_MS && !young && cells.age.textContent !== "")
 			return;
-		setText(cells.age, formatAge(age));
-		cells.age.classList.toggle("old", age === null || age >= YOUNG_MS);
+		setText(cells.age, drive.values === null ? NONE : formatAge(age));
+		cells.age.classList.toggle("old", drive.values !== null && (age === null || age >= YOUNG_MS));
 	}
 
 	function filter() {

@@ -45,8 +45,8 @@ function repeat(mine, work, every) {
 
 function describeState({ on, kept, trouble }) {
 	return !on ? t("Values are not taken: health = off") :
-		trouble ? t("They are kept in memory only: {trouble}", { trouble }) :
-			kept ? "" : t("They are kept in memory only.");
+		trouble ? t("Values and alarms are kept in memory only: {trouble}", { trouble }) :
+			kept ? "" : t("Values and alarms are kept in memory only.");
 }
 
 async function readValues(mine) {

@@ -8,6 +8,8 @@ import { createKeptList } from "./kept_list.js";
 
 const DRAW_EVERY_MS = 100;
 const ROWS_BEYOND = 10; /* drawn above and below the visible ones, for scrolling */
+/* On paper, the last ones. */
+const PRINTED_MOST = 1000;
 
 /*
  * columns: [{ title (a text or a node), text(entry) }], the last of which takes the remaining
@@ -55,12 +57,9 @@ export function createLongList({ label, columns, kind, most, onDraw, monospace }
 		return element("tr", { class: "space", "aria-hidden": "true" }, cell);
 	}
 
-	function draw() {
+	/* The shown entries from `first` to `last`. */
+	function drawRows(first, last) {
 		const { shown } = list;
-		const inSight = Math.ceil(node.clientHeight / rowHeight);
-		const top = atEnd ? shown.length - inSight : Math.floor(node.scrollTop / rowHeight);
-		const first = Math.max(0, Math.min(top, shown.length - inSight) - ROWS_BEYOND);
-		const last = Math.min(shown.length, first + inSight + 2 * ROWS_BEYOND);
 		const rows = shown.slice(first, last).map((entry, place) =>
 			element(
 				"tr",
@@ -69,9 +68,20 @@ export function createLongList({ label, columns, kind, most, onDraw, monospace }
 			)
 		);
 
-		timer = 0;
 		table.setAttribute("aria-rowcount", shown.length + 1);
 		body.replaceChildren(createSpace(first), ...rows, createSpace(shown.length - last));
+		return rows;
+	}
+
+	function draw() {
+		const { length } = list.shown;
+		const inSight = Math.ceil(node.clientHeight / rowHeight);
+		const top = atEnd ? length - inSight : Math.floor(node.scrollTop / rowHeight);
+		const first = Math.max(0, Math.min(top, length - inSight) - ROWS_BEYOND);
+
+		timer = 0;
+		const rows = drawRows(first, Math.min(length, first + inSight + 2 * ROWS_BEYOND));
+
 		rowHeight = rows[0]?.offsetHeight || rowHeight;
 		if (atEnd)
 			node.scrollTop = node.scrollHeight;
@@ -98,6 +108,11 @@ export function createLongList({ label, columns, kind, most, onDraw, monospace }
 		{ passive: true }
 	);
 
+	const print = () => drawRows(Math.max(0, list.shown.length - PRINTED_MOST), list.shown.length);
+
+	addEventListener("beforeprint", print);
+	addEventListener("afterprint", drawSoon);
+
 	return {
 		node,
 		list,
@@ -112,6 +127,10 @@ export function createLongList({ label, columns, kind, most, onDraw, monospace }
 			list.filter(matches);
 			drawSoon();
 		},
-		close: () => clearTimeout(timer)
+		close() {
+			clearTimeout(timer);
+			removeEventListener("beforeprint", print);
+			removeEventListener("afterprint", drawSoon);
+		}
 	};
 }

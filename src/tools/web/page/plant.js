@@ -40,10 +40,12 @@ export function judgeDrive(registers, values, record) {
 }
 
 /* The content of a record: need, why (in few words), advice (what to do, and the latest event about
- * it). */
+ * it, which is also in `event` alone, as is what to do in `todo`). */
 export function readRecord(record) {
 	const { cause = "none", detail = "", advice = "", event = null } = record ?? {};
 	const need = record ? NEED[record.need] ?? NEED.act : NEED.nothing;
+	const todo = inLanguage(advice);
+	const said = need >= NEED.look && event ? `${formatTime(event.time_us)} ${inLanguage(event.text)}` : "";
 
 	return {
 		need,
@@ -51,10 +53,9 @@ export function readRecord(record) {
 		why: need === NEED.nothing ? "" :
 			inLanguage(inWords(cause === "fault" && detail ? detail : cause)) +
 				(cause !== "fault" && detail ? ` (${inLanguage(detail)})` : ""),
-		advice: [
-			inLanguage(advice),
-			need >= NEED.look && event ? `${formatTime(event.time_us)} ${inLanguage(event.text)}` : ""
-		].filter(Boolean).join(" · ")
+		advice: [todo, said].filter(Boolean).join(" · "),
+		todo,
+		event: said
 	};
 }
 

@@ -40,6 +40,7 @@ export async function show(root, context, drive) {
 		drive: drive || names[0],
 		body: element("tbody"),
 		said: element("p", { id: "positions-said", class: "problem", role: "status" }),
+		none: element("p", { class: "muted", hidden: true }, t("No position is taught yet.")),
 		sequence: createSequence({ context }),
 		drawn: "",
 		timer: 0,
@@ -55,7 +56,7 @@ export async function show(root, context, drive) {
 			element("div", { class: "table-frame" }, element("table", {},
 				element("thead", {}, element("tr", {}, [t("Name"), t("Position"), t("State"), t("Taught"), ""]
 					.map((words) => element("th", { scope: "col" }, words)))), view.body)),
-			view.said),
+			view.none, view.said),
 		context.may("move") ? view.sequence.node : "");
 	watchEnds(view);
 	context.on("link", () => view.sequence.update());
@@ -168,5 +169,6 @@ function draw(view, positions, trouble) {
 		element("td", { title: position.taught_by },
 			new Date(position.taught_us / 1000).toLocaleString(dateTag)),
 		element("td", {}, element("div", { class: "toolbar" }, makeButtons(view, position))))));
-	setText(view.said, positions.length === 0 ? t("No position is taught yet.") : trouble);
+	setText(view.said, trouble);
+	view.none.hidden = trouble !== "" || positions.length > 0;
 }

@@ -310,7 +310,7 @@ function readTrigger({ source, limit, relation, unit }) {
 		name,
 		words: `${drive}.${name}${relation.value}${told}`,
 		said: `${drive}.${name} ${relates} ${`${typed} ${unit.textContent}`.trim()}`,
-		level: typeof value === "number" && Number(told) !== 0 && !register.codes && !hasBits(register)
+		level: typeof value === "number" && (relation.value !== "!=" || Number(told) !== 0) && !register.codes && !hasBits(register)
 			? { unit: scale.unit(register), value: Number(value) }
 			: null
 	};

@@ -15,16 +15,16 @@ const RESTS_MS = 1000;
 const SHOWN_FIRST = 5;
 
 /*
- * The entries of the strip, from the plant's troubles: { key, kind, name, need, why, advice,
+ * The entries of the strip, from the plant's troubles: { key, kind, name, need, why, todo, event,
  * since_us, href }, the worst first, then the newest. Pure.
  */
 export function listTroubles(troubles) {
 	const entries = [];
 	const add = (kind, name, record, href) => {
-		const { need, why, advice } = readRecord(record);
+		const { need, why, todo, event } = readRecord(record);
 
 		if (need >= NEED.look)
-			entries.push({ key: `${kind} ${name}`, kind, name, need, why, advice, href,
+			entries.push({ key: `${kind} ${name}`, kind, name, need, why, todo, event, href,
 				since_us: record.since_us });
 	};
 
@@ -59,13 +59,14 @@ export function createTroubleStrip(context, guarded) {
 		draw();
 	});
 
-	function makeItem({ kind, name, need, why, advice, since_us, href }) {
+	function makeItem({ kind, name, need, why, todo, event, since_us, href }) {
 		return element("li", { "data-need": String(need), "data-of": `${kind} ${name}` },
 			icon(need === NEED.act ? "error" : "warning"),
 			element("a", { href }, kind === "bus" ? t("Bus {name}", { name }) : name),
 			element("strong", {}, why),
 			element("span", { class: "since muted", "data-since": since_us }),
-			element("span", { class: "troubles-advice" }, advice));
+			element("span", { class: "troubles-advice" }, todo,
+				event && element("span", { class: todo ? "troubles-event" : null }, todo && " · ", event)));
 	}
 
 	function draw() {

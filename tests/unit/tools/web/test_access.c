@@ -133,6 +133,7 @@ static void test_routes(void **state)
 static const struct db_web_session *begin(struct db_web_sessions *sessions, unsigned number,
                                           db_time now)
 {
+	const struct db_web_address from = { .bytes = { 1 } };
 	struct db_web_secret secrets[2] = { { { 0 } } };
 	struct db_user user = { .name = "anna",
 		                .grant = { .role = DB_ROLE_OBSERVER, .drives = "*" } };
@@ -140,7 +141,7 @@ static const struct db_web_session *begin(struct db_web_sessions *sessions, unsi
 	(void)snprintf((char *)secrets[0].bytes, sizeof(secrets[0].bytes), "id %u", number);
 	(void)snprintf((char *)secrets[1].bytes, sizeof(secrets[1].bytes), "token %u", number);
 	(void)snprintf(user.hash, sizeof(user.hash), "%u", number);
-	return db_web_sessions_begin(sessions, &user, NULL, secrets, now);
+	return db_web_sessions_begin(sessions, &user, NULL, &from, secrets, now);
 }
 
 /* Of the users that begin() has made, the digest of this one. */
@@ -153,6 +154,7 @@ static void test_sessions(void **state)
 {
 	struct db_web_sessions *sessions = db_web_sessions_new(60 * DB_NS_PER_S, 600 * DB_NS_PER_S);
 	char ids[DB_WEB_SESSIONS_MAX + 1][DB_WEB_SECRET_TEXT];
+	const struct db_web_session *found[DB_WEB_SESSIONS_MAX];
 	struct db_user user;
 	unsigned long kept;
 	const struct db_web_session *session = begin(sessions, 1, 0);
@@ -188,6 +190,15 @@ static void test_sessions(void **state)
 	assert_non_null(db_web_sessions_find(sessions, ids[DB_WEB_SESSIONS_MAX], 5000));
 	db_web_sessions_end(sessions, ids[2]);
 	assert_null(db_web_sessions_find(sessions, ids[2], 5000));
+	/* Each of his own, and nobody else's. */
+	assert_int_equal(db_web_sessions_of(sessions, "olga", 5000, found), 0);
+	assert_int_equal(db_web_sessions_of(sessions, "anna", 5000, found),
+	                 DB_WEB_SESSIONS_MAX - 1);
+	for (size_t i = 1; i < DB_WEB_SESSIONS_MAX - 1; i++)
+		assert_true(found[i - 1]->number < found[i]->number);
+	assert_string_equal(found[0]->id, ids[0]);
+	assert_int_equal(found[0]->from.bytes[0], 1);
+	assert_int_equal(db_web_sessions_of(sessions, "anna", 60 * DB_NS_PER_S + 5000, found), 0);
 	/* Whoever gives himself another password stays, and no other session of his. */
 	session = db_web_sessions_find(sessions, ids[4], 5000);
 	user = (struct db_user){ .name = "anna", .hash = "fresh" };

@@ -1,0 +1,245 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "opcua/node_values.h"
+#include "opcua/conditions.h"
+#include "opcua/nodes_private.h"
+#include "opcua/values.h"
+
+#include <string.h>
+
+static struct db_opcua_nodes *nodes_of(UA_Server *server)
+{
+	return UA_Server_getConfig(server)->context;
+}
+
+/* Facts of buses are the service's own, so their quality is the service's. */
+static enum db_opcua_quality quality_of_facts(const struct db_opcua_nodes *nodes)
+{
+	const struct db_opcua_shown *gateway = db_opcua_roster_find(
+		&nodes->roster, DB_OPCUA_GATEWAY, strlen(DB_OPCUA_GATEWAY));
+
+	return gateway ? db_opcua_drive_quality(gateway->drive) : DB_OPCUA_NO_CONTACT;
+}
+
+static UA_StatusCode read_clock(const struct db_opcua_nodes *nodes, UA_DataValue *value)
+{
+	char token[DB_OPCUA_TOKEN_MAX];
+	UA_StatusCode status = UA_STATUSCODE_BADNOCOMMUNICATION;
+	UA_String text;
+
+	if (db_opcua_plant_ask_clock(nodes->plant, token)) {
+		text = db_opcua_string(token);
+		status = UA_Variant_setScalarCopy(&value->value, &text, &UA_TYPES[UA_TYPES_STRING]);
+	}
+	value->hasValue = status == UA_STATUSCODE_GOOD;
+	value->hasStatus = !value->hasValue;
+	value->status = status;
+	value->hasSourceTimestamp = true;
+	value->sourceTimestamp = UA_DateTime_now();
+	return UA_STATUSCODE_GOOD;
+}
+
+static UA_StatusCode read_certificate_ends(const struct db_opcua_nodes *nodes, UA_DataValue *value)
+{
+	UA_DateTime ends = UA_DateTime_fromUnixTime(nodes->ops->certificate_ends(nodes->context));
+
+	value->hasValue = UA_Variant_setScalarCopy(&value->value, &ends,
+	                                           &UA_TYPES[UA_TYPES_DATETIME]) ==
+	                  UA_STATUSCODE_GOOD;
+	value->hasSourceTimestamp = true;
+	value->sourceTimestamp = UA_DateTime_now();
+	return value->hasValue ? UA_STATUSCODE_GOOD : UA_STATUSCODE_BADOUTOFMEMORY;
+}
+
+/* A drive says "VSMD113_025T-1.0.008.170428": its model, and the version of its firmware. */
+static UA_StatusCode read_identity(const struct db_opcua_nodes *nodes, struct db_opcua_drive *drive,
+                                   bool model, UA_DataValue *value)
+{
+	const char *identity = db_opcua_plant_identify(nodes->plant, drive);
+	size_t length = strcspn(identity, "-");
+	const char *rest = identity[length] != '\0' ? identity + length + 1 : "";
+	UA_LocalizedText name = { .text = db_opcua_string(identity) };
+	UA_String revision = db_opcua_string(rest);
+	UA_StatusCode status = UA_STATUSCODE_BADNODATA;
+
+	name.text.length = length;
+	if (identity[0] == '\0')
+		status = UA_STATUSCODE_BADWAITINGFORINITIALDATA;
+	else if (model)
+		status = UA_Variant_setScalarCopy(&value->value, &name,
+		                                  &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);
+	else if (rest[0] != '\0')
+		status = UA_Variant_setScalarCopy(&value->value, &revision,
+		                                  &UA_TYPES[UA_TYPES_STRING]);
+	value->hasValue = status == UA_STATUSCODE_GOOD;
+	value->hasStatus = !value->hasValue;
+	value->status = status;
+	value->hasSourceTimestamp = true;
+	value->sourceTimestamp = UA_DateTime_now();
+	return UA_STATUSCODE_GOOD;
+}
+
+static UA_StatusCode write_clock(const struct db_opcua_nodes *nodes, const UA_NodeId *session,
+                                 const UA_Variant *value)
+{
+	const UA_String *text = value->data;
+	char token[DB_OPCUA_TOKEN_MAX] = "";
+
+	if (!UA_Variant_hasScalarType(value, &UA_TYPES[UA_TYPES_STRING]))
+		return UA_STATUSCODE_BADTYPEMISMATCH;
+	/* A text that cannot be a token is refused now, not at the next motion. */
+	if (text->length >= sizeof(token) ||
+	    (text->length > 0 && memchr(text->data, '\0', text->length)))
+		return UA_STATUSCODE_BADOUTOFRANGE;
+	if (text->length > 0)
+		memcpy(token, text->data, text->length);
+	return nodes->ops->write_clock(nodes->context, session, token);
+}
+
+UA_StatusCode db_opcua_node_read(UA_Server *server, const UA_NodeId *session, void *session_context,
+                                 const UA_NodeId *node, void *node_context,
+                                 UA_Boolean source_time_wanted, const UA_NumericRange *range,
+                                 UA_DataValue *value)
+{
+	const struct db_opcua_nodes *nodes = nodes_of(server);
+	const struct db_opcua_subject *subject = node_context;
+	const struct db_opcua_shown *shown = subject->shown;
+	const struct db_opcua_branch *branch = subject->branch;
+	const struct db_opcua_column *column;
+
+	(void)session;
+	(void)session_context;
+	(void)node;
+	(void)source_time_wanted;
+	if (range) {
+		value->hasStatus = true;
+		value->status = UA_STATUSCODE_BADINDEXRANGENODATA;
+		return UA_STATUSCODE_GOOD;
+	}
+	if (subject->type == DB_OPCUA_FACT) {
+		return db_opcua_value_from_json(subject->fact->value, subject->fact->time_us,
+		                                quality_of_facts(nodes), value);
+	}
+	if (subject->type == DB_OPCUA_CONDITION) {
+		return db_opcua_condition_read(&nodes->roster, subject,
+		                               quality_of_facts(nodes) == DB_OPCUA_GOOD ?
+		                                       UA_STATUSCODE_GOOD :
+		                                       UA_STATUSCODE_BADNOCOMMUNICATION,
+		                               value);
+	}
+	if (branch->type == DB_OPCUA_CLOCK)
+		return read_clock(nodes, value);
+	if (branch->type == DB_OPCUA_CERTIFICATE_ENDS)
+		return read_certificate_ends(nodes, value);
+	if (branch->type == DB_OPCUA_MODEL || branch->type == DB_OPCUA_SOFTWARE_REVISION)
+		return read_identity(nodes, shown->drive, branch->type == DB_OPCUA_MODEL, value);
+	if (branch->type == DB_OPCUA_VARIABLE) {
+		db_opcua_plant_fetch(nodes->plant, &shown->drive->items[branch->place]);
+		return db_opcua_value_read(&shown->drive->items[branch->place], value);
+	}
+	column = &shown->tree->kind->columns[branch->place];
+	db_opcua_plant_fetch(nodes->plant, &shown->drive->items[column->places[0]]);
+	return db_opcua_value_read_column(shown->drive, column, value);
+}
+
+UA_StatusCode db_opcua_node_write(UA_Server *server, const UA_NodeId *session,
+                                  void *session_context, const UA_NodeId *node, void *node_context,
+                                  const UA_NumericRange *range, const UA_DataValue *value)
+{
+	const struct db_opcua_nodes *nodes = nodes_of(server);
+	const struct db_opcua_subject *subject = node_context;
+	const struct db_opcua_shown *shown = subject->shown;
+	const struct db_opcua_branch *branch = subject->branch;
+	UA_StatusCode status;
+	json_t *json;
+
+	(void)session_context;
+	(void)node;
+	if (range)
+		return UA_STATUSCODE_BADINDEXRANGEINVALID;
+	if (!value->hasValue || (value->hasStatus && value->status != UA_STATUSCODE_GOOD))
+		return UA_STATUSCODE_BADWRITENOTSUPPORTED;
+	if (branch->type == DB_OPCUA_CLOCK)
+		return write_clock(nodes, session, &value->value);
+	status = db_opcua_value_to_json(&value->value, &json);
+	if (status != UA_STATUSCODE_GOOD)
+		return status;
+	status = nodes->ops->write(nodes->context, session, &shown->drive->items[branch->place],
+	                           json);
+	json_decref(json);
+	return status;
+}
+
+UA_StatusCode db_opcua_node_drop(UA_Server *server, const UA_NodeId *session, void *session_context,
+                                 const UA_NodeId *node, void *node_context,
+                                 const UA_NumericRange *range, const UA_DataValue *value)
+{
+	(void)server;
+	(void)session;
+	(void)session_context;
+	(void)node;
+	(void)node_context;
+	(void)range;
+	(void)value;
+	return UA_STATUSCODE_GOOD;
+}
+
+UA_StatusCode db_opcua_node_call(UA_Server *server, const UA_NodeId *session, void *session_context,
+                                 const UA_NodeId *method_id, void *method_context,
+                                 const UA_NodeId *object, void *object_context, size_t input_count,
+                                 const UA_Variant *input, size_t output_count, UA_Variant *output)
+{
+	const struct db_opcua_nodes *nodes = nodes_of(server);
+	const struct db_opcua_subject *subject = method_context;
+	const struct db_opcua_shown *shown = subject->shown;
+	const json_t *command = db_opcua_tree_command(shown->tree, subject->branch);
+	const json_t *names = json_object_get(command, "arguments");
+	json_t *arguments = json_object();
+	UA_StatusCode status = UA_STATUSCODE_GOOD;
+
+	(void)session_context;
+	(void)method_id;
+	(void)object;
+	(void)object_context;
+	for (size_t i = 0; i < input_count && status == UA_STATUSCODE_GOOD; i++) {
+		const char *name = json_string_value(json_array_get(names, i));
+		json_t *json = NULL;
+
+		status = db_opcua_value_to_json(&input[i], &json);
+		if (status == UA_STATUSCODE_GOOD)
+			(void)json_object_set_new(arguments, name, json);
+	}
+	if (status != UA_STATUSCODE_GOOD) {
+		json_decref(arguments);
+		return status;
+	}
+	status = nodes->ops->run(nodes->context, session, shown->drive,
+	                         json_string_value(json_object_get(command, "name")), arguments);
+	if (output_count == 2) {
+		UA_String result = db_opcua_string(shown->drive->result);
+		UA_String reason = db_opcua_string(shown->drive->reason);
+
+		(void)UA_Variant_setScalarCopy(&output[0], &result, &UA_TYPES[UA_TYPES_STRING]);
+		(void)UA_Variant_setScalarCopy(&output[1], &reason, &UA_TYPES[UA_TYPES_STRING]);
+	}
+	return status;
+}
+
+UA_StatusCode db_opcua_node_refuse(UA_Server *server, const UA_NodeId *session,
+                                   void *session_context, const UA_NodeId *method_id,
+                                   void *method_context, const UA_NodeId *object,
+                                   void *object_context, size_t input_count,
+                                   const UA_Variant *input, size_t output_count, UA_Variant *output)
+{
+	(void)server;
+	(void)session;
+	(void)session_context;
+	(void)method_id;
+	(void)method_context;
+	(void)object;
+	(void)object_context;
+	(void)input_count;
+	(void)input;
+	(void)output_count;
+	(void)output;
+	return UA_STATUSCODE_BADMETHODINVALID;
+}
