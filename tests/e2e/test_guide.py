@@ -18,7 +18,7 @@ GUIDE = ROOT / "docs" / "guide"
 # Tables that the guide leads to, and that are as long as a book.
 REFERENCE = [ROOT / "docs" / name for name in ("exchanges.md", "temperaments.md", "evidence.md", "mqtt-sparkplug.md", "schedule.md",
                                                 "structured-text.md", "servo-profiles.md", "machine.md", "glossary.md",
-                                                "special-registers.md")]
+                                                "special-registers.md", "page-behind-others.md", "opcua-alarms.md", "clients.md")]
 PAGES = [page for folder in (GUIDE, GUIDE / "zh", GUIDE / "de") for page in sorted(folder.glob("*.md"))] + REFERENCE
 README = ROOT / "README.md"
 READMES = [README, ROOT / "README.zh-CN.md", ROOT / "README.de.md"]
@@ -70,6 +70,8 @@ FOREIGN = {
     "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse", "BadNotExecutable", "opcua-client",
     "BadTcpServerTooBusy", "BadInvalidTimestamp", "BadRequestNotComplete", "BadResourceUnavailable", "BadTooManyOperations",
     "OperationLimits", "Diagnosis", "TroubleCause",
+    "ComponentType", "Identification", "Drives", "AuditTrailEventType", "Time", "SourceName", "Message", "Details", "RecordOf",
+    "TookUs",
     # drivebridge-tls
     "drivebridge-tls", "mbaps", "ModbusTlsClient", "drivebridge_tls_certificate_expires_timestamp_seconds",
     # drivebridge-web
@@ -206,7 +208,7 @@ def simulator_words(page):
 
 def node_words(page):
     """The parts of nodes' ids, on the page that is about them."""
-    if page.stem != "opcua":
+    if page.stem not in ("opcua", "opcua-alarms"):
         return set()
     return {word for row in rows("opcua-nodes.csv") for word in row["node"].strip("/").split(".")}
 
