@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/request.h"
+#include "client/lanes.h"
 #include "web/service.h"
 #include "web/tokens.h"
 
@@ -37,6 +38,7 @@ static const struct {
 	{ DB_CLIENT_BAD_ANSWER, "ServiceUnreachable", MHD_HTTP_BAD_GATEWAY },
 	{ DB_CLIENT_TIMEOUT, "NoAnswer", MHD_HTTP_GATEWAY_TIMEOUT },
 	{ DB_CLIENT_NO_MEMORY, "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
+	{ DB_LANES_FULL, "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
 	{ "org.varlink.service.InvalidParameter", "BadRequest", MHD_HTTP_BAD_REQUEST },
 	{ DB_CLIENT_SERVICE "BadValue", "BadValue", MHD_HTTP_BAD_REQUEST },
 	{ DB_CLIENT_SERVICE "NotAllowed", "NotAllowed", MHD_HTTP_FORBIDDEN },
