@@ -1625,6 +1625,38 @@ static void command_words_are_held(void **unused)
 	drop(f);
 }
 
+/* Nobody knows whether it was taken. What other frames set is known as before. */
+static void a_lost_setting_is_unknown_with_all_of_its_frame(void **unused)
+{
+	static const struct db_setting both[] = { ACCELERATION(1000), DECELERATION(65536) };
+	static const struct db_setting ramp[] = { DECELERATION(2) };
+	static const struct db_setting word[] = { WORD_BIT(6, 1) };
+	struct fixture *f = make_positioner();
+	const struct db_nameplate *plate = driver->nameplate(f->device);
+	uint32_t generation;
+
+	(void)unused;
+	assert_string_equal(set(f, 2, both), "105#000003E800010000");
+	assert_string_equal(answer(f, "006#0A"), "=unproven");
+	set(f, 1, word);
+	assert_string_equal(answer(f, "006#07"), "=unproven");
+	assert_int_equal(plate->valid[0], 0x7FB);
+	generation = plate->generation;
+	assert_string_equal(set(f, 1, ramp), "105#000003E800000002");
+	assert_string_equal(lost(f), "=timeout");
+	assert_int_equal(plate->valid[0], 0x7F8);
+	/* Readers are shown it. */
+	assert_true(plate->generation > generation);
+	generation = plate->generation;
+	assert_string_equal(set(f, 2, both), "105#000003E800010000");
+	assert_string_equal(answer(f, "006#0A"), "=unproven");
+	assert_true(plate->generation > generation);
+	set(f, 1, word);
+	assert_string_equal(lost(f), "=timeout");
+	assert_int_equal(plate->valid[0], 3);
+	drop(f);
+}
+
 static void parameters_have_ranges(void **unused)
 {
 	union db_value value = { .f = 4294967296.0f };
@@ -2661,6 +2693,7 @@ int main(void)
 		cmocka_unit_test(ramps_are_known_once_written),
 		cmocka_unit_test(max_speed_goes_with_the_mode),
 		cmocka_unit_test(command_words_are_held),
+		cmocka_unit_test(a_lost_setting_is_unknown_with_all_of_its_frame),
 		cmocka_unit_test(what_a_profile_lacks_comes_later),
 		cmocka_unit_test(a_profile_is_given_each_time_the_drive_comes),
 		cmocka_unit_test(max_speed_comes_before_the_first_motion),
