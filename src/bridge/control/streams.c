@@ -53,8 +53,8 @@ struct stream {
 	size_t choice_count;
 	size_t drive_count;
 	struct followed drives[DRIVES_MAX];
-	/* The drives that were asked for, by name, one after the other in `told`'s memory; 0: all of
-	 * them. */
+	/* The drives that were asked for, by name, one after the other in `told`'s memory; 0: all
+	 * of them. */
 	size_t wanted_count;
 	char *wanted;
 	size_t name_count;
