@@ -32,6 +32,7 @@ struct db_opcua_plant {
 	db_time fetch_at;          /* no fetch before */
 	/* For what takes the service longer, and must not hold up a fetch; NULL: to be opened. */
 	struct db_client *historian;
+	db_time identify_at; /* no drive is asked before what it is */
 
 	struct db_opcua_kind *kinds;
 	struct db_opcua_drive **drives;
@@ -429,7 +430,8 @@ const char *db_opcua_plant_identify(struct db_opcua_plant *plant, struct db_opcu
 	db_time now = db_client_now();
 	json_t *answer;
 
-	if (drive->identified > 0 && now - drive->identified < LOOK_INTERVAL)
+	if ((drive->identified > 0 && now - drive->identified < LOOK_INTERVAL) ||
+	    now < plant->identify_at)
 		return drive->identity;
 	drive->identified = now;
 	/* A service of before refuses this: values are fetched over the other connection. */
@@ -440,6 +442,9 @@ const char *db_opcua_plant_identify(struct db_opcua_plant *plant, struct db_opcu
 	if (answer)
 		(void)snprintf(drive->identity, sizeof(drive->identity), "%s",
 		               db_client_text(answer, "identity"));
+	else
+		/* Of hundreds of drives each would be waited for. */
+		plant->identify_at = db_client_now() + FETCH_PAUSE;
 	json_decref(answer);
 	return drive->identity;
 }
