@@ -55,6 +55,7 @@ static const struct {
 	{ DB_CLIENT_SERVICE "EditFailed", "EditFailed", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "TooOld", "TooOld", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "Busy", "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
+	{ DB_LANES_FULL, "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
 };
 
 /* Details of a call that was not carried out because it was too long on its way; NULL: another
