@@ -11,6 +11,8 @@ import { nameTime, saveFile } from "./file_transfer.js";
 import { asLabel } from "./format.js";
 import { createPasteText } from "./paste_text.js";
 import { inLanguage, t } from "./words.js";
+import { createNumberField } from "./number_field.js";
+import { numbers } from "./numbers.js";
 
 const BEAT_EVERY_MS = 100;
 /* Further unanswered beats would only take connections from the stop. */
@@ -56,10 +58,9 @@ export function hide() {
  * ------------------------------------------------------------------------- */
 
 function createNumber(id, label, hint) {
-	const input = element("input", { id, type: "number", min: 0, step: "any", inputmode: "decimal",
-		placeholder: hint });
+	const number = createNumberField({ id, min: 0, placeholder: hint });
 
-	return { input, field: createField(label, input) };
+	return { ...number, field: createField(label, number.input) };
 }
 
 function build(mine, root, steps) {
@@ -123,14 +124,16 @@ function readOrder(mine) {
 
 	if (mine.step.value)
 		order.step = mine.step.value;
-	for (const [key, { input }] of [["velocity", mine.velocity], ["seconds", mine.seconds]]) {
-		if (input.value !== "")
-			order[key] = Number(input.value);
+	for (const [key, { input, read }] of [["velocity", mine.velocity], ["seconds", mine.seconds]]) {
+		if (input.value.trim() !== "")
+			order[key] = read();
 	}
 	return order;
 }
 
 function begin(mine) {
+	if (![mine.velocity, mine.seconds].every(({ input }) => input.reportValidity()))
+		return;
 	mine.begin.disabled = true;
 	mine.verdicts = [];
 	mine.rows.replaceChildren();
@@ -200,6 +203,15 @@ function clearQuestion(mine) {
 	mine.answers.replaceChildren();
 }
 
+function answerNumber(mine, question, typed) {
+	const { text, problem } = numbers.read(typed);
+
+	if (problem)
+		setText(mine.problem, problem);
+	else
+		answer(mine, question, text);
+}
+
 async function answer(mine, question, text) {
 	if (await say(mine, { question, answer: text })) {
 		setText(mine.problem, "");
@@ -228,7 +240,7 @@ const take = {
 		mine.answers.replaceChildren(...(choices ?
 			choices.filter((choice) => choice !== "skip").map(make) :
 			[input, element("button", { type: "button", class: "primary", "data-answer": "number",
-				onclick: () => answer(mine, question, input.value.trim().replace(",", ".")) },
+				onclick: () => answerNumber(mine, question, input.value.trim()) },
 			t("Answer"))]), make("skip"));
 		mine.question.focus();
 	},
