@@ -581,7 +581,7 @@ def test_a_stop_that_the_drive_does_not_confirm_can_be_taken_away_by_hand(site, 
 
 def begin_step(visitor, step, seconds=""):
     """Up to the question whether it may move."""
-    view = visitor.go("commission/drive1")
+    view = visitor.go("commission/drive1/trials")
     view.locator("#commission-step").select_option(step)
     view.locator("#commission-seconds").fill(seconds)
     view.locator("#commission-begin").click()

@@ -215,9 +215,10 @@ def test_help_is_asked_for_in_each_way(fake):
     assert ctl(fake, "help") == ctl(fake, "--help")
     assert ctl(fake, "help", "params", "restore") == ctl(fake, "params", "restore", "--help")
     assert "--with-address" in ctl(fake, "help", "params", "restore")
-    assert "there is no command \"mvoe\"; did you mean move?" in ctl(fake, "help", "mvoe", status=2)
+    assert "there is no command \"mvoe\"; " in ctl(fake, "help", "mvoe", status=2)
+    assert "; did you mean move?" in ctl(fake, "help", "mvoe", status=2)
     assert "drivebridgectl help lists them" in ctl(fake, "mvoe", status=2)
-    assert "/drivebridgectl: unrecognized option '--bogus'" in ctl(fake, "status", "stop", "--bogus", status=2)
+    assert 'drivebridgectl: there is no option "--bogus"; ' in ctl(fake, "status", "stop", "--bogus", status=2)
 
 
 def test_options_have_their_former_names_too(fake):

@@ -55,7 +55,7 @@ def test_trouble_leaves_a_trace(make_bridge):
     plant.wait_ready(1)
     plant.wait_ready(2)
     assert "no trace was kept" in ctl(plant, "traces")
-    assert "no trace was kept" in ctl(plant, "trace", "--kept", "last", status=2)
+    assert 'no trace "last" was kept' in ctl(plant, "trace", "--kept", "last", status=2)
     plant.sim.fault("silence on", "drive2")
     (kept,) = eventually(lambda: objects(plant, "traces")[0], what="a trace to be kept")
     assert (kept["bus"], kept["drive"], kept["event"]) == ("line", "drive2", "drive-lost")
@@ -67,7 +67,7 @@ def test_trouble_leaves_a_trace(make_bridge):
     assert good < silent[0] < lost < len(said) - 1
     assert any(" > poll       drive2: status? | " in line for line in said[good:lost])
     assert said == lines(ctl(plant, "trace", "line", "--kept", str(kept["number"])))
-    assert "no trace 77 was kept" in ctl(plant, "trace", "--kept", "77", status=2)
+    assert 'no trace "77" was kept' in ctl(plant, "trace", "--kept", "77", status=2)
 
 
 def test_what_is_asked_wrongly_is_told(make_bridge):

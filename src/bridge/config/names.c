@@ -251,8 +251,8 @@ static bool check_section(const struct db_reader *reader, size_t index,
 
 	if (!is_known_section(section->name)) {
 		db_messages_add_error(messages, section->line,
-		                      "unknown section '%s'; the sections are " SECTION_TEXT,
-		                      section->name);
+		                      "unknown section '%s'; the sections are %s", section->name,
+		                      SECTION_TEXT);
 		return false;
 	}
 	if (!titled && section->title[0] != '\0') {
@@ -327,10 +327,9 @@ static bool check_key(const struct db_driver *const *drivers, const struct db_re
 	const char *section;
 
 	if (key->section == DB_READER_NO_SECTION) {
-		db_messages_add_error(
-			messages, key->line,
-			"key '%s' stands outside of a section; the sections are " SECTION_TEXT,
-			key->name);
+		db_messages_add_error(messages, key->line,
+		                      "key '%s' stands outside of a section; the sections are %s",
+		                      key->name, SECTION_TEXT);
 		return false;
 	}
 	section = reader->sections[key->section].name;

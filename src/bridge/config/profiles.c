@@ -339,8 +339,8 @@ static void take_section(const struct profiles *profiles, size_t index)
 
 	if (!place)
 		db_messages_add_error(messages, section->line,
-		                      "a profile has no section '%s'; its sections are " SECTIONS,
-		                      section->name);
+		                      "a profile has no section '%s'; its sections are %s",
+		                      section->name, SECTIONS);
 	else if (section->title[0] != '\0')
 		db_messages_add_error(messages, section->line,
 		                      "section %s of a profile has no name, but '%s' was given: it "
@@ -457,8 +457,8 @@ static void check_contents(const struct profiles *profiles, size_t first_section
 		if (key->section == DB_READER_NO_SECTION) {
 			db_messages_add_error(&profiles->load->messages, key->line,
 			                      "key '%s' stands outside of a section; the sections "
-			                      "of a profile are " SECTIONS,
-			                      key->name);
+			                      "of a profile are %s",
+			                      key->name, SECTIONS);
 			key->refused = true;
 		} else if (!is_single(profiles, key) ||
 		           !check_key(profiles, profile_at(profiles, key->line), key)) {

@@ -21,21 +21,29 @@ size_t db_commission_report_count(const json_t *verdicts, const char *verdict)
 	return count;
 }
 
-static void print_verdict(FILE *out, const json_t *verdict)
+static void print_verdict(FILE *out, const json_t *verdict,
+                          const struct db_words_language *language)
 {
+	char room[DB_WORDS_TEXT_MAX];
+	const char *word = db_words_find_text(language, db_commission_text(verdict, "verdict"));
+	unsigned columns = db_words_columns(word, strlen(word));
 	const char *right = db_commission_text(verdict, "right");
 	bool key = db_commission_text(verdict, "section")[0] != '\0';
 
-	(void)fprintf(out, "  %-14s  %-20s", db_commission_text(verdict, "verdict"),
+	(void)fprintf(out, "  %s%*s  %-20s", word, columns < 14 ? 14 - (int)columns : 0, "",
 	              db_commission_text(verdict, "setting"));
 	if (db_commission_text(verdict, "now")[0])
 		(void)fprintf(out, " = %s", db_commission_text(verdict, "now"));
-	(void)fprintf(out, "\n                %s\n", db_commission_text(verdict, "how"));
+	(void)fprintf(out, "\n                %s\n",
+	              db_words_in(language, db_commission_text(verdict, "how"), room));
 	if (right[0])
-		(void)fprintf(out, "                %s%s\n", key ? "right: " : "", right);
+		(void)fprintf(out, "                %s%s\n",
+		              key ? db_words_find_text(language, "right: ") : "",
+		              db_words_in(language, right, room));
 }
 
-void db_commission_report_verdicts(FILE *out, const json_t *verdicts, const char *step)
+void db_commission_report_verdicts(FILE *out, const json_t *verdicts, const char *step,
+                                   const struct db_words_language *language)
 {
 	static const char *const order[] = { DB_COMMISSION_CONTRADICTED, DB_COMMISSION_PROVEN,
 		                             DB_COMMISSION_NOT_SEEN, DB_COMMISSION_NOT_FOR };
@@ -47,7 +55,7 @@ void db_commission_report_verdicts(FILE *out, const json_t *verdicts, const char
 		{
 			if (strcmp(db_commission_text(verdict, "verdict"), order[kind]) == 0 &&
 			    (!step || strcmp(db_commission_text(verdict, "step"), step) == 0))
-				print_verdict(out, verdict);
+				print_verdict(out, verdict, language);
 		}
 	}
 }
@@ -96,7 +104,7 @@ void db_commission_report_write(FILE *out, const struct db_commission_report *re
 	              db_commission_report_count(report->verdicts, DB_COMMISSION_CONTRADICTED),
 	              db_commission_report_count(report->verdicts, DB_COMMISSION_PROVEN),
 	              db_commission_report_count(report->verdicts, DB_COMMISSION_NOT_SEEN));
-	db_commission_report_verdicts(out, report->verdicts, NULL);
+	db_commission_report_verdicts(out, report->verdicts, NULL, NULL);
 	(void)fputs("\nfor the configuration, then drivebridgectl reload:\n\n", out);
 	db_commission_report_sections(out, report);
 }

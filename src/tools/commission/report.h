@@ -5,6 +5,7 @@
 #define DRIVEBRIDGE_COMMISSION_REPORT_H
 
 #include "commission/steps.h"
+#include "words/language.h"
 
 #include <stdio.h>
 
@@ -21,8 +22,9 @@ struct db_commission_report {
 	const json_t *done; /* names of completed steps */
 };
 
-/* Lines for each verdict, the verdict first. Those of `step`, or all of them (NULL). */
-void db_commission_report_verdicts(FILE *out, const json_t *verdicts, const char *step);
+/* Lines for each verdict, the verdict first. Those of `step`, or all of them (NULL). `language`: null for English. */
+void db_commission_report_verdicts(FILE *out, const json_t *verdicts, const char *step,
+                                   const struct db_words_language *language);
 
 /* The corrected sections to paste; or a line that nothing is to be changed. */
 void db_commission_report_sections(FILE *out, const struct db_commission_report *report);

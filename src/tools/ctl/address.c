@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "client/clock.h"
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 #include "ctl/search.h"
 #include "setup/move.h"
 
@@ -81,8 +82,8 @@ static void ask(struct doing *doing, const struct db_setup_action *action)
 		yes = !json && fgets(line, sizeof(line), stdin);
 	} else {
 		if (!json)
-			(void)fputs(action->text, stdout);
-		doing->status = db_ctl_ask(doing->ctl, "%s", action->question);
+			db_ctl_translate_lines(stdout, action->text);
+		doing->status = db_ctl_ask(doing->ctl, "%s", db_ctl_say(action->question));
 		yes = doing->status == DB_CTL_OK;
 	}
 	db_setup_move_take(&doing->move, NULL, yes, db_client_now());
@@ -94,7 +95,8 @@ static void say(const struct doing *doing, const struct db_setup_action *action)
 	json_t *object;
 
 	if (!doing->ctl->json) {
-		(void)printf("%s%s%s\n", action->text, action->configuration[0] ? "\n\n" : "",
+		db_ctl_translate_lines(stdout, action->text);
+		(void)printf("%s%s\n", action->configuration[0] ? "\n\n" : "",
 		             action->configuration);
 		(void)fflush(stdout);
 	} else if (move->done) {

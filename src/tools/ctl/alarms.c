@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <stdint.h>
@@ -94,7 +95,7 @@ static void add_acknowledgement(struct db_ctl_grid *grid, const json_t *alarm)
 	char by[256];
 
 	if (!is_acknowledged(alarm)) {
-		db_ctl_grid_add(grid, DB_CTL_YELLOW, "no");
+		db_ctl_grid_add(grid, DB_CTL_YELLOW, "%s", db_ctl_say("no"));
 		return;
 	}
 	db_words_write_time(number_of(alarm, "acknowledged_us"), when);
@@ -108,18 +109,19 @@ static void add_row(struct db_ctl_grid *grid, const json_t *alarm)
 {
 	bool present = json_is_true(json_object_get(alarm, "present"));
 	const char *name = db_words_text(alarm, "name");
-	char what[160];
+	char what[512];
+	char room[DB_WORDS_TEXT_MAX];
 
-	(void)snprintf(what, sizeof(what), "%s%s%s", db_words_text(alarm, "cause"),
+	(void)snprintf(what, sizeof(what), "%s%s%s", db_ctl_say_name(db_words_text(alarm, "cause")),
 	               db_words_text(alarm, "detail")[0] ? ": " : "",
-	               db_words_text(alarm, "detail"));
+	               db_ctl_translate(db_words_text(alarm, "detail"), room));
 	db_words_clean(what);
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(alarm, "id"));
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", name[0] ? name : db_words_text(alarm, "kind"));
 	db_ctl_grid_add(grid, present ? DB_CTL_RED : DB_CTL_PLAIN, "%s", what);
 	add_time(grid, number_of(alarm, "since_us"));
 	if (present)
-		db_ctl_grid_add(grid, DB_CTL_RED, "is there");
+		db_ctl_grid_add(grid, DB_CTL_RED, "%s", db_ctl_say("is there"));
 	else
 		add_time(grid, number_of(alarm, "gone_us"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(alarm, "times"));
@@ -128,16 +130,17 @@ static void add_row(struct db_ctl_grid *grid, const json_t *alarm)
 
 static void print_alarms(const struct db_ctl *ctl, const json_t *alarms)
 {
-	static const char *const heads[] = { "ID",   "WHERE", "WHAT",        "SINCE",
-		                             "GONE", "TIMES", "ACKNOWLEDGED" };
+	static const char *const heads[] = { DB_CTL_TEXT("ID"),          DB_CTL_TEXT("WHERE"),
+		                             DB_CTL_TEXT("WHAT"),        DB_CTL_TEXT("SINCE"),
+		                             DB_CTL_TEXT("GONE"),        DB_CTL_TEXT("TIMES"),
+		                             DB_CTL_TEXT("ACKNOWLEDGED") };
 	struct db_ctl_grid *grid = db_ctl_grid_new("rllllrl");
 	const json_t *alarm;
 	size_t i;
 
 	if (!grid)
 		return;
-	for (i = 0; i < sizeof(heads) / sizeof(heads[0]); i++)
-		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", heads[i]);
+	db_ctl_grid_add_heads(grid, heads, sizeof(heads) / sizeof(heads[0]));
 	json_array_foreach(alarms, i, alarm) add_row(grid, alarm);
 	db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
 	db_ctl_grid_free(grid);
@@ -148,12 +151,15 @@ static void print_state(const json_t *state)
 	const char *trouble = db_words_text(state, "trouble");
 
 	if (json_is_false(json_object_get(state, "on")))
-		(void)printf("health = off: alarms are not kept, see drivebridge.conf(5)\n");
+		db_ctl_say_line(stdout,
+		                "health = off: alarms are not kept, see drivebridge.conf(5)");
 	else if (trouble[0])
-		(void)printf("the alarms cannot be written: %s; a restart loses them\n", trouble);
+		db_ctl_say_line(stdout, "the alarms cannot be written: %s; a restart loses them",
+		                trouble);
 	else if (json_is_false(json_object_get(state, "kept")))
-		(void)printf("the service has no folder for its state: a restart loses the "
-		             "alarms\n");
+		db_ctl_say_line(
+			stdout,
+			"the service has no folder for its state: a restart loses the alarms");
 }
 
 enum db_ctl_status db_ctl_alarms(struct db_ctl *ctl, int count, char **arguments)
@@ -172,7 +178,7 @@ enum db_ctl_status db_ctl_alarms(struct db_ctl *ctl, int count, char **arguments
 		if (json_array_size(alarms) > 0)
 			print_alarms(ctl, alarms);
 		else
-			(void)printf("no alarms\n");
+			db_ctl_say_line(stdout, "no alarms");
 		print_state(state);
 	}
 	json_decref(state);
@@ -193,9 +199,9 @@ static enum db_ctl_status acknowledge(struct db_ctl *ctl, json_int_t id)
 	if (status == DB_CTL_OK && ctl->json)
 		db_ctl_print_json(alarm);
 	else if (status == DB_CTL_OK)
-		(void)printf("alarm %lld, %s of %s, is acknowledged\n", (long long)id,
-		             db_words_text(alarm, "cause"),
-		             name[0] ? name : db_words_text(alarm, "kind"));
+		db_ctl_say_line(stdout, "alarm %lld, %s of %s, is acknowledged", (long long)id,
+		                db_ctl_say_name(db_words_text(alarm, "cause")),
+		                name[0] ? name : db_words_text(alarm, "kind"));
 	json_decref(answer);
 	return status;
 }

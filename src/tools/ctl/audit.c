@@ -2,6 +2,7 @@
 #include "capture/audit_text.h"
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <stdint.h>
@@ -71,7 +72,7 @@ static void add_row(struct db_ctl_grid *grid, const json_t *record)
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", who ? who : "?");
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_words_text(record, "drive"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", line ? line : "?");
-	db_ctl_grid_add(grid, colour, "%s", db_words_text(record, "result"));
+	db_ctl_grid_add(grid, colour, "%s", db_ctl_say_name(db_words_text(record, "result")));
 	free(line);
 	free(who);
 }
@@ -100,6 +101,7 @@ static void print_page(const struct db_ctl *ctl, const json_t *records)
 
 static void print_broken(const struct db_ctl *ctl, const json_t *page)
 {
+	char room[DB_WORDS_TEXT_MAX];
 	const json_t *broken;
 	size_t i;
 
@@ -108,12 +110,12 @@ static void print_broken(const struct db_ctl *ctl, const json_t *page)
 		if (ctl->json)
 			db_ctl_print_json(broken);
 		else
-			(void)fprintf(
-				stderr, "%s:%lld: near record %lld: %s\n",
+			db_ctl_say_line(
+				stderr, "%s:%lld: near record %lld: %s",
 				db_words_text(broken, "file"),
 				(long long)json_integer_value(json_object_get(broken, "line")),
 				(long long)json_integer_value(json_object_get(broken, "number")),
-				db_words_text(broken, "why"));
+				db_ctl_translate(db_words_text(broken, "why"), room));
 	}
 }
 
@@ -194,12 +196,12 @@ enum db_ctl_status db_ctl_audit_verify(struct db_ctl *ctl, int count, char **arg
 	if (ctl->json)
 		db_ctl_print_json(result);
 	else if (tally.broken == 0)
-		(void)printf("%lld lines, up to record %lld: the chain is whole\n",
-		             (long long)tally.checked, (long long)tally.newest);
+		db_ctl_say_line(stdout, "%lld lines, up to record %lld: the chain is whole",
+		                (long long)tally.checked, (long long)tally.newest);
 	else
-		(void)printf("%lld lines, up to record %lld: the chain is broken in %lld places\n",
-		             (long long)tally.checked, (long long)tally.newest,
-		             (long long)tally.broken);
+		db_ctl_say_line(
+			stdout, "%lld lines, up to record %lld: the chain is broken in %lld places",
+			(long long)tally.checked, (long long)tally.newest, (long long)tally.broken);
 	json_decref(result);
 	return tally.broken == 0 ? DB_CTL_OK : DB_CTL_NO;
 }

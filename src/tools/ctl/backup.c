@@ -2,6 +2,7 @@
 #include "ctl/ctl_private.h"
 #include "ctl/params_source.h"
 #include "ctl/plant.h"
+#include "ctl/say.h"
 
 #include <errno.h>
 #include <limits.h>
@@ -181,11 +182,12 @@ static void print_end(const struct backup *backup)
 		json_decref(object);
 		return;
 	}
-	(void)printf("%s: the configuration, and the parameters of %zu drives\n", backup->file,
-	             json_array_size(json_object_get(backup->ctl->description, "drives")) -
-	                     json_array_size(backup->missing));
-	json_array_foreach(backup->missing, i, name)(void)
-		printf("without the parameters of %s\n", json_string_value(name));
+	db_ctl_say_line(stdout, "%s: the configuration, and the parameters of %zu drives",
+	                backup->file,
+	                json_array_size(json_object_get(backup->ctl->description, "drives")) -
+	                        json_array_size(backup->missing));
+	json_array_foreach(backup->missing, i, name)
+		db_ctl_say_line(stdout, "without the parameters of %s", json_string_value(name));
 }
 
 enum db_ctl_status db_ctl_backup(struct db_ctl *ctl, int count, char **arguments)

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
+#include "ctl/say.h"
 
 #include <poll.h>
 #include <stdio.h>
@@ -13,15 +14,15 @@ static const struct {
 	const char *highest; /* shown after it */
 	enum { MICROSECONDS, THOUSANDTHS, COUNT } kind;
 } columns[] = {
-	{ "CYCLE", "cycle_us", "cycle_max_us", MICROSECONDS },
-	{ "OF", "period_us", NULL, MICROSECONDS },
-	{ "JITTER", "jitter_us", "jitter_max_us", MICROSECONDS },
-	{ "LOAD", "utilisation", NULL, THOUSANDTHS },
-	{ "OVERRUNS", "overruns", NULL, COUNT },
-	{ "EXCHANGES", "transactions", NULL, COUNT },
-	{ "REPEATED", "retries", NULL, COUNT },
-	{ "NO ANSWER", "timeouts", NULL, COUNT },
-	{ "BAD", "bad_frames", NULL, COUNT },
+	{ DB_CTL_TEXT("CYCLE"), "cycle_us", "cycle_max_us", MICROSECONDS },
+	{ DB_CTL_TEXT("OF"), "period_us", NULL, MICROSECONDS },
+	{ DB_CTL_TEXT("JITTER"), "jitter_us", "jitter_max_us", MICROSECONDS },
+	{ DB_CTL_TEXT("LOAD"), "utilisation", NULL, THOUSANDTHS },
+	{ DB_CTL_TEXT("OVERRUNS"), "overruns", NULL, COUNT },
+	{ DB_CTL_TEXT("EXCHANGES"), "transactions", NULL, COUNT },
+	{ DB_CTL_TEXT("REPEATED"), "retries", NULL, COUNT },
+	{ DB_CTL_TEXT("NO ANSWER"), "timeouts", NULL, COUNT },
+	{ DB_CTL_TEXT("BAD"), "bad_frames", NULL, COUNT },
 };
 
 static void add_time(struct db_ctl_grid *grid, const json_t *value, const json_t *highest)
@@ -31,7 +32,7 @@ static void add_time(struct db_ctl_grid *grid, const json_t *value, const json_t
 	if (!json_is_number(value))
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "-");
 	else if (json_is_number(highest))
-		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%.2f, at most %.2f ms", ms,
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, db_ctl_say("%.2f, at most %.2f ms"), ms,
 		                json_number_value(highest) / 1000);
 	else
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%.2f ms", ms);
@@ -43,7 +44,8 @@ static void add_bus(struct db_ctl_grid *grid, const json_t *bus, const json_t *f
 
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_words_text(bus, "name"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_words_text(bus, "protocol"));
-	db_ctl_grid_add(grid, up ? DB_CTL_PLAIN : DB_CTL_RED, "%s", up ? "up" : "down");
+	db_ctl_grid_add(grid, up ? DB_CTL_PLAIN : DB_CTL_RED, "%s",
+	                up ? db_ctl_say("up") : db_ctl_say("down"));
 	for (size_t i = 0; i < sizeof(columns) / sizeof(columns[0]); i++) {
 		const json_t *value = json_object_get(figures, columns[i].name);
 
@@ -97,8 +99,12 @@ static enum db_ctl_status add_drives(struct db_ctl *ctl, struct db_ctl_grid *gri
 
 enum db_ctl_status db_ctl_bus(struct db_ctl *ctl, int count, char **arguments)
 {
-	static const char *const heads[] = { "DRIVE", "BUS",  "ROUND TRIP", "LEAST",
-		                             "MEAN",  "MOST", "REPEATED" };
+	static const char *const heads[] = { DB_CTL_TEXT("DRIVE"),      DB_CTL_TEXT("BUS"),
+		                             DB_CTL_TEXT("ROUND TRIP"), DB_CTL_TEXT("LEAST"),
+		                             DB_CTL_TEXT("MEAN"),       DB_CTL_TEXT("MOST"),
+		                             DB_CTL_TEXT("REPEATED") };
+	static const char *const of_bus[] = { DB_CTL_TEXT("BUS"), DB_CTL_TEXT("PROTOCOL"),
+		                              DB_CTL_TEXT("PORT") };
 	enum db_ctl_status status;
 	json_t *answer = db_ctl_call(ctl, "Figures", NULL, DB_CTL_TIMEOUT_MS, &status);
 	json_t *figures = json_object_get(answer, "buses");
@@ -112,15 +118,12 @@ enum db_ctl_status db_ctl_bus(struct db_ctl *ctl, int count, char **arguments)
 	(void)count;
 	(void)arguments;
 	if (status == DB_CTL_OK && grid && drives) {
-		db_ctl_grid_add(grid, DB_CTL_BOLD, "BUS");
-		db_ctl_grid_add(grid, DB_CTL_BOLD, "PROTOCOL");
-		db_ctl_grid_add(grid, DB_CTL_BOLD, "PORT");
+		db_ctl_grid_add_heads(grid, of_bus, sizeof(of_bus) / sizeof(of_bus[0]));
 		for (i = 0; i < sizeof(columns) / sizeof(columns[0]); i++)
-			db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", columns[i].head);
+			db_ctl_grid_add_heads(grid, &columns[i].head, 1);
 		json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
 			add_bus(grid, bus, json_object_get(figures, db_words_text(bus, "name")));
-		for (i = 0; i < sizeof(heads) / sizeof(heads[0]); i++)
-			db_ctl_grid_add(drives, DB_CTL_BOLD, "%s", heads[i]);
+		db_ctl_grid_add_heads(drives, heads, sizeof(heads) / sizeof(heads[0]));
 		status = add_drives(ctl, drives, trips);
 	}
 	if (status == DB_CTL_OK && ctl->json) {

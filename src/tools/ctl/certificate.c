@@ -20,9 +20,10 @@ enum db_ctl_status db_ctl_certificate(struct db_ctl *ctl, int count, char **argu
 	if (!words || !task || (ctl->folder && !folder) || (ctl->days && !days)) {
 		status = db_ctl_complain(ctl, DB_CTL_NO, DB_CLIENT_NO_MEMORY, "out of memory");
 	} else if (!db_ctl_child_run(asked, true)) {
-		status = db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.Missing",
-		                         "certificates are made by " PROGRAM
-		                         "; install the package drivebridge-tls");
+		status = db_ctl_complain(
+			ctl, DB_CTL_NO, "io.drivebridge.Client.Missing",
+			"certificates are made by drivebridge-certificate; install the "
+			"package drivebridge-tls");
 	} else {
 		words[at++] = PROGRAM;
 		if (folder) {

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -10,6 +11,7 @@
 
 bool db_ctl_child_run(char *const words[], bool quiet)
 {
+	char room[DB_WORDS_TEXT_MAX];
 	int state = 0;
 	pid_t child;
 
@@ -21,7 +23,8 @@ bool db_ctl_child_run(char *const words[], bool quiet)
 		if (nowhere >= 0)
 			(void)dup2(nowhere, STDOUT_FILENO);
 		(void)execvp(words[0], words);
-		(void)fprintf(stderr, "%s: %s\n", words[0], strerror(errno));
+		(void)fprintf(stderr, "%s: %s\n", words[0],
+		              db_ctl_translate(strerror(errno), room));
 		_exit(127);
 	}
 	while (child > 0 && waitpid(child, &state, 0) < 0 && errno == EINTR)

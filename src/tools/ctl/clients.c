@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/clients_text.h"
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 #include "ctl/units.h"
 #include "words/nearest.h"
 
@@ -49,10 +50,13 @@ static const struct form *find_form(const struct db_ctl *ctl)
 	if (ctl->form)
 		db_words_nearest_names(list, ctl->form, nearest, sizeof(nearest));
 	json_decref(list);
-	(void)db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-	                      "%s%s%s; --for takes %s",
-	                      ctl->form ? "there is no form " : "say for what",
-	                      ctl->form ? ctl->form : "", nearest, names);
+	if (ctl->form)
+		(void)db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		                      "there is no form \"%s\"%s; --for takes %s", ctl->form,
+		                      nearest, names);
+	else
+		(void)db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		                      "say for what; --for takes %s", names);
 	return NULL;
 }
 
@@ -101,7 +105,7 @@ static enum db_ctl_status choose_endpoint(struct db_ctl *ctl, struct db_ctl_clie
 	if (ctl->endpoint && !found) {
 		db_words_nearest_names(endpoints, ctl->endpoint, nearest, sizeof(nearest));
 		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-		                       "there is no endpoint %s%s", ctl->endpoint, nearest);
+		                       "there is no endpoint \"%s\"%s", ctl->endpoint, nearest);
 	}
 	json_array_foreach(all, i, one)
 	{
@@ -109,8 +113,9 @@ static enum db_ctl_status choose_endpoint(struct db_ctl *ctl, struct db_ctl_clie
 			(void)json_array_append_new(of->drives, json_deep_copy(one));
 	}
 	if (!ctl->endpoint && !drive && json_array_size(of->drives) < json_array_size(all))
-		(void)fprintf(stderr, "only the drives of the section modbus; --endpoint NAME for "
-		                      "those of another one\n");
+		db_ctl_say_line(stderr,
+		                "only the drives of the section modbus; --endpoint NAME for "
+		                "those of another one");
 	return DB_CTL_OK;
 }
 

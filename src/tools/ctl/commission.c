@@ -104,7 +104,7 @@ static bool show_verdicts(void *data, const struct db_commission_step *step, jso
 	const json_t *verdict;
 
 	if (!work->ctl->json)
-		db_commission_report_verdicts(stdout, verdicts, step->name);
+		db_commission_report_verdicts(stdout, verdicts, step->name, db_ctl_language());
 	json_array_foreach(verdicts, i, verdict)
 	{
 		if (work->ctl->json && strcmp(db_words_text(verdict, "step"), step->name) == 0)
@@ -116,15 +116,15 @@ static bool show_verdicts(void *data, const struct db_commission_step *step, jso
 
 static void show_motion(void *data, bool moving, bool again)
 {
-	static const char why[] = "nothing was heard of the drive for a moment, so its times are "
-				  "doubtful";
+	static const char why[] = DB_CTL_TEXT(
+		"nothing was heard of the drive for a moment, so its times are doubtful");
 	const struct commissioning *work = data;
 	json_t *object;
 
 	if (!moving || !again)
 		return;
 	if (!work->ctl->json) {
-		(void)printf("  %s: %s\n", db_ctl_say("once more"), why);
+		(void)printf("  %s: %s\n", db_ctl_say("once more"), db_ctl_say(why));
 		return;
 	}
 	object = json_pack("{s:s}", "again", why);
@@ -271,7 +271,8 @@ static enum db_ctl_status read_order(struct db_ctl *ctl, struct db_commission_or
 	order->velocity = fabs(json_number_value(value));
 	if (!value || order->velocity <= 0)
 		status = db_ctl_complain(ctl, DB_CTL_USAGE, DB_CLIENT_SERVICE "BadValue",
-		                         "--velocity: %s", value ? "above 0 is right" : problem);
+		                         "--velocity: %s",
+		                         value ? DB_CTL_TEXT("above 0 is right") : problem);
 	json_decref(value);
 	json_decref(registers);
 	return status;

@@ -132,7 +132,8 @@ const char *db_ctl_talk_ask(struct db_ctl_talk *talk, struct db_commission_act *
 			return talk->answer;
 		(void)db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
 		                      "%s = %s is no answer; %s is right", question->id, given,
-		                      question->choices[0] ? question->choices : "a number");
+		                      question->choices[0] ? question->choices :
+		                                             DB_CTL_TEXT("a number"));
 		act->interrupted = true;
 		return NULL;
 	}

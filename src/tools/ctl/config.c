@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The part of the configuration that is edited over the control socket. */
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <errno.h>
@@ -46,13 +47,17 @@ static void print_messages(const json_t *answer)
 	const json_t *message;
 	size_t i;
 
-	json_array_foreach(json_object_get(answer, "messages"), i, message)(void)
-		fprintf(stderr, "%s\n", json_string_value(message));
+	json_array_foreach(json_object_get(answer, "messages"), i, message)
+	{
+		db_ctl_translate_lines(stderr, json_string_value(message));
+		(void)fputc('\n', stderr);
+	}
 }
 
 /* Returns whether something moves that would be stopped. */
 static bool print_effects(const json_t *answer)
 {
+	char room[DB_WORDS_TEXT_MAX];
 	const json_t *effect;
 	bool moves = false;
 	size_t i;
@@ -63,11 +68,13 @@ static bool print_effects(const json_t *answer)
 		const char *drive = db_words_text(effect, "drive");
 
 		moves = moves || one;
-		(void)printf("%s%s%s: %s\n", drive[0] ? "" : "bus ",
-		             drive[0] ? drive : db_words_text(effect, "bus"),
-		             one ? " (MOVES NOW)" : "", db_words_text(effect, "text"));
+		(void)printf("%s%s%s%s%s: %s\n", drive[0] ? "" : db_ctl_say("bus "),
+		             drive[0] ? drive : db_words_text(effect, "bus"), one ? " (" : "",
+		             one ? db_ctl_say("MOVES NOW") : "", one ? ")" : "",
+		             db_ctl_translate(db_words_text(effect, "text"), room));
 	}
-	(void)puts(i > 0 ? "all other drives go on" : "no drive changes");
+	db_ctl_say_line(stdout, i > 0 ? DB_CTL_TEXT("all other drives go on") :
+	                                DB_CTL_TEXT("no drive changes"));
 	return moves;
 }
 
@@ -140,7 +147,8 @@ static enum db_ctl_status apply(struct db_ctl *ctl, const char *text, const char
 	if (!answer)
 		return status;
 	json_decref(answer);
-	status = db_ctl_ask(ctl, "save this and load it%s?", moves ? ", also what moves now" : "");
+	status = moves ? db_ctl_ask(ctl, "save this and load it, also what moves now?") :
+	                 db_ctl_ask(ctl, "save this and load it?");
 	if (status != DB_CTL_OK)
 		return status;
 	answer = db_ctl_call(ctl, "SetConfiguration",

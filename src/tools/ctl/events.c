@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <poll.h>
@@ -21,10 +22,14 @@ static void print_event(const struct db_ctl *ctl, const json_t *event)
 	enum db_ctl_colour colour = strcmp(level, "error") == 0   ? DB_CTL_RED :
 	                            strcmp(level, "warning") == 0 ? DB_CTL_YELLOW :
 	                                                            DB_CTL_PLAIN;
-	static const char *const whom[] = { "bus", "drive", "client" };
+	static const char *const whom[] = { DB_CTL_TEXT("bus"), DB_CTL_TEXT("drive"),
+		                            DB_CTL_TEXT("client") };
 	size_t used = 0;
 	char when[DB_WORDS_TIME_MAX];
-	char text[DB_WORDS_VALUE_MAX];
+	char text[DB_WORDS_TEXT_MAX];
+	char room[DB_WORDS_TEXT_MAX];
+	const char *rank = db_ctl_say_name(level);
+	unsigned columns = db_words_columns(rank, strlen(rank));
 
 	if (ctl->json) {
 		db_ctl_print_json(event);
@@ -37,14 +42,15 @@ static void print_event(const struct db_ctl *ctl, const json_t *event)
 
 		if (name[0] && used < sizeof(text))
 			used += (size_t)snprintf(text + used, sizeof(text) - used,
-			                         "%s %s: ", whom[i], name);
+			                         "%s %s: ", db_ctl_say(whom[i]), name);
 	}
 	if (used < sizeof(text))
 		(void)snprintf(text + used, sizeof(text) - used, "%s",
-		               db_words_text(event, "text"));
+		               db_ctl_translate(db_words_text(event, "text"), room));
 	db_words_clean(text);
-	(void)printf("%s  %s%-7s  %s%s\n", when, db_ctl_colour_begin(ctl->colour, colour), level,
-	             text, db_ctl_colour_end(ctl->colour, colour));
+	(void)printf("%s  %s%s%*s  %s%s\n", when, db_ctl_colour_begin(ctl->colour, colour), rank,
+	             columns < 7 ? 7 - (int)columns : 0, "", text,
+	             db_ctl_colour_end(ctl->colour, colour));
 	(void)fflush(stdout);
 }
 
@@ -64,7 +70,7 @@ static void take_events(void *data, json_t *parameters, const struct db_client_e
 	json_array_foreach(json_object_get(parameters, "events"), i, event)
 		print_event(stream->ctl, event);
 	if (skipped > 0 && !stream->ctl->json)
-		(void)printf("(%lld events were left out)\n", (long long)skipped);
+		db_ctl_say_line(stdout, "(%lld events were left out)", (long long)skipped);
 }
 
 enum db_ctl_status db_ctl_events(struct db_ctl *ctl, int count, char **arguments)

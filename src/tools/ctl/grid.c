@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/grid.h"
+#include "ctl/say.h"
 #include "words/language.h"
 #include "words/value.h"
 
@@ -62,27 +63,16 @@ void db_ctl_grid_add(struct db_ctl_grid *grid, enum db_ctl_colour colour, const 
 	grid->cells[grid->count++] = (struct cell){ .text = text, .colour = colour };
 }
 
+void db_ctl_grid_add_heads(struct db_ctl_grid *grid, const char *const *heads, size_t count)
+{
+	for (size_t i = 0; i < count; i++)
+		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_ctl_say(heads[i]));
+}
+
 /* Columns, not bytes: units may be in any script. */
 static size_t count_letters(const char *text)
 {
 	return text ? db_words_columns(text, strlen(text)) : 0;
-}
-
-/* The number of bytes that take at most `letters` columns. */
-static int bytes_of(const char *text, size_t letters)
-{
-	size_t bytes = 0;
-
-	while (text[bytes]) {
-		size_t next = bytes + 1;
-
-		while (((unsigned char)text[next] & 0xc0) == 0x80)
-			next++;
-		if (db_words_columns(text, next) > letters)
-			break;
-		bytes = next;
-	}
-	return (int)bytes;
 }
 
 const char *db_ctl_colour_begin(bool coloured, enum db_ctl_colour colour)
@@ -161,7 +151,7 @@ void db_ctl_grid_print(const struct db_ctl_grid *grid, bool coloured, unsigned w
 			gap = gap < left - letters ? gap : left - letters;
 			(void)fprintf(out, "%*s%s%.*s%s%*s", to_the_right ? (int)gap : 0, "",
 			              db_ctl_colour_begin(coloured, cell->colour),
-			              bytes_of(text, letters), text,
+			              db_words_fit(text, (unsigned)letters), text,
 			              db_ctl_colour_end(coloured, cell->colour),
 			              to_the_right ? 0 : (int)gap, "");
 			left -= letters + gap;

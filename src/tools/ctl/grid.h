@@ -18,6 +18,9 @@ void db_ctl_grid_free(struct db_ctl_grid *grid);
 void db_ctl_grid_add(struct db_ctl_grid *grid, enum db_ctl_colour colour, const char *format, ...)
 	__attribute__((format(printf, 3, 4)));
 
+/* A row of heads, in the language of the terminal. */
+void db_ctl_grid_add_heads(struct db_ctl_grid *grid, const char *const *heads, size_t count);
+
 /* Printed width in characters; the second one without a column, counted from 0. */
 size_t db_ctl_grid_width(const struct db_ctl_grid *grid);
 void db_ctl_grid_hide(struct db_ctl_grid *grid, size_t column);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
+#include "ctl/say.h"
 #include "ctl/terminal.h"
 #include "words/value.h"
 
@@ -34,12 +35,13 @@ static double percent_lost(const json_t *value)
 
 static void add_heads(struct db_ctl_grid *grid, const char *first)
 {
-	static const char *const heads[] = { "EXCHANGES", "RETRIES", "LOST",    "DAMAGED",
-		                             "MEAN",      "LONGEST", "OFFLINE", "DEGREES C" };
+	static const char *const heads[] = { DB_CTL_TEXT("EXCHANGES"), DB_CTL_TEXT("RETRIES"),
+		                             DB_CTL_TEXT("LOST"),      DB_CTL_TEXT("DAMAGED"),
+		                             DB_CTL_TEXT("MEAN"),      DB_CTL_TEXT("LONGEST"),
+		                             DB_CTL_TEXT("OFFLINE"),   DB_CTL_TEXT("DEGREES C") };
 
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", first);
-	for (size_t i = 0; i < sizeof(heads) / sizeof(heads[0]); i++)
-		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", heads[i]);
+	db_ctl_grid_add_heads(grid, &first, 1);
+	db_ctl_grid_add_heads(grid, heads, sizeof(heads) / sizeof(heads[0]));
 }
 
 static void add_trip(struct db_ctl_grid *grid, json_int_t us)
@@ -75,7 +77,7 @@ static void add_row(struct db_ctl_grid *grid, const char *first, const json_t *v
 	if (!json_is_integer(hottest))
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "-");
 	else
-		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld to %lld", (long long)coldest,
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, db_ctl_say("%lld to %lld"), (long long)coldest,
 		                (long long)json_integer_value(hottest));
 }
 
@@ -89,7 +91,7 @@ static void print_table(const struct db_ctl *ctl, const json_t *answer, bool of_
 
 	if (!grid)
 		return;
-	add_heads(grid, of_drive ? "UNTIL" : "DRIVE");
+	add_heads(grid, of_drive ? DB_CTL_TEXT("UNTIL") : DB_CTL_TEXT("DRIVE"));
 	/* Of all drives, the minute that goes on is only shown where there is nothing else. */
 	for (size_t list = 0; list < 2; list++) {
 		const json_t *values = json_object_get(answer, lists[list]);
@@ -148,7 +150,8 @@ static void fill_chart(struct chart *chart, const json_t *values, const char *ke
 
 static void print_chart(const struct chart *chart, const char *title, double scale)
 {
-	(void)printf("\n%s, at most %.6g\n", title, chart->greatest * scale);
+	(void)putchar('\n');
+	db_ctl_say_line(stdout, "%s, at most %.6g", db_ctl_say(title), chart->greatest * scale);
 	for (unsigned line = CHART_HEIGHT; line > 0; line--) {
 		char text[CHART_WIDTH_MAX + 1];
 
@@ -169,11 +172,11 @@ static void print_charts(const json_t *values)
 		const char *title;
 		double scale;
 	} charts[] = {
-		{ "losses", "lost answers", 1 },
-		{ "retries", "questions asked again", 1 },
-		{ "round_trip_longest_us", "longest round trip, ms", 0.001 },
-		{ "offline_ms", "offline, s", 0.001 },
-		{ "hottest", "temperature, degrees C", 1 },
+		{ "losses", DB_CTL_TEXT("lost answers"), 1 },
+		{ "retries", DB_CTL_TEXT("questions asked again"), 1 },
+		{ "round_trip_longest_us", DB_CTL_TEXT("longest round trip, ms"), 0.001 },
+		{ "offline_ms", DB_CTL_TEXT("offline, s"), 0.001 },
+		{ "hottest", DB_CTL_TEXT("temperature, degrees C"), 1 },
 	};
 	size_t count = json_array_size(values);
 	char begin[DB_WORDS_TIME_MAX];
@@ -217,12 +220,15 @@ static void print_state(const json_t *answer)
 	const char *trouble = db_words_text(answer, "trouble");
 
 	if (json_is_false(json_object_get(answer, "on")))
-		(void)printf("health = off: no values are taken, see drivebridge.conf(5)\n");
+		db_ctl_say_line(stdout,
+		                "health = off: no values are taken, see drivebridge.conf(5)");
 	else if (trouble[0])
-		(void)printf("the values cannot be written: %s; a restart loses them\n", trouble);
+		db_ctl_say_line(stdout, "the values cannot be written: %s; a restart loses them",
+		                trouble);
 	else if (json_is_false(json_object_get(answer, "kept")))
-		(void)printf("the service has no folder for its state: a restart loses the "
-		             "values\n");
+		db_ctl_say_line(
+			stdout,
+			"the service has no folder for its state: a restart loses the values");
 }
 
 enum db_ctl_status db_ctl_health(struct db_ctl *ctl, int count, char **arguments)

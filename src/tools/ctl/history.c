@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <ctype.h>
@@ -140,7 +141,7 @@ static void add_row(struct db_ctl_grid *grid, const struct kept *kept, const jso
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_words_text(entry, "command"));
 	write_arguments(kept, json_object_get(entry, "arguments"), text, sizeof(text));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", text);
-	db_ctl_grid_add(grid, good ? DB_CTL_PLAIN : DB_CTL_YELLOW, "%s", result);
+	db_ctl_grid_add(grid, good ? DB_CTL_PLAIN : DB_CTL_YELLOW, "%s", db_ctl_say_name(result));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%.1f ms", (double)took / 1000.0);
 	if (address[0] == '\0')
 		(void)snprintf(text, sizeof(text), "drivebridged");
@@ -156,13 +157,14 @@ static void add_row(struct db_ctl_grid *grid, const struct kept *kept, const jso
 
 static void print_history(const struct db_ctl *ctl, const struct kept *kept)
 {
-	static const char *const heads[] = { "WHEN",   "COMMAND", "ARGUMENTS",
-		                             "RESULT", "TOOK",    "CLIENT" };
+	static const char *const heads[] = { DB_CTL_TEXT("WHEN"),      DB_CTL_TEXT("COMMAND"),
+		                             DB_CTL_TEXT("ARGUMENTS"), DB_CTL_TEXT("RESULT"),
+		                             DB_CTL_TEXT("TOOK"),      DB_CTL_TEXT("CLIENT") };
 	struct db_ctl_grid *grid = ctl->json ? NULL : db_ctl_grid_new("llllrl");
 	json_t *entry;
 
-	for (size_t i = 0; grid && i < sizeof(heads) / sizeof(heads[0]); i++)
-		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", heads[i]);
+	if (grid)
+		db_ctl_grid_add_heads(grid, heads, sizeof(heads) / sizeof(heads[0]));
 	for (unsigned number = 1; (entry = describe(kept, number)) != NULL; number++) {
 		if (ctl->json)
 			db_ctl_print_json(entry);

@@ -9,6 +9,7 @@
 #include "ctl/ctl_private.h"
 #include "ctl/hold.h"
 #include "ctl/plant.h"
+#include "ctl/say.h"
 #include "ctl/terminal.h"
 #include "ctl/units.h"
 #include "words/value.h"
@@ -45,7 +46,7 @@ struct jog {
 	char token[64]; /* last token sent; "": none */
 	db_time beat_at;
 	json_t *values;
-	char line[384];    /* last line printed */
+	char line[768];    /* last line printed */
 	char trouble[512]; /* the service's last objection */
 };
 
@@ -56,6 +57,8 @@ static void print_line(struct jog *jog)
 	char velocity[DB_WORDS_VALUE_MAX];
 	char state[DB_WORDS_VALUE_MAX];
 	char line[sizeof(jog->line)];
+	char room[DB_WORDS_TEXT_MAX];
+	const char *words;
 
 	if (jog->ctl->json || !db_ctl_terminal_takes_output())
 		return;
@@ -65,9 +68,10 @@ static void print_line(struct jog *jog)
 	                     json_object_get(jog->values, "velocity"), velocity, sizeof(velocity));
 	db_words_write_value(db_words_look_up(jog->registers, "axis_state"),
 	                     json_object_get(jog->values, "axis_state"), state, sizeof(state));
-	(void)snprintf(line, sizeof(line), "%s %s %s  at %.40s  %.40s  %.160s",
+	words = jog->trouble[0] ? db_ctl_translate(jog->trouble, room) : db_ctl_say_name(state);
+	(void)snprintf(line, sizeof(line), db_ctl_say("%s %s %s  at %.40s  %.40s  %.*s"),
 	               jog->told < 0 ? "<=" : "  ", jog->drive, jog->told > 0 ? "=>" : "  ",
-	               position, velocity, jog->trouble[0] ? jog->trouble : state);
+	               position, velocity, db_words_fit(words, 160), words);
 	if (strcmp(line, jog->line) == 0)
 		return;
 	memcpy(jog->line, line, sizeof(line));
@@ -417,8 +421,9 @@ enum db_ctl_status db_ctl_jog(struct db_ctl *ctl, int count, char **arguments)
 	}
 	if (status == DB_CTL_OK) {
 		if (!ctl->json)
-			(void)printf(
-				"%s at %.10g %s: hold an arrow key to move, release it to stop, q ends\n",
+			db_ctl_say_line(
+				stdout,
+				"%s at %.10g %s: hold an arrow key to move, release it to stop, q ends",
 				jog.drive, jog.velocity,
 				db_words_text(db_words_look_up(jog.registers, "target_velocity"),
 			                      "unit"));

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 #include "ctl/session.h"
 
 #include <stdio.h>
@@ -36,14 +37,16 @@ static void take_drive(const json_t *bus, const struct db_ctl_learnt *one, struc
 	const char *drive = db_words_text(one->drive, "name");
 
 	if (gap > turnaround) {
-		(void)printf(
-			"%s: learnt: is left alone for %lld us after its answers, turnaround-us is %lld\n",
+		db_ctl_say_line(
+			stdout,
+			"%s: learnt: is left alone for %lld us after its answers, turnaround-us is %lld",
 			drive, gap, turnaround);
 		summary->gap_us = gap > summary->gap_us ? gap : summary->gap_us;
 	}
 	if (patience > latency) {
-		(void)printf("%s: learnt: is given %lld ms to answer, drive-latency-ms is %lld\n",
-		             drive, patience, latency);
+		db_ctl_say_line(stdout,
+		                "%s: learnt: is given %lld ms to answer, drive-latency-ms is %lld",
+		                drive, patience, latency);
 		summary->latency_ms = patience > summary->latency_ms ? patience :
 		                                                       summary->latency_ms;
 	}
@@ -61,8 +64,11 @@ void db_ctl_print_learnt(const json_t *bus, const struct db_ctl_learnt *drives, 
 		if (strcmp(db_words_text(drives[i].drive, "bus"), name) == 0)
 			take_drive(bus, &drives[i], &summary);
 	}
-	if (summary.gap_us > 0 || summary.latency_ms > 0)
-		(void)printf("  to keep that over a restart, in the section of bus %s:", name);
+	if (summary.gap_us > 0 || summary.latency_ms > 0) {
+		(void)fputs("  ", stdout);
+		(void)printf(db_ctl_say("to keep that over a restart, in the section of bus %s:"),
+		             name);
+	}
 	if (summary.gap_us > 0)
 		(void)printf(" turnaround-us = %lld", summary.gap_us);
 	if (summary.latency_ms > 0)

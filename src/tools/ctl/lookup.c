@@ -44,8 +44,8 @@ const struct db_ctl_command *db_ctl_find_command(const struct db_ctl *ctl, int c
 	json_decref(list);
 	(void)db_ctl_complain(
 		ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-		"there is no command \"%s\"%s; drivebridgectl help lists them, drivebridgectl "
-		"run DRIVE those of a drive",
+		"there is no command \"%s\"; drivebridgectl help lists them, drivebridgectl run "
+		"DRIVE those of a drive%s",
 		name, nearest);
 	return NULL;
 }

@@ -6,6 +6,7 @@
 #include "ctl/lookup.h"
 #include "ctl/say.h"
 #include "drivebridge/version.h"
+#include "words/nearest.h"
 
 #include <getopt.h>
 #include <signal.h>
@@ -108,8 +109,38 @@ static int place_of(const struct option *known, int count, int at)
 	return at;
 }
 
+/* `word` is no option, or is given without its value or with one that it does not take. */
+static enum db_ctl_status complain_option(const struct db_ctl *ctl, const struct option *known,
+                                          bool lacks_value, const char *word)
+{
+	json_t *list = json_array();
+	size_t length = strcspn(word, "=");
+	bool exists = false;
+	char name[128];
+	char nearest[256];
+
+	for (; known->name; known++) {
+		(void)snprintf(name, sizeof(name), "--%s", known->name);
+		exists = exists || (strlen(name) == length && strncmp(name, word, length) == 0);
+		(void)json_array_append_new(list, json_pack("{s:s}", "name", name));
+	}
+	(void)snprintf(name, sizeof(name), "%.*s", (int)length, word);
+	db_words_nearest_names(list, name, nearest, sizeof(nearest));
+	json_decref(list);
+	if (lacks_value)
+		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		                       "%s needs a value; drivebridgectl help says which", name);
+	if (exists)
+		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		                       "%s takes no value", name);
+	return db_ctl_complain(
+		ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		"there is no option \"%s\"; drivebridgectl --help says what there is%s", name,
+		nearest);
+}
+
 /* A negative number is an argument, not an option. */
-#define NEGATIVE "-0::1::2::3::4::5::6::7::8::9::.::"
+#define NEGATIVE "-:0::1::2::3::4::5::6::7::8::9::.::"
 
 /*
  * -1 to continue, else the exit status. `given` has an element for each option; the other words are
@@ -123,11 +154,8 @@ static int read_options(struct db_ctl *ctl, int argc, char **argv, bool *given, 
 	int found;
 
 	while ((found = getopt_long(argc, argv, NEGATIVE, known, &at)) != -1) {
-		if (found == '?') {
-			(void)fprintf(stderr, "%s\n",
-			              db_ctl_say("drivebridgectl --help says what there is"));
-			return DB_CTL_USAGE;
-		}
+		if (found == '?' || found == ':')
+			return complain_option(ctl, known, found == ':', argv[optind - 1]);
 		if (found != 0) {
 			argv[++*count] = found == 1 ? optarg : argv[optind - 1];
 			continue;

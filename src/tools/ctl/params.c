@@ -4,6 +4,7 @@
 #include "ctl/grid.h"
 #include "ctl/params_source.h"
 #include "ctl/plant.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <errno.h>
@@ -53,20 +54,20 @@ static void add_age(struct db_ctl_grid *grid, const struct db_params *drive, con
 static void print_list(const struct db_ctl *ctl, const struct db_params *drive,
                        const struct db_params *file, const struct db_params *defaults)
 {
+	static const char *const heads[] = { " ",
+		                             DB_CTL_TEXT("NAME"),
+		                             DB_CTL_TEXT("VALUE"),
+		                             DB_CTL_TEXT("UNIT"),
+		                             DB_CTL_TEXT("RANGE"),
+		                             DB_CTL_TEXT("AGE"),
+		                             DB_CTL_TEXT("DEFAULT"),
+		                             DB_CTL_TEXT("FILE") };
 	json_t *differ = db_params_compare(drive, file ? file : defaults);
 	struct db_ctl_grid *grid = db_ctl_grid_new(file ? "llrllrll" : "llrllrl");
 	size_t i;
 	const json_t *reg;
 
-	db_ctl_grid_add(grid, DB_CTL_BOLD, " ");
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "NAME");
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "VALUE");
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "UNIT");
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "RANGE");
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "AGE");
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "DEFAULT");
-	if (file)
-		db_ctl_grid_add(grid, DB_CTL_BOLD, "FILE");
+	db_ctl_grid_add_heads(grid, heads, sizeof(heads) / sizeof(heads[0]) - (file ? 0 : 1));
 	json_array_foreach(drive->registers, i, reg)
 	{
 		const char *name = db_words_text(reg, "name");
@@ -87,8 +88,11 @@ static void print_list(const struct db_ctl *ctl, const struct db_params *drive,
 	}
 	db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
 	db_ctl_grid_free(grid);
-	if (json_array_size(differ) > 0)
-		(void)printf("\n* is another in %s\n", file ? file->name : "a drive as delivered");
+	if (json_array_size(differ) > 0) {
+		(void)putchar('\n');
+		db_ctl_say_line(stdout, "* is another in %s",
+		                file ? file->name : db_ctl_say("a drive as delivered"));
+	}
 	json_decref(differ);
 }
 
@@ -229,15 +233,11 @@ static int save_text(const char *path, const char *text)
 	return result;
 }
 
-/* On standard error, because standard output may be the file. */
-static void print_names(const char *drive, const char *what, const json_t *names)
+static void print_names(const json_t *names)
 {
 	size_t i;
 	const json_t *name;
 
-	if (json_array_size(names) == 0)
-		return;
-	(void)fprintf(stderr, "%s %s:", drive, what);
 	json_array_foreach(names, i, name)(void) fprintf(stderr, " %s", json_string_value(name));
 	(void)fputc('\n', stderr);
 }
@@ -256,10 +256,17 @@ static void report_saved(const struct db_ctl *ctl, const struct db_params *drive
 		return;
 	}
 	if (!is_standard)
-		(void)printf("%s: saved in %s\n", drive->name, path);
+		db_ctl_say_line(stdout, "%s: saved in %s", drive->name, path);
 	(void)fflush(stdout);
-	print_names(drive->name, "does not have or tell", untold);
-	print_names(drive->name, "should have told, and did not", drive->missing);
+	/* On standard error, because standard output may be the file. */
+	if (json_array_size(untold) > 0) {
+		(void)fprintf(stderr, db_ctl_say("%s does not have or tell:"), drive->name);
+		print_names(untold);
+	}
+	if (json_array_size(drive->missing) > 0) {
+		(void)fprintf(stderr, db_ctl_say("%s should have told, and did not:"), drive->name);
+		print_names(drive->missing);
+	}
 }
 
 static enum db_ctl_status save_set(const struct db_ctl *ctl, const struct db_params *drive,
@@ -330,10 +337,10 @@ static void print_differences(const struct db_ctl *ctl, const struct db_params *
 	size_t i;
 	const json_t *item;
 
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "NAME");
+	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_ctl_say("NAME"));
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", one->name);
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", other->name);
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "UNIT");
+	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_ctl_say("UNIT"));
 	json_array_foreach(differ, i, item)
 	{
 		const char *name = json_string_value(item);
@@ -409,8 +416,8 @@ enum db_ctl_status db_ctl_params_diff(struct db_ctl *ctl, int count, char **argu
 			               count_without_default(&sets[i]) :
 			               0;
 			if (open > 0 && !ctl->json)
-				(void)fprintf(stderr, "of %zu others no default is documented\n",
-				              open);
+				db_ctl_say_line(stderr, "of %zu others no default is documented",
+				                open);
 		}
 		status = json_array_size(differ) > 0 ? DB_CTL_NO : DB_CTL_OK;
 	} else if (status == DB_CTL_NO) {

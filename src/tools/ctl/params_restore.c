@@ -7,6 +7,7 @@
 #include "ctl/grid.h"
 #include "ctl/params_source.h"
 #include "ctl/plant.h"
+#include "ctl/say.h"
 #include "params/writer.h"
 #include "words/value.h"
 
@@ -35,9 +36,9 @@ static enum db_ctl_status check_drive(const struct restore *restore)
 	if (status != DB_CTL_OK)
 		return status;
 	if (strcmp(file->identity, drive->identity) != 0 && !restore->ctl->json)
-		(void)fprintf(
+		db_ctl_say_line(
 			stderr,
-			"another model or firmware: the file is of \"%s\", and %s is \"%s\"\n",
+			"another model or firmware: the file is of \"%s\", and %s is \"%s\"",
 			file->identity, drive->name, drive->identity);
 	/* They change a running motion, and some drives accept or report them only at
 	 * standstill. */
@@ -72,10 +73,10 @@ static void show_plan(const struct restore *restore)
 
 	if (!grid)
 		return;
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "NAME");
+	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_ctl_say("NAME"));
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", restore->drive.name);
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", restore->file.name);
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "UNIT");
+	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_ctl_say("UNIT"));
 	json_array_foreach(restore->plan, i, names)
 	{
 		json_array_foreach(names, at, name)
@@ -86,18 +87,21 @@ static void show_plan(const struct restore *restore)
 	if (json_array_size(restore->plan) > 0)
 		db_ctl_grid_print(grid, restore->ctl->colour, 0, "\n", stdout);
 	else
-		(void)printf("%s has what is in %s\n", restore->drive.name, restore->file.name);
+		db_ctl_say_line(stdout, "%s has what is in %s", restore->drive.name,
+		                restore->file.name);
 	db_ctl_grid_free(grid);
 	json_array_foreach(restore->ctl->with_address ? NULL : restore->changes.addresses, i, name)
 	{
-		(void)printf("%s is the drive's address or bit rate and stays as it is; "
-		             "--with-address writes it\n",
-		             json_string_value(name));
+		db_ctl_say_line(stdout,
+		                "%s is the drive's address or bit rate and stays as it is; "
+		                "--with-address writes it",
+		                json_string_value(name));
 	}
 	json_array_foreach(restore->changes.states, i, name)
 	{
-		(void)printf("%s stays as it is: it is what the drive does now, and no setting\n",
-		             json_string_value(name));
+		db_ctl_say_line(stdout,
+		                "%s stays as it is: it is what the drive does now, and no setting",
+		                json_string_value(name));
 	}
 	(void)fflush(stdout);
 }
@@ -111,6 +115,7 @@ static void report(const struct restore *restore, const char *name, const char *
 	const json_t *reg = db_words_look_up(restore->drive.registers, name);
 	const json_t *value = db_params_value(&restore->file, name);
 	char text[DB_WORDS_VALUE_MAX];
+	char room[DB_WORDS_TEXT_MAX];
 	json_t *object;
 
 	if (restore->ctl->json) {
@@ -121,7 +126,8 @@ static void report(const struct restore *restore, const char *name, const char *
 		return;
 	}
 	db_words_write_value(reg, value, text, sizeof(text));
-	(void)printf("%s = %s: %s%s%s\n", name, text, result, reason[0] ? ": " : "", reason);
+	(void)printf("%s = %s: %s%s%s\n", name, text, db_ctl_say_name(result),
+	             reason[0] ? ": " : "", db_ctl_translate(reason, room));
 	(void)fflush(stdout);
 }
 
@@ -188,7 +194,7 @@ static enum db_ctl_status save(const struct restore *restore)
 
 	if (answer && !ctl->json)
 		(void)printf("%s: save_parameters: %s\n", restore->drive.name,
-		             db_words_text(answer, "result"));
+		             db_ctl_say_name(db_words_text(answer, "result")));
 	json_decref(answer);
 	return status;
 }
@@ -197,22 +203,28 @@ static enum db_ctl_status save(const struct restore *restore)
 static void print_end(const struct restore *restore)
 {
 	const struct db_params_writer *writer = &restore->writer;
-	size_t left = db_params_plan_size(restore->plan) - json_array_size(writer->written);
+	size_t written = json_array_size(writer->written);
+	size_t left = db_params_plan_size(restore->plan) - written;
 	bool over = writer->over[0] != '\0';
 	const char *name;
 	const json_t *reason;
 
 	json_object_foreach(writer->failed, name, reason)
 	{
-		report(restore, name, over ? "stopped" : "failed", json_string_value(reason));
+		report(restore, name, over ? DB_CTL_TEXT("stopped") : DB_CTL_TEXT("failed"),
+		       json_string_value(reason));
 	}
 	if (restore->ctl->json)
 		return;
-	(void)printf("%s: %zu written", restore->drive.name, json_array_size(writer->written));
-	if (left > 0)
-		(void)printf(", %zu not%s", left,
-		             over ? "; the same command goes on with them" : "");
-	(void)putchar('\n');
+	if (left == 0)
+		db_ctl_say_line(stdout, "%s: %zu written", restore->drive.name, written);
+	else
+		db_ctl_say_line(
+			stdout,
+			over ? DB_CTL_TEXT(
+				       "%s: %zu written, %zu not; the same command goes on with them") :
+			       DB_CTL_TEXT("%s: %zu written, %zu not"),
+			restore->drive.name, written, left);
 	(void)fflush(stdout);
 }
 
@@ -246,9 +258,10 @@ static enum db_ctl_status carry_out(struct restore *restore)
 			status = save(restore);
 			saved = status == DB_CTL_OK;
 		} else if (!ctl->json && json_array_size(writer->written) > 0) {
-			(void)printf("not saved in the drive yet: drivebridgectl run %s "
-			             "save_parameters\n",
-			             restore->drive.name);
+			db_ctl_say_line(stdout,
+			                "not saved in the drive yet: drivebridgectl run %s "
+			                "save_parameters",
+			                restore->drive.name);
 		}
 	} else if (ctl->save) {
 		status = db_ctl_complain(

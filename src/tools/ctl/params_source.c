@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/params_source.h"
 #include "ctl/plant.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <errno.h>
@@ -25,7 +26,8 @@ static void ask_drive(struct db_ctl *ctl, const char *name, char *reason, size_t
 
 	reason[0] = '\0';
 	if (!json_is_true(json_object_get(ctl->description, "may_act"))) {
-		(void)snprintf(reason, size, "you may only look, and not have a drive read");
+		(void)snprintf(reason, size, "%s",
+		               DB_CTL_TEXT("you may only look, and not have a drive read"));
 		return;
 	}
 	if (db_client_call(ctl->client, "Run",
@@ -45,6 +47,7 @@ enum db_ctl_status db_ctl_params_read_drive(struct db_ctl *ctl, const json_t *fa
 	enum db_ctl_status status = DB_CTL_OK;
 	json_t *answer;
 	char reason[512] = "";
+	char room[DB_WORDS_TEXT_MAX];
 	json_int_t oldest_ms;
 
 	*params = (struct db_params){ .values = NULL };
@@ -65,13 +68,13 @@ enum db_ctl_status db_ctl_params_read_drive(struct db_ctl *ctl, const json_t *fa
 	oldest_ms = db_params_oldest_ms(params);
 	/* On standard error, also with --json, because standard output may be the file. */
 	if (reason[0] && status == DB_CTL_OK && oldest_ms >= 0)
-		(void)fprintf(stderr,
-		              "%s was not read now (%s): its values were read up to %.1f s ago\n",
-		              name, reason, (double)oldest_ms / 1000.0);
+		db_ctl_say_line(stderr,
+		                "%s was not read now (%s): its values were read up to %.1f s ago",
+		                name, db_ctl_translate(reason, room), (double)oldest_ms / 1000.0);
 	else if (reason[0] && status == DB_CTL_OK)
-		(void)fprintf(stderr,
-		              "%s was not read now (%s): how old its values are is not known\n",
-		              name, reason);
+		db_ctl_say_line(stderr,
+		                "%s was not read now (%s): how old its values are is not known",
+		                name, db_ctl_translate(reason, room));
 	return status;
 }
 
@@ -107,9 +110,9 @@ static char *read_text(const char *path, const char **problem)
 	if (!text || ferror(file))
 		*problem = strerror(errno);
 	else if (length == DB_PARAMS_FILE_MAX)
-		*problem = "it is too long for a file of parameters";
+		*problem = DB_CTL_TEXT("it is too long for a file of parameters");
 	else if (strlen(text) < length)
-		*problem = "it has zero bytes in it: this is no file of parameters";
+		*problem = DB_CTL_TEXT("it has zero bytes in it: this is no file of parameters");
 	if (file && !is_standard)
 		(void)fclose(file);
 	if (!*problem)
@@ -141,7 +144,7 @@ enum db_ctl_status db_ctl_params_read_file(const struct db_ctl *ctl, const json_
 		(void)db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.BadFile", "%s",
 		                      said ? said : "out of memory");
 	} else if (!right) {
-		(void)fputs(said ? said : "drivebridgectl: out of memory\n", stderr);
+		db_ctl_translate_lines(stderr, said ? said : "drivebridgectl: out of memory\n");
 	}
 	free(said);
 	return right ? DB_CTL_OK : DB_CTL_USAGE;

@@ -60,11 +60,12 @@ void db_ctl_fit_drives(struct db_ctl_grid *grid, unsigned width)
 
 void db_ctl_add_heads(struct db_ctl_grid *grid)
 {
-	static const char *const heads[] = { "DRIVE",    "BUS", "STATE", "POSITION",
-		                             "VELOCITY", "AGE", "NEEDS" };
+	static const char *const heads[] = { DB_CTL_TEXT("DRIVE"),    DB_CTL_TEXT("BUS"),
+		                             DB_CTL_TEXT("STATE"),    DB_CTL_TEXT("POSITION"),
+		                             DB_CTL_TEXT("VELOCITY"), DB_CTL_TEXT("AGE"),
+		                             DB_CTL_TEXT("NEEDS") };
 
-	for (size_t i = 0; i < sizeof(heads) / sizeof(heads[0]); i++)
-		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_ctl_say(heads[i]));
+	db_ctl_grid_add_heads(grid, heads, sizeof(heads) / sizeof(heads[0]));
 }
 
 /* In the user's units if they have a name, else in the drive's own. */

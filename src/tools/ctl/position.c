@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <stdio.h>
@@ -31,7 +32,7 @@ static void add_row(struct db_ctl_grid *grid, const json_t *position)
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld",
 	                (long long)json_integer_value(json_object_get(position, "counts")));
 	db_ctl_grid_add(grid, flaw[0] ? DB_CTL_YELLOW : DB_CTL_PLAIN, "%s",
-	                flaw[0] ? flaw : "good");
+	                flaw[0] ? db_ctl_say_name(flaw) : db_ctl_say("good"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", when);
 	add_text(grid, DB_CTL_PLAIN, position, "taught_by");
 }
@@ -41,29 +42,30 @@ static void print_positions(const struct db_ctl *ctl, const char *drive, const j
 	const json_t *positions = json_object_get(answer, "positions");
 	const char *trouble = db_words_text(answer, "trouble");
 	struct db_ctl_grid *grid = db_ctl_grid_new("lrrlll");
-	static const char *const heads[] = {
-		"NAME", "POSITION", "COUNTS", "STATE", "TAUGHT", "BY"
-	};
+	char room[DB_WORDS_TEXT_MAX];
+	static const char *const heads[] = { DB_CTL_TEXT("NAME"),   DB_CTL_TEXT("POSITION"),
+		                             DB_CTL_TEXT("COUNTS"), DB_CTL_TEXT("STATE"),
+		                             DB_CTL_TEXT("TAUGHT"), DB_CTL_TEXT("BY") };
 	const json_t *position;
 	size_t i;
 
-	for (i = 0; i < sizeof(heads) / sizeof(heads[0]); i++)
-		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", heads[i]);
+	db_ctl_grid_add_heads(grid, heads, sizeof(heads) / sizeof(heads[0]));
 	json_array_foreach(positions, i, position) add_row(grid, position);
 	if (json_array_size(positions) > 0)
 		db_ctl_grid_print(grid, ctl->colour, db_ctl_width(stdout), "\n", stdout);
 	else
-		(void)printf("%s has no named positions\n", drive);
+		db_ctl_say_line(stdout, "%s has no named positions", drive);
 	db_ctl_grid_free(grid);
 	json_array_foreach(positions, i, position)
 	{
 		const char *advice = db_words_text(position, "advice");
 
 		if (advice[0])
-			(void)printf("%s: %s\n", db_words_text(position, "name"), advice);
+			(void)printf("%s: %s\n", db_words_text(position, "name"),
+			             db_ctl_translate(advice, room));
 	}
 	if (trouble[0])
-		(void)printf("%s\n", trouble);
+		(void)printf("%s\n", db_ctl_translate(trouble, room));
 }
 
 static enum db_ctl_status list(struct db_ctl *ctl, const char *drive)
@@ -97,9 +99,9 @@ static enum db_ctl_status teach(struct db_ctl *ctl, const char *drive, const cha
 	if (answer && ctl->json)
 		db_ctl_print_json(position);
 	else if (answer)
-		(void)printf("%s: %s is at %.10g%s%s\n", drive, name,
-		             json_number_value(json_object_get(position, "units")),
-		             unit[0] ? " " : "", unit);
+		db_ctl_say_line(stdout, "%s: %s is at %.10g%s%s", drive, name,
+		                json_number_value(json_object_get(position, "units")),
+		                unit[0] ? " " : "", unit);
 	json_decref(answer);
 	return status;
 }
@@ -112,7 +114,7 @@ static enum db_ctl_status forget(struct db_ctl *ctl, const char *drive, const ch
 	                             DB_CTL_TIMEOUT_MS, &status);
 
 	if (answer && !ctl->json)
-		(void)printf("%s: %s is forgotten\n", drive, name);
+		db_ctl_say_line(stdout, "%s: %s is forgotten", drive, name);
 	json_decref(answer);
 	return status;
 }

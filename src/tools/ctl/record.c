@@ -2,6 +2,7 @@
 #include "client/clock.h"
 #include "ctl/ctl_private.h"
 #include "ctl/rows.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <errno.h>
@@ -80,8 +81,8 @@ static void add_column(struct recording *recording, const char *argument)
 	if (!dot || (size_t)(dot - argument) >= sizeof(column->drive) ||
 	    recording->column_count == COLUMNS_MAX) {
 		recording->status = usage(recording->ctl, "record", argument,
-		                          dot ? "not more than 64 values" :
-		                                "DRIVE.NAME, such as feeder.position");
+		                          dot ? DB_CTL_TEXT("not more than 64 values") :
+		                                DB_CTL_TEXT("DRIVE.NAME, such as feeder.position"));
 		return;
 	}
 	(void)snprintf(column->drive, sizeof(column->drive), "%.*s", (int)(dot - argument),
@@ -128,7 +129,7 @@ static void read_seconds(struct recording *recording, const char *option, const 
 		*us = (json_int_t)(seconds * 1e6);
 	else
 		recording->status = usage(recording->ctl, option, text,
-		                          "a number of seconds, such as 2.5");
+		                          DB_CTL_TEXT("a number of seconds, such as 2.5"));
 }
 
 static void read_arguments(struct recording *recording, int count, char **arguments)
@@ -144,13 +145,15 @@ static void read_arguments(struct recording *recording, int count, char **argume
 		rows->samples_max = strtoll(ctl->samples, &end, 10);
 		if (*end != '\0' || rows->samples_max <= 0)
 			recording->status = usage(ctl, "--samples", ctl->samples,
-			                          "a number above 0");
+			                          DB_CTL_TEXT("a number above 0"));
 	}
 	if (ctl->plot && !db_ctl_plot_is_picture(ctl->plot))
-		recording->status = usage(ctl, "--plot", ctl->plot,
-		                          "terminal, or a file whose name ends with .svg");
+		recording->status = usage(
+			ctl, "--plot", ctl->plot,
+			DB_CTL_TEXT("terminal, or a file whose name ends with .svg"));
 	if (ctl->before && !ctl->trigger)
-		recording->status = usage(ctl, "--before", ctl->before, "only with a trigger");
+		recording->status = usage(ctl, "--before", ctl->before,
+		                          DB_CTL_TEXT("only with a trigger"));
 	for (int i = 0; recording->status == DB_CTL_OK && i < count; i++)
 		add_column(recording, arguments[i]);
 	if (recording->status == DB_CTL_OK && ctl->trigger)
@@ -236,14 +239,18 @@ static void finish(struct recording *recording)
 	if (recording->error != 0 && recording->status == DB_CTL_OK)
 		recording->status = db_ctl_complain(
 			ctl, DB_CTL_NO, "io.drivebridge.Client.File", "cannot write all of %s: %s",
-			path ? path : "the record", strerror(recording->error));
+			path ? path : DB_CTL_TEXT("the record"), strerror(recording->error));
 	if (recording->status == DB_CTL_OK && ctl->trigger && !recording->rows.begun)
 		recording->status = db_ctl_complain(ctl, DB_CTL_NO,
 		                                    "io.drivebridge.Client.NoTrigger",
 		                                    "%s did not come", ctl->trigger);
-	(void)fprintf(stderr, "%lld samples%s%s, %lld lost\n", (long long)recording->rows.written,
-	              ctl->output ? " in " : "", ctl->output ? ctl->output : "",
-	              (long long)recording->lost);
+	if (ctl->output)
+		db_ctl_say_line(stderr, "%lld samples in %s, %lld lost",
+		                (long long)recording->rows.written, ctl->output,
+		                (long long)recording->lost);
+	else
+		db_ctl_say_line(stderr, "%lld samples, %lld lost",
+		                (long long)recording->rows.written, (long long)recording->lost);
 	if (ctl->plot && recording->rows.written > 0 && recording->status == DB_CTL_OK)
 		recording->status = db_ctl_plot(ctl, path, recording->column_count + 2, ctl->plot);
 	if (recording->scratch[0])
@@ -275,7 +282,7 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 	}
 	write_out(recording);
 	if (waited && recording->rows.begun)
-		(void)fprintf(stderr, "%s came\n", recording->ctl->trigger);
+		db_ctl_say_line(stderr, "%s came", recording->ctl->trigger);
 	recording->ended = recording->ended || recording->rows.ended;
 }
 

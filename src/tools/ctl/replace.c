@@ -8,6 +8,7 @@
 #include "ctl/ctl_private.h"
 #include "ctl/params_source.h"
 #include "ctl/plant.h"
+#include "ctl/say.h"
 #include "ctl/search.h"
 #include "words/value.h"
 
@@ -39,8 +40,10 @@ static const char *name_of(const struct replacement *of)
 
 static void tell_step(const struct replacement *of, int number, const char *what)
 {
-	if (!of->ctl->json)
-		(void)printf("\nstep %d of 3: %s\n", number, what);
+	if (!of->ctl->json) {
+		(void)putchar('\n');
+		db_ctl_say_line(stdout, "step %d of 3: %s", number, db_ctl_say(what));
+	}
 	(void)fflush(stdout);
 }
 
@@ -141,7 +144,8 @@ static const json_t *choose_new(const struct replacement *of, const struct db_ct
 			"no new drive answers: check its power and its cable%s",
 			of->ctl->all_speeds ?
 				"" :
-				"; it may have another baud rate: --all-bauds looks there, too");
+				DB_CTL_TEXT(
+					"; it may have another baud rate: --all-bauds looks there, too"));
 	return NULL;
 }
 
@@ -188,9 +192,9 @@ static enum db_ctl_status bring_to_place(const struct replacement *of)
 	if (status == DB_CTL_OK && strcmp(verdict, "one") == 0) {
 		/* From an earlier attempt, or it was delivered with this address. */
 		if (!of->ctl->json)
-			(void)printf("a drive answers at address %lld%s%s\n",
-			             (long long)address_of(of->drive), identity[0] ? ": " : "",
-			             identity);
+			db_ctl_say_line(stdout, "a drive answers at address %lld%s%s",
+			                (long long)address_of(of->drive), identity[0] ? ": " : "",
+			                identity);
 		status = db_ctl_ask(of->ctl, "is it the new one?");
 	} else if (status == DB_CTL_OK && verdict[0]) {
 		status = db_ctl_complain(of->ctl, DB_CTL_NO, "io.drivebridge.Client.NotOne",
@@ -261,28 +265,31 @@ static enum db_ctl_status carry_out(const struct replacement *of)
 	enum db_ctl_status status = DB_CTL_OK;
 
 	if (!ctl->json)
-		(void)printf("%s: bus %s, address %lld; its parameters are in %s%s%s%s\n",
-		             name_of(of), db_words_text(of->bus, "name"),
-		             (long long)address_of(of->drive), of->path,
-		             of->file.identity[0] ? " (of " : "", of->file.identity,
-		             of->file.identity[0] ? ")" : "");
-	tell_step(of, 1, "find the new drive and give it this address");
+		db_ctl_say_line(stdout, "%s: bus %s, address %lld; its parameters are in %s%s%s%s",
+		                name_of(of), db_words_text(of->bus, "name"),
+		                (long long)address_of(of->drive), of->path,
+		                of->file.identity[0] ? " (" : "", of->file.identity,
+		                of->file.identity[0] ? ")" : "");
+	tell_step(of, 1, DB_CTL_TEXT("find the new drive and give it this address"));
 	/* A line without addresses has no other place. */
 	if (address_of(of->drive) > 0)
 		status = bring_to_place(of);
 	if (status == DB_CTL_OK) {
-		tell_step(of, 2, "wait until the service knows it");
+		tell_step(of, 2, DB_CTL_TEXT("wait until the service knows it"));
 		status = wait_until_known(of);
 	}
 	if (status == DB_CTL_OK) {
-		tell_step(of, 3, "write the parameters into it, and save them");
+		tell_step(of, 3, DB_CTL_TEXT("write the parameters into it, and save them"));
 		status = restore(of);
 	}
-	if (status == DB_CTL_OK && !ctl->json)
-		(void)printf(
-			"\n%s is replaced. Where its position is counted from is new: home it, or set its "
-			"position, before it moves\n",
+	if (status == DB_CTL_OK && !ctl->json) {
+		(void)putchar('\n');
+		db_ctl_say_line(
+			stdout,
+			"%s is replaced. Where its position is counted from is new: home it, or set its "
+			"position, before it moves",
 			name_of(of));
+	}
 	return status;
 }
 

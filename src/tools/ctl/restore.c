@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 
 #include <errno.h>
 #include <glob.h>
@@ -177,12 +178,16 @@ static enum db_ctl_status ask_for_port(const struct restore *restore, const char
 	(void)glob("/dev/serial/by-id/"
 	           "*",
 	           0, NULL, &here);
-	(void)printf("%s is not on this machine, which has\n", port);
+	db_ctl_say_line(stdout, "%s is not on this machine, which has", port);
 	for (size_t i = 0; i < here.gl_pathc; i++)
 		(void)printf("  %zu  %s\n", i + 1, here.gl_pathv[i]);
 	if (here.gl_pathc == 0)
-		(void)puts("  no serial adapter: plug it in and start again, or name a device");
-	(void)fputs("which one is it (a number, a path, Enter: leave it as it is)? ", stdout);
+		db_ctl_say_line(
+			stdout,
+			"  no serial adapter: plug it in and start again, or name a device");
+	(void)fputs(db_ctl_say("which one is it (a number, a path, Enter: leave it as it is)?"),
+	            stdout);
+	(void)fputc(' ', stdout);
 	(void)fflush(stdout);
 	if (fgets(line, sizeof(line), stdin))
 		take_choice(restore, port, &here, line);
@@ -285,9 +290,10 @@ static void copy_opcua(const struct restore *restore)
 	if (access(from, F_OK) != 0 || strcmp(restore->folder, DB_CTL_CONFIGURATION_FOLDER) != 0)
 		return;
 	if (access(to, F_OK) != 0 || !db_ctl_child_run(words, false))
-		(void)fputs("without the certificates of drivebridge-opcua, which is not installed "
-		            "here: install it and restore again\n",
-		            stderr);
+		db_ctl_say_line(
+			stderr,
+			"without the certificates of drivebridge-opcua, which is not installed "
+			"here: install it and restore again");
 }
 
 static enum db_ctl_status put_in_place(const struct restore *restore)
@@ -313,13 +319,15 @@ static enum db_ctl_status put_in_place(const struct restore *restore)
 	status = exchange(restore, "configuration", restore->folder, kept);
 	if (status != DB_CTL_OK || restore->ctl->json)
 		return status;
-	(void)printf("%s is as in %s; what was there is in %s\n", restore->folder, restore->file,
-	             kept);
-	(void)printf(
+	db_ctl_say_line(stdout, "%s is as in %s; what was there is in %s", restore->folder,
+	                restore->file, kept);
+	db_ctl_say_line(
+		stdout,
 		"parameters of the drives are in %s/parameters: drivebridgectl params restore DRIVE FILE writes "
-		"them into a drive that has others\n",
+		"them into a drive that has others",
 		restore->folder);
-	(void)puts(
+	db_ctl_say_line(
+		stdout,
 		"now: sudo systemctl restart drivebridge, and drivebridge-web, -mqtt and -opcua where they run");
 	return status;
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/assign.h"
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 
 #include <poll.h>
 #include <signal.h>
@@ -58,7 +59,8 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	                          DB_CTL_OK :
 	                          DB_CTL_NO;
 	if (!running->ctl->json) {
-		(void)printf("%s: %s: %s\n", running->drive, running->command, result);
+		(void)printf("%s: %s: %s\n", running->drive, running->command,
+		             db_ctl_say_name(result));
 		return;
 	}
 	object = json_pack("{s:s, s:s, s:s}", "drive", running->drive, "command", running->command,
@@ -128,8 +130,8 @@ static void say_that_it_is_disabled(struct db_ctl *ctl, const struct running *ru
 			json_integer_value(
 				json_object_get(json_object_get(answer, "values"), "axis_state")));
 	if (state && strcmp(state, "Disabled") == 0)
-		(void)fprintf(stderr, "%s is disabled: drivebridgectl enable %s\n", running->drive,
-		              running->drive);
+		db_ctl_say_line(stderr, "%s is disabled: drivebridgectl enable %s", running->drive,
+		                running->drive);
 	db_client_error_clear(&error);
 	json_decref(answer);
 }
@@ -152,6 +154,7 @@ static void print_commands(const struct db_ctl *ctl, const json_t *commands)
 	json_array_foreach(commands, i, command)
 	{
 		char usage[512];
+		char room[DB_WORDS_TEXT_MAX];
 		size_t length;
 
 		(void)snprintf(usage, sizeof(usage), "%s", db_words_text(command, "name"));
@@ -162,7 +165,8 @@ static void print_commands(const struct db_ctl *ctl, const json_t *commands)
 			               json_string_value(name));
 		}
 		db_ctl_wrap(stdout, DB_CTL_WIDTH, 0, 4, usage);
-		db_ctl_wrap(stdout, DB_CTL_WIDTH, 8, 8, db_words_text(command, "description"));
+		db_ctl_wrap(stdout, DB_CTL_WIDTH, 8, 8,
+		            db_ctl_translate(db_words_text(command, "description"), room));
 	}
 }
 

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/say.h"
 
+#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -36,6 +37,16 @@ const char *db_ctl_say_count(size_t count, const char *one, const char *several)
 	return db_words_find_count(language, count, one, several);
 }
 
+void db_ctl_say_line(FILE *out, const char *english, ...)
+{
+	va_list arguments;
+
+	va_start(arguments, english);
+	(void)vfprintf(out, db_ctl_say(english), arguments);
+	va_end(arguments);
+	(void)fputc('\n', out);
+}
+
 const char *db_ctl_say_name(const char *name)
 {
 	char words[128];
@@ -52,4 +63,31 @@ const char *db_ctl_say_name(const char *name)
 const char *db_ctl_translate(const char *english, char room[DB_WORDS_TEXT_MAX])
 {
 	return db_words_in(language, english, room);
+}
+
+void db_ctl_translate_lines(FILE *out, const char *english)
+{
+	while (*english) {
+		size_t blanks = strspn(english, " ");
+		size_t length = strcspn(english, "\n");
+		char line[DB_WORDS_TEXT_MAX];
+		char room[DB_WORDS_TEXT_MAX];
+
+		if (length >= sizeof(line)) {
+			(void)fprintf(out, "%.*s", (int)length, english);
+		} else {
+			memcpy(line, english, length);
+			line[length] = '\0';
+			(void)fprintf(out, "%.*s%s", (int)blanks, line,
+			              db_words_in(language, line + blanks, room));
+		}
+		english += length;
+		if (*english == '\n')
+			(void)fputc(*english++, out);
+	}
+}
+
+const struct db_words_language *db_ctl_language(void)
+{
+	return language;
 }

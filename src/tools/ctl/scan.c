@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
+#include "ctl/say.h"
 #include "ctl/search.h"
 #include "setup/sections.h"
 #include "words/value.h"
@@ -29,11 +30,12 @@ static void add_place(struct db_ctl_grid *grid, const json_t *find)
 {
 	const json_t *drives = json_object_get(find, "drives");
 	const char *verdict = verdict_of(find);
-	char text[DB_WORDS_VALUE_MAX] = "new";
+	char text[DB_WORDS_VALUE_MAX];
 	size_t used = 0;
 	size_t i;
 	const json_t *name;
 
+	(void)snprintf(text, sizeof(text), "%s", db_ctl_say("new"));
 	json_array_foreach(drives, i, name)
 	{
 		if (used < sizeof(text))
@@ -44,7 +46,8 @@ static void add_place(struct db_ctl_grid *grid, const json_t *find)
 		db_ctl_grid_add(grid, used > 0 ? DB_CTL_PLAIN : DB_CTL_GREEN, "%s", text);
 	else
 		db_ctl_grid_add(grid, DB_CTL_RED, "%s%s%s",
-		                strcmp(verdict, "two") == 0 ? "two drives" : "nothing readable",
+		                strcmp(verdict, "two") == 0 ? db_ctl_say("two drives") :
+		                                              db_ctl_say("nothing readable"),
 		                used > 0 ? ": " : "", used > 0 ? text : "");
 }
 
@@ -63,7 +66,7 @@ static void add_find(struct db_ctl_grid *grid, const json_t *find, const json_t 
 	const char *other = db_words_text(find, "other");
 
 	(void)snprintf(identity, sizeof(identity), "%s%s%s", db_words_text(find, "identity"),
-	               other[0] ? " and " : "", other);
+	               other[0] ? db_ctl_say(" and ") : "", other);
 	db_words_clean(identity);
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%lld", (long long)number_of(find, "address"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(find, "speed"));
@@ -78,16 +81,18 @@ static void add_find(struct db_ctl_grid *grid, const json_t *find, const json_t 
 static void print_table(const struct db_ctl *ctl, const struct db_ctl_search *search,
                         const json_t *bus)
 {
-	static const char *const heads[] = { "ADDRESS", "BIT/S", "PROTOCOL", "IDENTITY",
-		                             "FASTEST", "MEAN",  "SLOWEST",  "CONFIGURED AS" };
+	static const char *const heads[] = {
+		DB_CTL_TEXT("ADDRESS"),  DB_CTL_TEXT("BIT/S"),        DB_CTL_TEXT("PROTOCOL"),
+		DB_CTL_TEXT("IDENTITY"), DB_CTL_TEXT("FASTEST"),      DB_CTL_TEXT("MEAN"),
+		DB_CTL_TEXT("SLOWEST"),  DB_CTL_TEXT("CONFIGURED AS")
+	};
 	struct db_ctl_grid *grid = db_ctl_grid_new("rrllrrrl");
 	size_t i;
 	const json_t *find;
 
 	if (!grid)
 		return;
-	for (i = 0; i < sizeof(heads) / sizeof(heads[0]); i++)
-		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", heads[i]);
+	db_ctl_grid_add_heads(grid, heads, sizeof(heads) / sizeof(heads[0]));
 	json_array_foreach(search->finds, i, find) add_find(grid, find, bus);
 	db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
 	db_ctl_grid_free(grid);
@@ -98,12 +103,17 @@ static void print_foreign(const struct db_ctl_search *search)
 	size_t i;
 	const json_t *frame;
 
-	if (json_array_size(search->foreign) > 0)
-		(void)puts("\nother frames on this bus, of nobody who is configured here:");
-	json_array_foreach(search->foreign, i, frame)(void) printf(
-		json_is_true(json_object_get(frame, "extended")) ? "  %08llX %lld times\n" :
-								   "  %03llX %lld times\n",
-		(unsigned long long)number_of(frame, "id"), (long long)number_of(frame, "count"));
+	if (json_array_size(search->foreign) > 0) {
+		(void)putchar('\n');
+		db_ctl_say_line(stdout,
+		                "other frames on this bus, of nobody who is configured here:");
+	}
+	json_array_foreach(search->foreign, i, frame)
+	{
+		(void)printf("  %0*llX ", json_is_true(json_object_get(frame, "extended")) ? 8 : 3,
+		             (unsigned long long)number_of(frame, "id"));
+		db_ctl_say_line(stdout, "%lld times", (long long)number_of(frame, "count"));
+	}
 }
 
 /* Prints what the user has to do about it. */
@@ -116,21 +126,26 @@ static void print_advice(const struct db_ctl_search *search)
 	{
 		long long address = (long long)number_of(find, "address");
 
+		if (strcmp(verdict_of(find), "one") != 0)
+			(void)putchar('\n');
 		if (strcmp(verdict_of(find), "two") == 0)
-			(void)printf(
-				"\naddress %lld: two drives have it. Take one of them off the "
+			db_ctl_say_line(
+				stdout,
+				"address %lld: two drives have it. Take one of them off the "
 				"line, give the other an address of its own with drivebridgectl "
-				"address, and connect it again\n",
+				"address, and connect it again",
 				address);
 		else if (strcmp(verdict_of(find), "garbled") == 0)
-			(void)printf(
-				"\naddress %lld: bytes were received, but no valid answer: two "
+			db_ctl_say_line(
+				stdout,
+				"address %lld: bytes were received, but no valid answer: two "
 				"drives that talk at once, or a disturbed line. Take drives off "
-				"the line one by one; check wires, termination and ground\n",
+				"the line one by one; check wires, termination and ground",
 				address);
 	}
 	if (json_array_size(search->finds) == 0)
-		(void)puts(
+		db_ctl_say_line(
+			stdout,
 			"no drive answers: check power and wiring (A and B may be swapped), whether "
 			"protocol and line are right, and the baud rate: --all-bauds tries all of them");
 }
@@ -160,14 +175,18 @@ static void print_found(const struct db_ctl *ctl, const struct db_ctl_search *se
 	print_foreign(search);
 	if (!search->interrupted)
 		print_advice(search);
-	if (search->wait_us < WAIT_SHORT_US)
-		(void)printf(
-			"\neach address was given %.1f ms to begin its answer, as much as the cycle "
+	if (search->wait_us < WAIT_SHORT_US) {
+		(void)putchar('\n');
+		db_ctl_say_line(
+			stdout,
+			"each address was given %.1f ms to begin its answer, as much as the cycle "
 			"leaves: a slower drive is found\nwith a longer cycle-ms, or with the "
-			"bus out of service (--baud)\n",
+			"bus out of service (--baud)",
 			(double)search->wait_us / 1000);
+	}
 	if (configuration && configuration[0])
-		(void)printf("\nfor the configuration, then drivebridgectl reload:\n\n%s",
+		(void)printf("\n%s\n\n%s",
+		             db_ctl_say("for the configuration, then drivebridgectl reload:"),
 		             configuration);
 	free(configuration);
 }
@@ -213,9 +232,10 @@ enum db_ctl_status db_ctl_scan(struct db_ctl *ctl, int count, char **arguments)
 	if (!parameters)
 		return DB_CTL_USAGE;
 	if (aside && !ctl->json)
-		(void)printf(
+		db_ctl_say_line(
+			stdout,
 			"bus %s is taken out of service for this: its drives, which must stand, are left as "
-			"on-exit says, and\nare offline for every PLC until the scan has ended\n",
+			"on-exit says, and\nare offline for every PLC until the scan has ended",
 			arguments[0]);
 	status = aside ? db_ctl_ask(ctl, "go on?") : DB_CTL_OK;
 	if (status != DB_CTL_OK) {

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/search.h"
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 
 #include <poll.h>
 #include <signal.h>
@@ -33,7 +34,8 @@ static void show_progress(const struct stream *stream, const json_t *parameters)
 {
 	if (!stream->progress)
 		return;
-	(void)fprintf(stderr, "\r\033[K%lld of %lld addresses asked, %zu found; at %lld bit/s",
+	(void)fputs("\r\033[K", stderr);
+	(void)fprintf(stderr, db_ctl_say("%lld of %lld addresses asked, %zu found; at %lld bit/s"),
 	              (long long)json_integer_value(json_object_get(parameters, "asked")),
 	              (long long)json_integer_value(json_object_get(parameters, "total")),
 	              json_array_size(stream->search->finds),

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -38,12 +40,16 @@ enum db_ctl_status db_ctl_reload(struct db_ctl *ctl, int count, char **arguments
 	if (answer && ctl->json)
 		db_ctl_print_json(answer);
 	if (answer && !ctl->json) {
-		json_array_foreach(messages, i, message)(void)
-			fprintf(stderr, "%s\n", json_string_value(message));
+		json_array_foreach(messages, i, message)
+		{
+			db_ctl_translate_lines(stderr, json_string_value(message));
+			(void)fputc('\n', stderr);
+		}
 		if (json_array_size(messages) == 0)
-			(void)puts("the configuration is in force");
+			db_ctl_say_line(stdout, "the configuration is in force");
 		else
-			(void)fputs("drivebridgectl: nothing was changed\n", stderr);
+			(void)fprintf(stderr, "drivebridgectl: %s\n",
+			              db_ctl_say("nothing was changed"));
 	}
 	if (answer && json_array_size(messages) > 0)
 		status = DB_CTL_NO;
@@ -73,8 +79,7 @@ void db_ctl_find_service(char *path, size_t size)
 	(void)snprintf(path, size, "/usr/sbin/drivebridged");
 }
 
-/* The child's lines on both of its outputs. */
-static json_t *collect_lines(FILE *from)
+static json_t *read_lines(FILE *from)
 {
 	json_t *lines = json_array();
 	char *line = NULL;
@@ -88,6 +93,44 @@ static json_t *collect_lines(FILE *from)
 	return lines;
 }
 
+/* Runs the service's check and waits for its end. Returns the lines of its messages, `all`: also of what it prints
+ * otherwise. NULL: errno has the reason. */
+static json_t *run_check(char *words[], bool all, int *state)
+{
+	posix_spawn_file_actions_t actions;
+	json_t *lines = NULL;
+	int ends[2] = { -1, -1 };
+	pid_t child = -1;
+	FILE *from = NULL;
+	int error;
+
+	if (pipe2(ends, O_CLOEXEC) != 0)
+		return NULL;
+	error = posix_spawn_file_actions_init(&actions);
+	if (error == 0) {
+		error = posix_spawn_file_actions_adddup2(&actions, ends[1], STDERR_FILENO);
+		if (error == 0 && all)
+			error = posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
+		if (error == 0)
+			error = posix_spawn(&child, words[0], &actions, NULL, words, environ);
+		(void)posix_spawn_file_actions_destroy(&actions);
+	}
+	(void)close(ends[1]);
+	if (error == 0)
+		from = fdopen(ends[0], "r");
+	if (from) {
+		lines = read_lines(from);
+		(void)fclose(from);
+	} else {
+		error = error != 0 ? error : errno;
+		(void)close(ends[0]);
+	}
+	if (child > 0)
+		(void)waitpid(child, state, 0);
+	errno = error;
+	return lines;
+}
+
 enum db_ctl_status db_ctl_check(struct db_ctl *ctl, int count, char **arguments)
 {
 	char path[PATH_MAX];
@@ -95,47 +138,35 @@ enum db_ctl_status db_ctl_check(struct db_ctl *ctl, int count, char **arguments)
 	char config[] = "--config";
 	char *words[] = { path, check, count > 0 ? config : NULL, count > 0 ? arguments[0] : NULL,
 		          NULL };
-	int ends[2] = { -1, -1 };
 	int state = 0;
-	FILE *from;
-	pid_t child;
-	json_t *object;
+	json_t *lines = NULL;
+	const json_t *line;
+	size_t i;
 
 	db_ctl_find_service(path, sizeof(path));
-	if (!ctl->json) {
-		(void)execv(path, words);
-		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_UNREACHABLE, "%s: %s",
-		                       path, strerror(errno));
-	}
-	if (pipe2(ends, O_CLOEXEC) != 0)
-		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_UNREACHABLE, "%s: %s",
-		                       path, strerror(errno));
-	child = fork();
-	if (child < 0) {
-		int error = errno;
-
-		(void)close(ends[0]);
-		(void)close(ends[1]);
-		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_UNREACHABLE, "%s: %s",
-		                       path, strerror(error));
-	}
-	if (child == 0) {
-		(void)dup2(ends[1], STDOUT_FILENO);
-		(void)dup2(ends[1], STDERR_FILENO);
-		(void)execv(path, words);
-		_exit(127);
-	}
-	(void)close(ends[1]);
-	from = fdopen(ends[0], "r");
-	object = json_pack("{s:o}", "lines", from ? collect_lines(from) : json_array());
-	if (from)
-		(void)fclose(from);
+	(void)fflush(stdout);
+	/* In another language its messages are translated here; the service itself speaks English. */
+	if (ctl->json || db_ctl_language())
+		lines = run_check(words, ctl->json, &state);
 	else
-		(void)close(ends[0]);
-	(void)waitpid(child, &state, 0);
-	(void)json_object_set_new(object, "right",
-	                          json_boolean(WIFEXITED(state) && WEXITSTATUS(state) == 0));
-	db_ctl_print_json(object);
-	json_decref(object);
-	return WIFEXITED(state) && WEXITSTATUS(state) == 0 ? DB_CTL_OK : DB_CTL_NO;
+		(void)execv(path, words);
+	if (!lines)
+		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_UNREACHABLE, "%s: %s",
+		                       path, strerror(errno));
+	if (ctl->json) {
+		bool right = WIFEXITED(state) && WEXITSTATUS(state) == 0;
+		json_t *object = json_pack("{s:O, s:b}", "lines", lines, "right", right);
+
+		db_ctl_print_json(object);
+		json_decref(object);
+		json_decref(lines);
+		return right ? DB_CTL_OK : DB_CTL_NO;
+	}
+	json_array_foreach(lines, i, line)
+	{
+		db_ctl_translate_lines(stderr, json_string_value(line));
+		(void)fputc('\n', stderr);
+	}
+	json_decref(lines);
+	return WIFEXITED(state) ? (enum db_ctl_status)WEXITSTATUS(state) : DB_CTL_NO;
 }

@@ -4,6 +4,7 @@
 #include "ctl/say.h"
 #include "words/nearest.h"
 
+#include <ctype.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -30,7 +31,15 @@ enum db_ctl_status db_ctl_fail(const struct db_ctl *ctl, const struct db_client_
 		json_decref(object);
 	} else {
 		(void)fflush(stdout);
-		(void)fprintf(stderr, "drivebridgectl: %s\n", db_ctl_translate(error->text, room));
+		/* "refused: ...": the result is a word of the service, and the reason a text. */
+		if (strcmp(error->name, DB_CLIENT_SERVICE "Refused") == 0 && error->parameters)
+			(void)fprintf(
+				stderr, "drivebridgectl: %s: %s\n",
+				db_ctl_say_name(db_words_text(error->parameters, "result")),
+				db_ctl_translate(db_words_text(error->parameters, "reason"), room));
+		else
+			(void)fprintf(stderr, "drivebridgectl: %s\n",
+			              db_ctl_translate(error->text, room));
 	}
 	return of_client ? DB_CTL_UNREACHABLE : DB_CTL_NO;
 }
@@ -158,6 +167,8 @@ json_t *db_ctl_read_registers(struct db_ctl *ctl, const char *drive, enum db_ctl
 
 enum db_ctl_status db_ctl_ask(const struct db_ctl *ctl, const char *format, ...)
 {
+	/* The letter of the language is right as well as the English one. */
+	const char *yes = db_ctl_say("y");
 	char answer[16] = "";
 	va_list arguments;
 
@@ -167,11 +178,12 @@ enum db_ctl_status db_ctl_ask(const struct db_ctl *ctl, const char *format, ...)
 		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
 		                       "nobody can be asked here; --yes does it without");
 	va_start(arguments, format);
-	(void)vprintf(format, arguments);
+	(void)vprintf(db_ctl_say(format), arguments);
 	va_end(arguments);
-	(void)fputs(" [y/N] ", stdout);
+	(void)printf(" [%s/N] ", yes);
 	(void)fflush(stdout);
-	if (fgets(answer, sizeof(answer), stdin) && (answer[0] == 'y' || answer[0] == 'Y'))
+	if (fgets(answer, sizeof(answer), stdin) && (tolower((unsigned char)answer[0]) == 'y' ||
+	                                             tolower((unsigned char)answer[0]) == yes[0]))
 		return DB_CTL_OK;
 	return db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.Interrupted",
 	                       "nothing was done");

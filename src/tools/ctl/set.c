@@ -2,6 +2,7 @@
 #include "ctl/assign.h"
 #include "ctl/ctl_private.h"
 #include "ctl/plant.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <stdio.h>
@@ -44,7 +45,8 @@ enum db_ctl_status db_ctl_set(struct db_ctl *ctl, int count, char **arguments)
 		{
 			db_words_write_value(db_words_look_up(registers, name), value, text,
 			                     sizeof(text));
-			(void)printf("%s = %s: %s\n", name, text, db_words_text(answer, "result"));
+			(void)printf("%s = %s: %s\n", name, text,
+			             db_ctl_say_name(db_words_text(answer, "result")));
 		}
 	}
 	json_decref(answer);

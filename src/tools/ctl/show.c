@@ -2,6 +2,7 @@
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
 #include "ctl/plant.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <string.h>
@@ -24,6 +25,7 @@ static void print_values(const struct db_ctl *ctl, const json_t *registers, cons
 {
 	struct db_ctl_grid *grid = db_ctl_grid_new("lll");
 	char text[DB_WORDS_VALUE_MAX];
+	char room[DB_WORDS_TEXT_MAX];
 	size_t i;
 	const json_t *reg;
 	const char *description;
@@ -41,7 +43,7 @@ static void print_values(const struct db_ctl *ctl, const json_t *registers, cons
 		db_words_write_value(reg, value, text, sizeof(text));
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "  %s", name);
 		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", text);
-		description = db_words_text(reg, "description");
+		description = db_ctl_translate(db_words_text(reg, "description"), room);
 		/* The codes and conditions after the first words are printed only in the full
 		 * list. */
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%.*s",
@@ -62,24 +64,26 @@ static void print_head(const struct db_ctl *ctl, const json_t *drive)
 	json_t *buses = json_object_get(ctl->description, "buses");
 	const json_t *bus = db_words_look_up(buses, db_words_text(drive, "bus"));
 	const char *axis = db_words_text(drive, "axis");
+	const char *endpoint = db_words_text(drive, "endpoint");
 
 	if (drive == ctl->gateway) {
-		(void)printf("%sgateway%s: drivebridge %s, %s\n\n",
-		             db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD),
+		(void)printf("%s%s%s: drivebridge %s, %s\n\n",
+		             db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD), db_ctl_say("gateway"),
 		             db_ctl_colour_end(ctl->colour, DB_CTL_BOLD),
 		             db_words_text(ctl->description, "version"),
 		             db_words_text(ctl->description, "configuration"));
 		return;
 	}
-	(void)printf("%s%s%s: %s on bus %s (%s), address %lld%s%s, unit %lld%s%s\n\n",
-	             db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD), db_words_text(drive, "name"),
-	             db_ctl_colour_end(ctl->colour, DB_CTL_BOLD), db_words_text(bus, "protocol"),
-	             db_words_text(drive, "bus"), db_words_text(bus, "device"),
-	             (long long)json_integer_value(json_object_get(drive, "address")),
-	             axis[0] ? " axis " : "", axis,
-	             (long long)json_integer_value(json_object_get(drive, "unit")),
-	             db_words_text(drive, "endpoint")[0] ? " of endpoint " : "",
-	             db_words_text(drive, "endpoint"));
+	(void)printf("%s%s%s: ", db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD),
+	             db_words_text(drive, "name"), db_ctl_colour_end(ctl->colour, DB_CTL_BOLD));
+	db_ctl_say_line(stdout, "%s on bus %s (%s), address %lld%s%s, unit %lld%s%s",
+	                db_words_text(bus, "protocol"), db_words_text(drive, "bus"),
+	                db_words_text(bus, "device"),
+	                (long long)json_integer_value(json_object_get(drive, "address")),
+	                axis[0] ? db_ctl_say(" axis ") : "", axis,
+	                (long long)json_integer_value(json_object_get(drive, "unit")),
+	                endpoint[0] ? db_ctl_say(" of endpoint ") : "", endpoint);
+	(void)putchar('\n');
 }
 
 enum db_ctl_status db_ctl_show(struct db_ctl *ctl, int count, char **arguments)
@@ -119,8 +123,9 @@ enum db_ctl_status db_ctl_show(struct db_ctl *ctl, int count, char **arguments)
 			json_decref(object);
 		} else {
 			print_head(ctl, drive);
-			print_values(ctl, registers, values, false, "values");
-			print_values(ctl, registers, values, true, "\nparameters");
+			print_values(ctl, registers, values, false, db_ctl_say("values"));
+			(void)putchar('\n');
+			print_values(ctl, registers, values, true, db_ctl_say("parameters"));
 		}
 	}
 	json_decref(names);

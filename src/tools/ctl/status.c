@@ -187,6 +187,7 @@ static void print_record(const json_t *trouble)
 static void print_configuration(const struct db_ctl *ctl, const json_t *trouble)
 {
 	struct db_ctl_judgement judgement;
+	char room[DB_WORDS_TEXT_MAX];
 	size_t i;
 	const json_t *message;
 
@@ -194,7 +195,8 @@ static void print_configuration(const struct db_ctl *ctl, const json_t *trouble)
 	print_advice(ctl, "", db_ctl_say("configuration"), &judgement);
 	print_record(trouble);
 	json_array_foreach(json_object_get(trouble, "errors"), i, message)
-		db_ctl_wrap(stdout, db_ctl_width(stdout), 2, 4, json_string_value(message));
+		db_ctl_wrap(stdout, db_ctl_width(stdout), 2, 4,
+	                    db_ctl_translate(json_string_value(message), room));
 }
 
 /* "all is well", "no faults, 1 hint", "2 to act on, 1 to look at". */
@@ -315,9 +317,9 @@ static size_t print_certificates(const struct db_ctl *ctl)
 		const char *name;
 		const char *what;
 	} ends[] = {
-		{ "ends", "the gateway's certificate ends" },
-		{ "client_ends", "the certificate of a connected client ends" },
-		{ "list_due", "a newer list of revoked certificates is due" },
+		{ "ends", DB_CTL_TEXT("the gateway's certificate ends") },
+		{ "client_ends", DB_CTL_TEXT("the certificate of a connected client ends") },
+		{ "list_due", DB_CTL_TEXT("a newer list of revoked certificates is due") },
 	};
 	const json_t *secure = json_object_get(ctl->description, "secure");
 	time_t now = time(NULL);

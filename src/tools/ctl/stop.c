@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "client/clock.h"
 #include "ctl/ctl_private.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <poll.h>
@@ -54,6 +55,7 @@ static void print_stopped(struct stopping *stopping, const json_t *one)
 	bool unknown = strcmp(result, "no_such_drive") == 0;
 	char drive[64];
 	char reason[256];
+	char room[DB_WORDS_TEXT_MAX];
 	json_t *object;
 
 	stopping->confirmed += confirmed;
@@ -71,8 +73,9 @@ static void print_stopped(struct stopping *stopping, const json_t *one)
 	(void)snprintf(reason, sizeof(reason), "%s", db_words_text(one, "reason"));
 	db_words_clean(drive);
 	db_words_clean(reason);
-	(void)printf("%s: %s: %s%s\n", drive, stopping->command,
-	             confirmed ? "ok" : "NOT CONFIRMED: ", reason);
+	(void)printf("%s: %s: %s%s%s\n", drive, stopping->command,
+	             confirmed ? db_ctl_say_name("ok") : db_ctl_say("NOT CONFIRMED"),
+	             confirmed ? "" : ": ", db_ctl_translate(reason, room));
 	(void)fflush(stdout);
 }
 
@@ -97,9 +100,10 @@ static void warn(struct stopping *stopping)
 {
 	stopping->warn_at = DB_TIME_NEVER;
 	if (!stopping->ctl->json)
-		(void)fputs("drivebridgectl: not confirmed yet; if somebody is in danger use the "
-		            "emergency stop\n",
-		            stderr);
+		(void)fprintf(
+			stderr, "drivebridgectl: %s\n",
+			db_ctl_say(
+				"not confirmed yet; if somebody is in danger use the emergency stop"));
 }
 
 /* One attempt, until it ends, with or without success. */

@@ -4,6 +4,7 @@
 #include "client/clock.h"
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
+#include "ctl/say.h"
 #include "words/value.h"
 
 #include <errno.h>
@@ -140,12 +141,16 @@ static json_int_t choose_kept(struct tracing *tracing, const char **bus)
 		                                db_words_text(one, "bus"));
 	}
 	json_decref(kept);
-	if (found == 0)
+	if (found == 0 && *bus)
 		tracing->status = db_ctl_complain(
 			ctl, DB_CTL_USAGE, DB_CLIENT_SERVICE "NoSuchTrace",
-			"no trace%s%s was kept%s%s; drivebridgectl traces lists those that were",
-			last ? "" : " ", last ? "" : ctl->kept, *bus ? " of bus " : "",
-			*bus ? *bus : "");
+			"no trace \"%s\" of bus %s was kept; drivebridgectl traces lists those that were",
+			ctl->kept, *bus);
+	else if (found == 0)
+		tracing->status = db_ctl_complain(
+			ctl, DB_CTL_USAGE, DB_CLIENT_SERVICE "NoSuchTrace",
+			"no trace \"%s\" was kept; drivebridgectl traces lists those that were",
+			ctl->kept);
 	else if (!tracing->bus)
 		tracing->status = db_ctl_complain(
 			ctl, DB_CTL_NO, DB_CLIENT_SERVICE "NoSuchBus",
@@ -214,9 +219,9 @@ static void close_output(struct tracing *tracing)
 		return;
 	}
 	if (!tracing->ctl->json)
-		(void)fprintf(stderr, "%lld records in %s, %lld missing\n",
-		              (long long)tracing->records, tracing->ctl->output,
-		              (long long)tracing->missed);
+		db_ctl_say_line(stderr, "%lld records in %s, %lld missing",
+		                (long long)tracing->records, tracing->ctl->output,
+		                (long long)tracing->missed);
 }
 
 /* Until it ends, the time is over or the user ends it. */
@@ -291,16 +296,18 @@ enum db_ctl_status db_ctl_trace(struct db_ctl *ctl, int count, char **arguments)
 
 static void print_kept(const struct db_ctl *ctl, const json_t *kept)
 {
-	static const char *const heads[] = { "NUMBER", "WHEN", "BUS", "DRIVE", "EVENT" };
+	static const char *const heads[] = { DB_CTL_TEXT("NUMBER"), DB_CTL_TEXT("WHEN"),
+		                             DB_CTL_TEXT("BUS"), DB_CTL_TEXT("DRIVE"),
+		                             DB_CTL_TEXT("EVENT") };
 	struct db_ctl_grid *grid = db_ctl_grid_new("rllll");
 	char when[DB_WORDS_TIME_MAX];
+	char room[DB_WORDS_TEXT_MAX];
 	size_t i;
 	const json_t *one;
 
 	if (!grid)
 		return;
-	for (i = 0; i < sizeof(heads) / sizeof(heads[0]); i++)
-		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", heads[i]);
+	db_ctl_grid_add_heads(grid, heads, sizeof(heads) / sizeof(heads[0]));
 	json_array_foreach(kept, i, one)
 	{
 		db_words_write_time(json_integer_value(json_object_get(one, "time_us")), when);
@@ -309,7 +316,8 @@ static void print_kept(const struct db_ctl *ctl, const json_t *kept)
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", when);
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_words_text(one, "bus"));
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_words_text(one, "drive"));
-		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_words_text(one, "event"));
+		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s",
+		                db_ctl_translate(db_words_text(one, "event"), room));
 	}
 	db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
 	db_ctl_grid_free(grid);
@@ -325,7 +333,8 @@ enum db_ctl_status db_ctl_traces(struct db_ctl *ctl, int count, char **arguments
 	if (kept && ctl->json)
 		db_ctl_print_json(kept);
 	else if (kept && json_array_size(kept) == 0)
-		(void)puts(
+		db_ctl_say_line(
+			stdout,
 			"no trace was kept: no drive was lost or at fault since the service began");
 	else if (kept)
 		print_kept(ctl, kept);

@@ -51,9 +51,11 @@ static void name_units(const json_t *reg, const char *users, const char *unit, c
 
 	if (own[0] == '\0')
 		(void)snprintf(problem, size, "it has no unit, and \"%s\" is none of it", unit);
+	else if (users)
+		(void)snprintf(problem, size, "\"%s\" is no unit of it; right are %s and %s", unit,
+		               own, users);
 	else
-		(void)snprintf(problem, size, "\"%s\" is no unit of it; right %s %s%s%s", unit,
-		               users ? "are" : "is", own, users ? " and " : "", users ? users : "");
+		(void)snprintf(problem, size, "\"%s\" is no unit of it; right is %s", unit, own);
 }
 
 json_t *db_ctl_parse_quantity(const json_t *reg, const char *users, double per_unit,

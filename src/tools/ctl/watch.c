@@ -2,6 +2,7 @@
 #include "ctl/ctl_private.h"
 #include "ctl/grid.h"
 #include "ctl/plant.h"
+#include "ctl/say.h"
 #include "ctl/terminal.h"
 #include "words/value.h"
 
@@ -97,12 +98,12 @@ static void print_buses(const struct watch *watch, unsigned columns)
 		if (used < sizeof(line))
 			used += (size_t)snprintf(
 				line + used, sizeof(line) - used,
-				"%s%s: load %.0f %%, cycle %.1f ms", i > 0 ? "   " : "",
+				db_ctl_say("%s%s: load %.0f %%, cycle %.1f ms"), i > 0 ? "   " : "",
 				db_words_text(bus, "name"),
 				json_number_value(json_object_get(figures, "utilisation")) / 10,
 				json_number_value(json_object_get(figures, "cycle_us")) / 1000);
 	}
-	(void)printf("%.*s\033[K\r\n\033[K\r\n", (int)columns, line);
+	(void)printf("%.*s\033[K\r\n\033[K\r\n", db_words_fit(line, columns), line);
 }
 
 static void redraw(struct watch *watch)
@@ -112,6 +113,7 @@ static void redraw(struct watch *watch)
 	unsigned lines = 24;
 	unsigned columns = 80;
 	time_t now = time(NULL);
+	const char *title = db_ctl_say("drivebridge  (q ends)");
 	char clock[16] = "";
 	struct tm local;
 	size_t i;
@@ -122,7 +124,7 @@ static void redraw(struct watch *watch)
 	db_ctl_terminal_size(&lines, &columns);
 	if (localtime_r(&now, &local))
 		(void)strftime(clock, sizeof(clock), "%H:%M:%S", &local);
-	(void)printf("\033[H%.*s\033[K\r\n", (int)columns, "drivebridge  (q ends)");
+	(void)printf("\033[H%.*s\033[K\r\n", db_words_fit(title, columns), title);
 	(void)printf("\033[1;%uH%s\r\n", columns > 9 ? columns - 8 : 1, clock);
 	print_buses(watch, columns);
 	db_ctl_add_heads(grid);

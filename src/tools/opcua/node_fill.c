@@ -151,6 +151,24 @@ static void fill_register(const struct db_opcua_nodes *nodes, struct db_opcua_no
 	}
 }
 
+/* A part of what is known of the drive itself; two of them the drive tells. */
+static void fill_identification(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
+                                bool valued)
+{
+	const struct db_opcua_shown *shown = node->subject.shown;
+	const struct db_opcua_branch *branch = node->subject.branch;
+	int type = branch->type == DB_OPCUA_MODEL ? UA_TYPES_LOCALIZEDTEXT : UA_TYPES_STRING;
+
+	set_head(node, UA_NODECLASS_VARIABLE, db_opcua_branch_name(&nodes->roster, branch),
+	         text_of(shown->tree, branch));
+	if (branch->type == DB_OPCUA_COMPONENT_NAME)
+		fill_name(node, shown->name, valued);
+	else if (branch->type == DB_OPCUA_LOCATION)
+		fill_text(node, shown->location, valued);
+	else
+		set_variable(node, UA_TYPES[type].typeId, false, false, DB_OPCUA_FIGURES_INTERVAL);
+}
+
 static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node *node, bool valued)
 {
 	struct db_opcua_shown *shown = node->subject.shown;
@@ -202,21 +220,10 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 		node->node.methodNode.method = db_opcua_node_call;
 		break;
 	case DB_OPCUA_COMPONENT_NAME:
-		set_head(node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
-		fill_name(node, shown->name, valued);
-		break;
 	case DB_OPCUA_LOCATION:
-		set_head(node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
-		fill_text(node, shown->location, valued);
-		break;
 	case DB_OPCUA_MODEL:
 	case DB_OPCUA_SOFTWARE_REVISION:
-		set_head(node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
-		set_variable(node,
-		             UA_TYPES[branch->type == DB_OPCUA_MODEL ? UA_TYPES_LOCALIZEDTEXT :
-		                                                       UA_TYPES_STRING]
-		                     .typeId,
-		             false, false, DB_OPCUA_FIGURES_INTERVAL);
+		fill_identification(nodes, node, valued);
 		break;
 	default:
 		fill_property(shown, branch, node, valued);

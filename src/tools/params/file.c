@@ -200,8 +200,8 @@ static void read_head(struct reading *reading, size_t section)
 			if (strcmp(value, FORMAT) != 0)
 				db_messages_add_error(
 					&reading->messages, key->line,
-					"the format is %.20s; this program reads format " FORMAT,
-					value);
+					"the format is %.20s; this program reads format %s", value,
+					FORMAT);
 		} else if (strcmp(key->name, "family") == 0) {
 			(void)snprintf(params->family, sizeof(params->family), "%s", value);
 			params->family_line = key->line;

@@ -74,6 +74,19 @@ __attribute__((format(printf, 2, 3))) static void add(struct db_setup_move *move
 	va_end(arguments);
 }
 
+/* A line of several: those after the first are indented. */
+__attribute__((format(printf, 2, 3))) static void add_line(struct db_setup_move *move,
+                                                           const char *format, ...)
+{
+	char line[sizeof(move->text)];
+	va_list arguments;
+
+	va_start(arguments, format);
+	(void)vsnprintf(line, sizeof(line), format, arguments);
+	va_end(arguments);
+	add(move, "%s%s\n", move->text[0] ? "  " : "", line);
+}
+
 const char *db_setup_move_check(const struct db_setup_move *move)
 {
 	return move->is_address && move->from == move->to ? "both addresses are the same" : NULL;
@@ -90,22 +103,32 @@ static void fail(struct db_setup_move *move, const char *name, const char *text)
 /* Where the drive may be, when that is not known. */
 static void doubt(struct db_setup_move *move, const char *why)
 {
+	long long from = (long long)move->from;
+	long long to = (long long)move->to;
+	const char *bus = bus_of(move);
+
 	move->doubted = true;
 	move->text[0] = '\0';
-	if (move->is_address)
-		add(move, "%s: the drive may be found at address %lld or %lld of %s; ", why,
-		    (long long)move->from, (long long)move->to, bus_of(move));
+	if (move->is_address && move->on_page)
+		add(move,
+		    "%s: the drive may be found at address %lld or %lld of %s; a scan of %s shows "
+		    "where",
+		    why, from, to, bus, bus);
+	else if (move->is_address)
+		add(move,
+		    "%s: the drive may be found at address %lld or %lld of %s; drivebridgectl scan "
+		    "%s shows where",
+		    why, from, to, bus, bus);
+	else if (move->on_page)
+		add(move,
+		    "%s: the drive at address %lld may be found at its former speed or at %lld "
+		    "bit/s; a scan of %s at all speeds shows where",
+		    why, from, to, bus);
 	else
 		add(move,
 		    "%s: the drive at address %lld may be found at its former speed or at %lld "
-		    "bit/s; ",
-		    why, (long long)move->from, (long long)move->to);
-	if (move->on_page)
-		add(move, "a scan of %s%s shows where", bus_of(move),
-		    move->is_address ? "" : " at all speeds");
-	else
-		add(move, "drivebridgectl scan %s%s shows where", bus_of(move),
-		    move->is_address ? "" : " --all-bauds");
+		    "bit/s; drivebridgectl scan %s --all-bauds shows where",
+		    why, from, to, bus);
 	fail(move, FOUND_ERROR("Doubtful"), move->text);
 }
 
@@ -141,53 +164,57 @@ static void announce(struct db_setup_move *move)
 {
 	long long from = (long long)move->from;
 	long long to = (long long)move->to;
-	const char *wrap = move->on_page ? " " : "\n  ";
 	long long now = (long long)(move->speed ? move->speed :
 	                                          json_integer_value(
 							  json_object_get(move->bus, "speed")));
 
-	add(move, "the drive at address %lld of %s%s%s%s gets %s %lld\n", from, bus_of(move),
-	    move->identity[0] ? " (" : "", move->identity, move->identity[0] ? ")" : "",
-	    what_of(move), to);
-	add(move, "  it must stand, and takes it %s\n",
-	    has_effect(move, "power_up") ? "when it is saved and its power was off and on" :
-	                                   "at once");
-	if (!move->is_address)
-		add(move,
-		    "  all drives of a bus must have the same bit rate, and the bus in the configuration "
-		    "too: as long as%sthey differ, those at ",
-		    wrap);
+	add_line(move,
+	         move->is_address ? "the drive at address %lld of %s gets address %lld" :
+	                            "the drive at address %lld of %s gets speed %lld",
+	         from, bus_of(move), to);
+	if (move->identity[0])
+		add_line(move, "it says that it is %s", move->identity);
+	add_line(
+		move,
+		has_effect(move, "power_up") ?
+			"it must stand, and takes it when it is saved and its power was off and on" :
+			"it must stand, and takes it at once");
+	if (!move->is_address) {
+		add_line(move,
+		         "all drives of a bus must have the same bit rate, and the bus in the "
+		         "configuration too");
+		add_line(move, "as long as they differ, those at %lld bit/s are offline", to);
+	}
 	if (!move->is_address && move->on_page)
-		add(move,
-		    "%lld bit/s are offline. The way back: the bit rate %lld for address %lld, spoken "
-		    "to at %lld bit/s\n",
-		    to, now, from, to);
+		add_line(
+			move,
+			"the way back: the bit rate %lld for address %lld, spoken to at %lld bit/s",
+			now, from, to);
 	else if (!move->is_address)
-		add(move,
-		    "%lld bit/s are offline. The way back: drivebridgectl baud %s %lld %lld --baud "
-		    "%lld\n",
-		    to, bus_of(move), from, now, to);
+		add_line(move, "the way back: drivebridgectl baud %s %lld %lld --baud %lld",
+		         bus_of(move), from, now, to);
 	else if (move->on_page)
-		add(move, "  the way back: give address %lld of %s the address %lld\n", to,
-		    bus_of(move), from);
+		add_line(move, "the way back: give address %lld of %s the address %lld", to,
+		         bus_of(move), from);
 	else
-		add(move, "  the way back: drivebridgectl address %s %lld %lld\n", bus_of(move), to,
-		    from);
+		add_line(move, "the way back: drivebridgectl address %s %lld %lld", bus_of(move),
+		         to, from);
 	if (move->drive[0] && move->is_address)
-		add(move,
-		    "  it is configured as %s: afterwards its section must say address = %lld\n",
-		    move->drive, to);
-	if (is_set_aside(move))
-		add(move,
-		    "  to look for it at another bit rate, bus %s is taken out of service: its drives, which must "
-		    "stand, are left as%son-exit says, and are offline for every PLC meanwhile\n",
-		    bus_of(move), wrap);
+		add_line(move,
+		         "it is configured as %s: afterwards its section must say address = %lld",
+		         move->drive, to);
+	if (is_set_aside(move)) {
+		add_line(move, "to look for it at another bit rate, bus %s is taken out of service",
+		         bus_of(move));
+		add_line(move,
+		         "its drives, which must stand, are left as on-exit says, and are offline "
+		         "for every PLC meanwhile");
+	}
 }
 
 static void conclude(struct db_setup_move *move)
 {
 	long long to = (long long)move->to;
-	const char *command = move->on_page ? "" : "drivebridgectl ";
 
 	if (!move->is_address) {
 		add(move, "done: it answers at %lld bit/s. When all drives of the bus do:", to);
@@ -196,16 +223,21 @@ static void conclude(struct db_setup_move *move)
 		               db_setup_speed_key(move->bus), to);
 	} else if (move->drive[0]) {
 		add(move,
-		    "done: it answers at address %lld. In the configuration, then %sreload:", to,
-		    command);
+		    move->on_page ?
+		            "done: it answers at address %lld. In the configuration, then reload:" :
+		            "done: it answers at address %lld. In the configuration, then "
+		            "drivebridgectl reload:",
+		    to);
 		(void)snprintf(move->configuration, sizeof(move->configuration),
 		               "drive %s {\n    address = %lld\n    ...\n", move->drive, to);
 	} else {
 		add(move,
-		    "done: it answers at address %lld. %sscan %s %s a section for the "
-		    "configuration",
-		    to, move->on_page ? "A " : command, move->on_page ? "of" : bus_of(move),
-		    move->on_page ? bus_of(move) : "prints");
+		    move->on_page ?
+		            "done: it answers at address %lld. A scan of %s prints a section for the "
+		            "configuration" :
+		            "done: it answers at address %lld. drivebridgectl scan %s prints a section "
+		            "for the configuration",
+		    to, bus_of(move));
 	}
 	move->done = true;
 }
@@ -256,12 +288,16 @@ static struct db_setup_action say_step(struct db_setup_move *move, db_time now)
 
 	switch (move->step) {
 	case SAY_LOOK:
-		add(move, "looking who answers at address %lld%s", (long long)move->from,
-		    move->is_address ? ", and that nobody does at the new one" : "");
+		add(move,
+		    move->is_address ?
+		            "looking who answers at address %lld, and that nobody does at the new one" :
+		            "looking who answers at address %lld",
+		    (long long)move->from);
 		next = LOOK_FROM;
 		break;
 	case SAY_SET:
-		add(move, "it was told its new %s", what_of(move));
+		add(move,
+		    move->is_address ? "it was told its new address" : "it was told its new speed");
 		next = FIND_FROM;
 		break;
 	case SAY_SAVED:
@@ -270,8 +306,9 @@ static struct db_setup_action say_step(struct db_setup_move *move, db_time now)
 		break;
 	case SAY_POWER:
 		move->until = now + POWER_TIME;
-		add(move, "now switch its power off and on%s",
-		    is_set_aside(move) && !move->on_page ? ", and press Enter" : "");
+		add(move, is_set_aside(move) && !move->on_page ?
+		                  "now switch its power off and on, and press Enter" :
+		                  "now switch its power off and on");
 		next = is_set_aside(move) ? ASK_POWER : WAIT_FOR_POWER;
 		break;
 	default:
@@ -291,11 +328,12 @@ static struct db_setup_action ask_step(struct db_setup_move *move)
 		announce(move);
 		question = "go on?";
 	} else if (move->step == ASK_SAVE) {
-		add(move, "save_parameters stores all of its parameters in its memory; what is "
-		          "not saved is lost at power-off\n");
+		add_line(move,
+		         "save_parameters stores all of its parameters in its memory; what is "
+		         "not saved is lost at power-off");
 		question = "save?";
 	} else {
-		add(move, "now switch its power off and on, and go on when that is done\n");
+		add_line(move, "now switch its power off and on, and go on when that is done");
 	}
 	return (struct db_setup_action){ .kind = DB_SETUP_ASK,
 		                         .text = move->text,
@@ -360,11 +398,11 @@ static void take_first(struct db_setup_move *move, const json_t *find)
 		add(move,
 		    find ? "more than one drive answers at address %lld of %s: both would take what "
 		           "is said. Take one of them off the line first" :
-		           "no drive answers at address %lld of %s; ",
+		    move->on_page ?
+		           "no drive answers at address %lld of %s; a scan finds those that do" :
+		           "no drive answers at address %lld of %s; drivebridgectl scan finds those "
+		           "that do",
 		    (long long)move->from, bus_of(move));
-		if (!find)
-			add(move, "%s finds those that do",
-			    move->on_page ? "a scan" : "drivebridgectl scan");
 		fail(move, FOUND_ERROR("NotOne"), move->text);
 		return;
 	}

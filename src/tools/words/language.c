@@ -44,6 +44,7 @@ struct place {
 	const char *begin;
 	size_t size;
 	char name[24]; /* of printf: the number, from 1 */
+	char kind;     /* the conversion of printf; s for a name in braces, d for {n} and {n1} */
 };
 
 /* What was found at a place. */
@@ -51,6 +52,7 @@ struct value {
 	char name[24];
 	const char *begin;
 	size_t size;
+	bool stays; /* a name, which is the same in each language */
 };
 
 /* --- the file --------------------------------------------------------------------------------- */
@@ -123,7 +125,9 @@ static bool find_place(const char *text, size_t *count, struct place *place)
 			unsigned long number = strtoul(text + 1, &end, 10);
 
 			number = *end == '$' ? number : ++*count;
-			*place = (struct place){ .begin = text, .size = size };
+			*place = (struct place){ .begin = text,
+				                 .size = size,
+				                 .kind = text[size - 1] };
 			(void)snprintf(place->name, sizeof(place->name), "%lu", number);
 			return true;
 		}
@@ -132,8 +136,10 @@ static bool find_place(const char *text, size_t *count, struct place *place)
 		size = strspn(text + 1,
 		              "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_");
 		if (size > 0 && size < sizeof(place->name) && text[size + 1] == '}') {
-			*place = (struct place){ .begin = text, .size = size + 2 };
+			*place = (struct place){ .begin = text, .size = size + 2, .kind = 's' };
 			memcpy(place->name, text + 1, size);
+			if (text[1] == 'n' && strspn(text + 2, "0123456789") == size - 1)
+				place->kind = 'd';
 			return true;
 		}
 	}
@@ -280,11 +286,58 @@ const char *db_words_find_count(const struct db_words_language *language, size_t
 	return found + length + 1;
 }
 
+static bool follows(const char *pattern, const char *at, const char *words)
+{
+	size_t length = strlen(words);
+
+	return (size_t)(at - pattern) >= length && strncmp(at - length, words, length) == 0;
+}
+
+/* Whether the value at a place of a pattern is a name: of a drive, a register, an option, or what was typed. */
+static bool is_name(const char *pattern, const struct place *place, const char *value, size_t size)
+{
+	static const char *const names[] = { "name", "drive", "bus", "command", "method" };
+	bool braced = place->begin[0] == '{';
+
+	for (size_t i = 0; braced && i < sizeof(names) / sizeof(names[0]); i++) {
+		if (strncmp(place->name, names[i], strlen(names[i])) == 0)
+			return true;
+	}
+	if (place->begin > pattern && strchr("\"'", place->begin[-1]) &&
+	    place->begin[place->size] == place->begin[-1])
+		return true;
+	if (memchr(value, ' ', size))
+		return false;
+	return follows(pattern, place->begin, "--") || follows(pattern, place->begin, "drive ") ||
+	       follows(pattern, place->begin, "bus ") || follows(pattern, place->begin, "of ") ||
+	       (!braced && place->begin == pattern);
+}
+
+/* What the number at a place consists of. Null: it is none. */
+static const char *letters_of(const struct place *place)
+{
+	return strchr("diu", place->kind) ? "+-0123456789" :
+	       strchr("xX", place->kind)  ? "0123456789abcdefABCDEF" :
+	       strchr("fg", place->kind)  ? "+-.0123456789einfa" :
+	                                    NULL;
+}
+
+/* Whether such a value may stand at a place: a number where there is one. */
+static bool fits(const struct place *place, const char *value, size_t size)
+{
+	const char *letters = letters_of(place);
+
+	if (place->kind == 'c')
+		return size == 1;
+	return !letters || (size > 0 && strspn(value, letters) >= size);
+}
+
 /* Whether `text` is this pattern with values, and which. Each value ends where what follows it comes first; only the last one
  * reaches as far as it can. */
 static bool match(const char *pattern, const char *text, struct value values[PLACES_MAX],
                   size_t *count)
 {
+	const char *whole = pattern;
 	size_t conversions = 0;
 	struct place place;
 	bool more = find_place(pattern, &conversions, &place);
@@ -298,6 +351,7 @@ static bool match(const char *pattern, const char *text, struct value values[PLA
 	text += length;
 	for (*count = 0; more && *count < PLACES_MAX; ++*count) {
 		struct value *value = &values[*count];
+		struct place here = place;
 		const char *end;
 
 		memcpy(value->name, place.name, sizeof(value->name));
@@ -307,9 +361,15 @@ static bool match(const char *pattern, const char *text, struct value values[PLA
 		length = more ? (size_t)(place.begin - pattern) : strlen(pattern);
 		end = !more && strlen(text) >= length ? text + strlen(text) - length :
 		                                        memmem(text, strlen(text), pattern, length);
+		/* Where another value follows at once, a number is as long as it can be. */
+		if (more && length == 0 && letters_of(&here))
+			end = text + strspn(text, letters_of(&here));
 		if (!end || strncmp(end, pattern, length) != 0)
 			return false;
 		value->size = (size_t)(end - text);
+		if (!fits(&here, text, value->size))
+			return false;
+		value->stays = is_name(whole, &here, text, value->size);
 		text = end + length;
 	}
 	return !more && !*text;
@@ -361,7 +421,7 @@ static bool fill_in(const struct db_words_language *language, const char *transl
 			return false;
 		memcpy(text, value->begin, value->size);
 		text[value->size] = '\0';
-		words = translate(language, text, other, depth + 1);
+		words = value->stays ? text : translate(language, text, other, depth + 1);
 		if (!append(room, &used, words, strlen(words)))
 			return false;
 	}
@@ -391,11 +451,37 @@ static const char *find_codes(const char *text)
 	return count >= 3 ? codes : NULL;
 }
 
+/* "plant.conf:7: no such key": what is after a name and a colon is a text of its own. Null: there is none. */
+static const char *find_rest(const char *english)
+{
+	const char *rest = strstr(english, ": ");
+
+	return rest && rest > english && rest[2] &&
+	                       !memchr(english, ' ', (size_t)(rest - english)) ?
+	               rest + 2 :
+	               NULL;
+}
+
+/* Translates what begins at `rest`. */
+static const char *translate_rest(const struct db_words_language *language, const char *english,
+                                  const char *rest, char room[DB_WORDS_TEXT_MAX], unsigned depth)
+{
+	char other[DB_WORDS_TEXT_MAX];
+	const char *words = translate(language, rest, other, depth + 1);
+	size_t used = 0;
+
+	return words != rest && append(room, &used, english, (size_t)(rest - english)) &&
+	                       append(room, &used, words, strlen(words)) ?
+	               room :
+	               english;
+}
+
 static const char *translate(const struct db_words_language *language, const char *english,
                              char room[DB_WORDS_TEXT_MAX], unsigned depth)
 {
 	const char *found = look_up(language, english);
 	const char *codes = found ? NULL : find_codes(english);
+	const char *rest = find_rest(english);
 
 	if (found || !english[0] || depth > DEPTH_MAX)
 		return found && found[0] ? found : english;
@@ -413,7 +499,7 @@ static const char *translate(const struct db_words_language *language, const cha
 		               room :
 		               english;
 	}
-	for (size_t i = 0; i < language->pattern_count; i++) {
+	for (size_t i = 0; i < language->pattern_count && !(rest && look_up(language, rest)); i++) {
 		const struct pattern *pattern = &language->patterns[i];
 		struct value values[PLACES_MAX];
 		size_t count = 0;
@@ -422,8 +508,10 @@ static const char *translate(const struct db_words_language *language, const cha
 			return fill_in(language, pattern->translation, values, count, room, depth) ?
 			               room :
 			               english;
+		if (rest && match(pattern->english, rest, values, &count))
+			break;
 	}
-	return english;
+	return rest ? translate_rest(language, english, rest, room, depth) : english;
 }
 
 const char *db_words_in(const struct db_words_language *language, const char *english,
@@ -520,4 +608,22 @@ unsigned db_words_columns(const char *text, size_t bytes)
 		columns += is_wide(letter) ? 2 : 1;
 	}
 	return columns;
+}
+
+int db_words_fit(const char *text, unsigned columns)
+{
+	size_t bytes = 0;
+	unsigned used = 0;
+
+	while (text[bytes]) {
+		size_t next = bytes + 1;
+
+		while (((unsigned char)text[next] & 0xc0) == 0x80)
+			next++;
+		used += db_words_columns(text + bytes, next - bytes);
+		if (used > columns)
+			break;
+		bytes = next;
+	}
+	return (int)bytes;
 }

@@ -44,13 +44,18 @@ const char *db_words_find_count(const struct db_words_language *language, size_t
 
 /*
  * The translation of a finished text, with its values in it, as the service sends it: "no drive is called
- * "feeder"". Values that are texts of the table, such as a reason in an advice, are translated, too. The result
- * is `room`, a text of the table or `english`.
+ * "feeder"". Values that are texts of the table, such as a reason in an advice, are translated, too; names are not: what
+ * stands in quotes or after "drive ", "bus ", "of " or "--", a single word at the beginning, and {name}, {names}, {drive}, {bus}, {command}. After
+ * a name with a colon ("plant.conf:7: ...") a text of its own begins. The result is `room`, a text of the table or
+ * `english`.
  */
 const char *db_words_in(const struct db_words_language *language, const char *english,
                         char room[DB_WORDS_TEXT_MAX]);
 
 /* The columns that a text of `bytes` bytes takes on a terminal: Chinese characters take two each. */
 unsigned db_words_columns(const char *text, size_t bytes);
+
+/* The bytes of the longest beginning of a text that fits in so many columns, whole characters only: for "%.*s". */
+int db_words_fit(const char *text, unsigned columns);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-import { t } from "./words.js";
+import { inLanguage, t } from "./words.js";
 /* What the service says of an edited configuration, in a form to show. Without a document. */
 
 /*
@@ -11,8 +11,8 @@ export function readMessage(message, path) {
 	const [, line, warning, text] =
 		/^(?:(\d+):)? ?(warning: )?(.*)$/s.exec(own ? message.slice(path.length + 1) : message);
 
-	return own ? { line: Number(line ?? 0), warning: Boolean(warning), text } :
-		{ line: 0, warning: / warning: /.test(message), text: message };
+	return own ? { line: Number(line ?? 0), warning: Boolean(warning), text: inLanguage(text) } :
+		{ line: 0, warning: / warning: /.test(message), text: inLanguage(message) };
 }
 
 /* The index in the text where a line begins, and where it ends; lines count from 1. */
@@ -36,7 +36,7 @@ export function countLines(text) { return text.split("\n").length; }
 /* Sentences for a question; what moves comes first. */
 export function describeEffects(effects) {
 	const words = ({ bus, drive, text, moves }) =>
-		`${drive ?? t("bus {bus}", { bus })}${moves ? t(" MOVES NOW") : ""}: ${text}`;
+		`${drive ?? t("bus {bus}", { bus })}${moves ? t(" MOVES NOW") : ""}: ${inLanguage(text)}`;
 
 	return [...effects.filter(({ moves }) => moves), ...effects.filter(({ moves }) => !moves)].map(words);
 }

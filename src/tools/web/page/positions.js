@@ -6,7 +6,7 @@ import { formatReal } from "./format.js";
 import { releaseWithPage } from "./hold_button.js";
 import { askUser } from "./question.js";
 import { createSequence } from "./sequence.js";
-import { dateTag, t } from "./words.js";
+import { dateTag, inLanguage, t } from "./words.js";
 
 const READ_EVERY_MS = 1000;
 /* Flaws for which a person may know better: see Teach in the service's interface. */
@@ -164,7 +164,7 @@ function draw(view, positions, trouble) {
 		{ "data-position": position.name, "data-flaw": position.flaw },
 		element("th", { scope: "row" }, position.name),
 		element("td", { class: "number" }, `${formatReal(position.units)} ${position.unit || "counts"}`),
-		element("td", { title: position.advice, class: position.flaw ? "warning-text" : "" },
+		element("td", { title: inLanguage(position.advice), class: position.flaw ? "warning-text" : "" },
 			position.flaw ? FLAWS[position.flaw] ?? position.flaw : t("good")),
 		element("td", { title: position.taught_by },
 			new Date(position.taught_us / 1000).toLocaleString(dateTag)),

@@ -5,7 +5,7 @@ import { createField, element } from "./dom.js";
 import { createPasteText } from "./paste_text.js";
 import { askUser } from "./question.js";
 import { createNumber } from "./scan_number.js";
-import { t } from "./words.js";
+import { inLanguage, t } from "./words.js";
 
 /*
  * findBus() describes the bus that is chosen; action: of scan.js. Returns { node, fillSpeeds(), choose(find), end() }.
@@ -93,10 +93,11 @@ export function createSetUp({ context, findBus, action }) {
 	}
 
 	async function answer(bus, move, { question, text: words, yes }) {
+		const button = inLanguage(yes);
 		const agreed = await askUser({
 			title: t("Bus {name}, address {from}", { name: bus.name, from: move.from }),
-			words: words.trim().split("\n").map((line) => line.trim()),
-			yes: yes.charAt(0).toUpperCase() + yes.slice(1).replace("?", "")
+			words: words.trim().split("\n").map((line) => inLanguage(line.trim())),
+			yes: button.charAt(0).toUpperCase() + button.slice(1).replace(/[?？]/, "")
 		});
 
 		if (stream)
@@ -136,7 +137,7 @@ export function createSetUp({ context, findBus, action }) {
 				if (name === "ask")
 					answer(bus, move, data);
 				else if (name === "say" || name === "problem")
-					say(data.text, name === "problem" ? { class: "problem" } : {});
+					say(inLanguage(data.text), name === "problem" ? { class: "problem" } : {});
 				if (data.configuration)
 					text.show(data.configuration);
 			},

@@ -64,18 +64,39 @@ function fillIn(text, values) {
 	return text.replace(/\{(\w+)\}/g, (all, name) => String(values[name] ?? all));
 }
 
+/* What may stand at a place: a number where there is one. */
+function formOf(place) {
+	if (/^\{n\d*\}$|[diu]$/.test(place))
+		return "([-+]?\\d+)";
+	if (/^%.*[xX]$/.test(place))
+		return "([\\da-fA-F]+)";
+	return /^%.*[fg]$/.test(place) ? "([-+.\\deinfa]+)" : /^%.*c$/.test(place) ? "(.)" : "(.*?)";
+}
+
+/*
+ * Of a place after `before` in a text, called so in braces or not: what a value has to be to stay as it is, because it is the
+ * name of a drive, a register or an option, or what was typed.
+ */
+function stayOf(before, name, next) {
+	if ((/["']$/.test(before) && before.endsWith(next)) || /^(name|drive|bus|command|method)/.test(name ?? ""))
+		return /^/;
+	return /(^|--|drive |bus |of )$/.test(before) && !(before === "" && name !== undefined) ? /^[^ ]*$/ : /^(?!)/;
+}
+
 /* Texts with values as expressions that find them in a finished text, those that say most first. */
 function makePatterns(table) {
 	const patterns = [];
 
 	for (const key of table.keys()) {
 		const names = [];
+		const stays = [];
 		let form = "";
 		let end = 0;
 
 		for (const found of key.matchAll(PLACE)) {
-			form += key.slice(end, found.index).replace(/[.*+?^${}()|[\]\\]/g, "\\$&") + "(.*?)";
+			form += key.slice(end, found.index).replace(/[.*+?^${}()|[\]\\]/g, "\\$&") + formOf(found[0]);
 			names.push(found[1] ?? String(names.length + 1));
+			stays.push(stayOf(key.slice(0, found.index), found[1], key[found.index + found[0].length]));
 			end = found.index + found[0].length;
 		}
 		const letters = key.replace(PLACE, "").replace(/[^\p{L}]/gu, "").length;
@@ -83,7 +104,7 @@ function makePatterns(table) {
 		if (names.length === 0 || letters < LETTERS_LEAST)
 			continue;
 		form += key.slice(end).replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
-		patterns.push({ key, names, letters, form: new RegExp(`^${form}$`, "s") });
+		patterns.push({ key, names, stays, letters, form: new RegExp(`^${form}$`, "s") });
 	}
 	return patterns.sort((one, other) => other.letters - one.letters);
 }
@@ -104,19 +125,24 @@ export function createWords(table) {
 		if (codes)
 			return translate(text.slice(0, codes.index), depth + 1) + codes[0];
 		patterns ??= makePatterns(table);
-		for (const { key, names, form } of patterns) {
+		/* "plant.conf:7: no such key": what is after a name and a colon is a text of its own. */
+		const [, head, rest] = text.match(/^([^ ]+: )(.+)$/s) ?? [];
+
+		for (const { key, names, stays, form } of rest && table.has(rest) ? [] : patterns) {
 			const found = text.match(form);
 
+			if (!found && rest && form.test(rest))
+				break;
 			if (!found)
 				continue;
 			const values = Object.fromEntries(names.map((name, i) =>
-				[name, translate(found[i + 1], depth + 1)]));
+				[name, stays[i].test(found[i + 1]) ? found[i + 1] : translate(found[i + 1], depth + 1)]));
 			let place = 0;
 
 			return table.get(key).replace(PLACE, (_, name, number) =>
 				values[name ?? number ?? String(++place)] ?? "");
 		}
-		return text;
+		return rest ? head + translate(rest, depth + 1) : text;
 	}
 
 	return {

@@ -35,7 +35,16 @@ const german = {
 	"; {holder} has it: end that": "; {holder} belegt ihn: beenden",
 	"%s of %s: %s": "nie",
 	"no drive is called \"%s\"": "kein Antrieb heißt „%s“",
+	"%.1f is no %s": "%.1f ist kein %s",
+	"the part \"%s\"%s": "der Teil „%s“%s",
+	"line {n}": "Zeile {n}",
+	"line %u%s ends": "Zeile %u%s endet",
+	"%s answers%s": "%s antwortet%s",
+	"%s has no option --%s": "%s hat keine Option --%s",
 	"%s knows %s": "%2$s kennt %1$s",
+	"; did you mean {names}?": "; meinten Sie {names}?",
+	"drive %s tells: %s": "Antrieb %s meldet: %s",
+	"home": "referenzieren",
 	"State of the axis:": "Zustand der Achse:",
 };
 
@@ -72,6 +81,25 @@ test("a finished text is recognised, with the texts in it", () => {
 	assert.equal(inLanguage("one knows two"), "two kennt one");
 	assert.equal(inLanguage("State of the axis: 0=Offline 1=Disabled 2=Standstill"),
 		"Zustand der Achse: 0=Offline 1=Disabled 2=Standstill");
+	/* Names are no words. */
+	assert.equal(inLanguage("home has no option --home"), "home hat keine Option --home");
+	assert.equal(inLanguage("no drive is called \"home\""), "kein Antrieb heißt „home“");
+	assert.equal(inLanguage("; did you mean home?"), "; meinten Sie home?");
+	assert.equal(inLanguage("drive home tells: home"), "Antrieb home meldet: referenzieren");
+	assert.equal(inLanguage("check its power has no option --x"), "Versorgung prüfen hat keine Option --x");
+	/* A place in a file, and a text of its own. */
+	assert.equal(inLanguage("plant.conf:7: check its power"), "plant.conf:7: Versorgung prüfen");
+	assert.equal(inLanguage("one two: check its power"), "one two: check its power");
+	assert.equal(inLanguage("the part \"home\"; mbpoll has it: end that"), "der Teil „home“; mbpoll belegt ihn: beenden");
+	/* A number is one. */
+	assert.equal(inLanguage("-1.5 is no home"), "-1.5 ist kein referenzieren");
+	assert.equal(inLanguage("that is no home"), "that is no home");
+	assert.equal(inLanguage("line 12"), "Zeile 12");
+	assert.equal(inLanguage("line x"), "line x");
+	assert.equal(inLanguage("line 12 of it ends"), "Zeile 12 of it endet");
+	/* What says more of the text is taken, of the whole or after the name. */
+	assert.equal(inLanguage("plant.conf: no drive is called \"that answers\""),
+		"plant.conf: kein Antrieb heißt „that answers“");
 	/* Without words of its own a pattern says nothing about a text. */
 	assert.equal(inLanguage("a of b: c"), "a of b: c");
 	assert.equal(inLanguage("unknown"), "unknown");

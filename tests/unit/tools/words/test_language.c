@@ -24,13 +24,22 @@ static const struct {
 	size_t size;
 } texts[] = {
 	{ "", 0, "Language: de\n", 0 },
+	{ "%.1f is no %s", 0, "%.1f ist kein %s", 0 },
+	{ "%s answers%s", 0, "%s antwortet%s", 0 },
+	{ "%s has no option --%s", 0, "%s hat keine Option --%s", 0 },
 	{ "%s knows %s", 0, "%2$s kennt %1$s", 0 },
 	{ "%s of %s: %s", 0, "nie", 0 },
 	{ "%zu hint\0%zu hints", 18, "%zu Hinweis\0%zu Hinweise", 24 },
 	{ "; %s has it: end that", 0, "; %s belegt ihn: beenden", 0 },
+	{ "; did you mean {names}?", 0, "; meinten Sie {names}?", 0 },
 	{ "State of the axis:", 0, "Zustand der Achse:", 0 },
 	{ "check its power", 0, "Versorgung prüfen", 0 },
+	{ "drive %s tells: %s", 0, "Antrieb %s meldet: %s", 0 },
+	{ "home", 0, "referenzieren", 0 },
+	{ "line %u%s ends", 0, "Zeile %u%s endet", 0 },
+	{ "line {n}", 0, "Zeile {n}", 0 },
 	{ "no drive is called \"{drive}\"", 0, "kein Antrieb heißt „{drive}“", 0 },
+	{ "the part \"%s\"%s", 0, "der Teil „%s“%s", 0 },
 	{ "the port of bus {bus} is not open{port}", 0,
 	  "der Port von Bus {bus} ist nicht offen{port}", 0 },
 	{ "{fault}; then run {drive} clear_fault", 0, "{fault}; dann run {drive} clear_fault", 0 },
@@ -157,6 +166,34 @@ static void test_finished_texts_are_recognised(void **state)
 		{ "check its power; then run x clear_fault",
 		  "Versorgung prüfen; dann run x clear_fault" },
 		{ "one knows two", "two kennt one" },
+		/* Names are no words. */
+		{ "home has no option --home", "home hat keine Option --home" },
+		{ "no drive is called \"home\"", "kein Antrieb heißt „home“" },
+		{ "no drive is called \"check its power\"",
+		  "kein Antrieb heißt „check its power“" },
+		{ "; did you mean home?", "; meinten Sie home?" },
+		{ "drive home tells: home", "Antrieb home meldet: referenzieren" },
+		{ "check its power has no option --x", "Versorgung prüfen hat keine Option --x" },
+		/* A place in a file, or a name, and a text of its own. */
+		{ "plant.conf:7: check its power", "plant.conf:7: Versorgung prüfen" },
+		{ "plant.conf:7: drive home tells: home",
+		  "plant.conf:7: Antrieb home meldet: referenzieren" },
+		{ "one two: check its power", "one two: check its power" },
+		{ "one: two", "one: two" },
+		{ "the part \"home\"; mbpoll has it: end that",
+		  "der Teil „home“; mbpoll belegt ihn: beenden" },
+		/* A number is one. */
+		{ "-1.5 is no home", "-1.5 ist kein referenzieren" },
+		{ "that is no home", "that is no home" },
+		{ " is no home", " is no home" },
+		{ "line 12", "Zeile 12" },
+		{ "line 12 of it ends", "Zeile 12 of it endet" },
+		{ "line 12 ends", "Zeile 12 endet" },
+		/* What says more of the text is taken, of the whole or after the name. */
+		{ "plant.conf: no drive is called \"that answers\"",
+		  "plant.conf: kein Antrieb heißt „that answers“" },
+		{ "plant.conf: it answers", "plant.conf: it antwortet" },
+		{ "line x", "line x" },
 		{ "State of the axis: 0=Offline 1=Disabled 2=Standstill",
 		  "Zustand der Achse: 0=Offline 1=Disabled 2=Standstill" },
 		/* Too few words of its own to be known by. */
@@ -182,6 +219,17 @@ static void test_a_text_that_is_too_long_stays_english(void **state)
 	(void)snprintf(english, sizeof(english), "no drive is called \"%0*d\"",
 	               DB_WORDS_TEXT_MAX - 24, 7);
 	assert_ptr_equal(db_words_in(*state, english, room), english);
+}
+
+static void test_a_text_is_cut_between_characters(void **state)
+{
+	(void)state;
+	assert_int_equal(db_words_fit("äbc", 2), 3);
+	assert_int_equal(db_words_fit("abc", 9), 3);
+	/* A wide character that has only one column left is left out. */
+	assert_int_equal(db_words_fit("a驱动", 4), 4);
+	assert_int_equal(db_words_fit("a驱动", 5), 7);
+	assert_int_equal(db_words_fit("abc", 0), 0);
 }
 
 static void test_a_damaged_file_is_refused(void **state)
@@ -279,6 +327,7 @@ int main(void)
 		cmocka_unit_test(test_texts_are_found),
 		cmocka_unit_test(test_finished_texts_are_recognised),
 		cmocka_unit_test(test_a_text_that_is_too_long_stays_english),
+		cmocka_unit_test(test_a_text_is_cut_between_characters),
 		cmocka_unit_test(test_a_damaged_file_is_refused),
 		cmocka_unit_test(test_the_environment_chooses),
 		cmocka_unit_test(test_chinese_takes_two_columns),
