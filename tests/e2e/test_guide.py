@@ -18,7 +18,8 @@ GUIDE = ROOT / "docs" / "guide"
 # Tables that the guide leads to, and that are as long as a book.
 REFERENCE = [ROOT / "docs" / name for name in ("exchanges.md", "temperaments.md", "evidence.md", "mqtt-sparkplug.md", "schedule.md",
                                                 "structured-text.md", "servo-profiles.md", "machine.md", "glossary.md",
-                                                "special-registers.md", "page-behind-others.md", "opcua-alarms.md", "clients.md")]
+                                                "special-registers.md", "page-behind-others.md", "opcua-alarms.md", "clients.md",
+                                                "audit-files.md")]
 PAGES = [page for folder in (GUIDE, GUIDE / "zh", GUIDE / "de") for page in sorted(folder.glob("*.md"))] + REFERENCE
 README = ROOT / "README.md"
 READMES = [README, ROOT / "README.zh-CN.md", ROOT / "README.de.md"]
