@@ -1841,6 +1841,34 @@ static void a_speed_without_a_sign_has_its_bits(void **unused)
 	drop(f);
 }
 
+/* The one that it has also tells the other way, by being clear. */
+static void one_bit_tells_both_directions(void **unused)
+{
+	static const struct {
+		const char *missing;
+		uint16_t backwards;
+		uint16_t forwards;
+	} cases[] = {
+		{ "reverse-bit", 0, SERVO_CAN_ST_FORWARD },
+		{ "forward-bit", SERVO_CAN_ST_REVERSE, 0 },
+	};
+
+	(void)unused;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct fixture *f = make();
+
+		option(f, "speed-sign", 1);
+		option(f, cases[i].missing, -1);
+		switch_on(f);
+		poll(f, 1000, 300, ON | cases[i].forwards);
+		assert_true(feedback(f).velocity == 300.0f);
+		/* Whatever the way says, which may be that of a moment ago. */
+		poll(f, 1001, 300, ON | cases[i].backwards);
+		assert_true(feedback(f).velocity == -300.0f);
+		drop(f);
+	}
+}
+
 static void an_older_read_does_not_replace_a_report(void **unused)
 {
 	struct fixture *f = make_on(STILL);
@@ -2705,6 +2733,7 @@ int main(void)
 		cmocka_unit_test(reports_that_come_together_are_shown),
 		cmocka_unit_test(reports_save_reads),
 		cmocka_unit_test(reports_can_be_ignored),
+		cmocka_unit_test(one_bit_tells_both_directions),
 		cmocka_unit_test(an_older_read_does_not_replace_a_report),
 		cmocka_unit_test(faults_have_names),
 		cmocka_unit_test(no_motion_with_a_fault),
