@@ -894,6 +894,22 @@ def test_what_a_page_has_taken_is_its_own_until_it_lets_go(gateway):
     eventually(lambda: drive.read("control_port") == 0)
 
 
+def test_nobody_knows_the_end_of_a_command_that_is_lost(gateway):
+    """The service breaks while it is carried out: it may have been done, and whoever commands it again is to know that."""
+    bridge = gateway.make_bridge()
+    page = gateway.page(gateway.webd(bridge), OPERATOR)
+    page.run("drive1", "enable")
+    end = threading.Thread(target=lambda: eventually(lambda: moving(bridge)) and bridge.process.kill())
+    end.start()
+    answer = refused(502, page.call, "Run", drive="drive1", command="move_relative", until_end=True,
+                     arguments={"target_position": 9600, "target_velocity": SPEED})
+    end.join()
+    bridge.process.wait()
+    bridge.units = {}
+    bridge.start_bridge()
+    assert answer.error == "ServiceUnreachable" and "whether it was carried out is not known" in answer.text
+
+
 def test_the_history_names_who_is_logged_in(gateway):
     """Beside the server's own user; also of a stop by somebody who has no page that acts, and of a hand on the button. Control is
     that user's."""

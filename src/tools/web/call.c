@@ -30,7 +30,11 @@ static void on_answer(void *data, json_t *parameters, const struct db_client_err
 	if (error && ticket->acts)
 		db_client_log(DB_CLIENT_NOTICE, "%s: %s failed: %s", ticket->caller.text,
 		              ticket->method, error->text);
-	if (request && error)
+	if (request && error && ticket->acts && strcmp(error->name, DB_CLIENT_LOST) == 0)
+		db_web_request_refuse(request, MHD_HTTP_BAD_GATEWAY, "ServiceUnreachable",
+		                      "the service has closed the connection; whether it was "
+		                      "carried out is not known");
+	else if (request && error)
 		db_web_request_fail(request, error);
 	else if (request)
 		db_web_request_answer(request, MHD_HTTP_OK, json_incref(parameters));
