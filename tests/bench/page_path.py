@@ -50,23 +50,25 @@ class Plant:
         self.web = Webd(self.bridge.place, self.bridge).start().wait_for_service()
         self.visitor = Visitor(chromium, self.web.url).log_in(*OPERATOR)
 
-    def close(self):
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
         problems = [*self.visitor.close(), *self.web.finish(), *self.bridge.finish()]
         self.place.cleanup()
         print(*problems, sep="\n", end="\n" if problems else "")
 
 
 def commission(chromium):
-    plant = Plant(chromium, **NEW_DRIVE)
-    add_new_drive(plant.bridge)
-    plant.visitor.page.evaluate(COUNT)
-    begun = time.monotonic()
-    walk(plant.visitor, plant.bridge)
-    seconds = time.monotonic() - begun
-    counted = plant.visitor.page.evaluate("() => window.counted")
+    with Plant(chromium, **NEW_DRIVE) as plant:
+        add_new_drive(plant.bridge)
+        plant.visitor.page.evaluate(COUNT)
+        begun = time.monotonic()
+        walk(plant.visitor, plant.bridge)
+        seconds = time.monotonic() - begun
+        counted = plant.visitor.page.evaluate("() => window.counted")
     print(f"a wrongly scaled drive that turns the wrong way, from found to its report: {counted['presses']} presses, "
           f"{counted['characters']} characters, {seconds:.0f} s")
-    plant.close()
 
 
 # Each makes a fault, and returns the moment of it and what mends it.
@@ -131,24 +133,26 @@ FAULTS = [("drive lost", "drive drive1", lose), ("fault bit", "drive drive1", fa
           ("bus unplugged", "bus line", unplug)]
 
 
+def time_fault(plant, of, make):
+    """The seconds, and the cause that the strip names."""
+    strip = plant.visitor.page.locator(f'#troubles [data-of="{of}"]')
+    expect(strip).to_have_count(0)
+    moment, mend = make(plant.bridge)
+    strip.wait_for(timeout=20000)
+    seconds = time.monotonic() - moment
+    cause = strip.locator("strong").inner_text()
+    assert cause and strip.locator(".troubles-advice").inner_text(), of
+    mend()
+    return seconds, cause
+
+
 def time_faults(chromium, turns):
-    plant = Plant(chromium, drives=2, drive={"counts-per-unit": 320.0, "unit-name": "mm", "watchdog-ms": 0},
-                  sim_drive=SIM_DRIVE)
-    page = plant.visitor.page
     print(f"from a fault to its cause and advice on the screen, {turns} times: median and worst, s")
-    for name, of, make in FAULTS:
-        strip = page.locator(f'#troubles [data-of="{of}"]')
-        times = []
-        for _ in range(turns):
-            expect(strip).to_have_count(0)
-            moment, mend = make(plant.bridge)
-            strip.wait_for(timeout=20000)
-            times.append(time.monotonic() - moment)
-            cause = strip.locator("strong").inner_text()
-            assert cause and strip.locator(".troubles-advice").inner_text(), name
-            mend()
-        print(f"{name:14} {statistics.median(times):6.2f} {max(times):6.2f}  {cause}")
-    plant.close()
+    with Plant(chromium, drives=2, drive={"counts-per-unit": 320.0, "unit-name": "mm", "watchdog-ms": 0},
+               sim_drive=SIM_DRIVE) as plant:
+        for name, of, make in FAULTS:
+            times, causes = zip(*(time_fault(plant, of, make) for _ in range(turns)))
+            print(f"{name:14} {statistics.median(times):6.2f} {max(times):6.2f}  {causes[0]}")
 
 
 def main():

@@ -109,6 +109,8 @@ def walk(visitor, bridge):
     do_trial(view, ("How far did it go", measure))
     expect(state_of(view, "scale")).to_have_attribute("data-state", "wrong")
     expect(view.locator('tr[data-setting="counts-per-unit"]')).to_contain_text("320")
+    # Of before, out of the edited file.
+    expect(view.locator('tr[data-setting="counts-per-unit"] td').nth(1)).to_have_text("32")
     expect(view.locator('[data-key="counts-per-unit"]')).to_have_value("320")
     view.locator("#keys-write").click()
     confirm(page)
