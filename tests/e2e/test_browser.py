@@ -253,6 +253,7 @@ def test_users_and_passwords_are_changed_on_the_page(site, visit):
     view = otto.go("account")
     expect(view.locator("#sessions tbody tr")).to_have_count(2)
     expect(view.locator("#sessions tbody tr").first).to_contain_text("this one")
+    assert findings(otto.page) == []
     view.locator("[data-session]").click()
     expect(view.locator("#sessions tbody tr")).to_have_count(1)
     expect(second.page.locator("#login-user")).to_be_visible()

@@ -62,6 +62,7 @@ FOREIGN = {
     # ... of its conditions and of the past ...
     "DiscreteAlarmType", "AlarmConditionType", "HasCondition", "ConditionName", "ActiveState", "AckedState", "Retain", "Severity",
     "Comment", "ClientUserId", "Acknowledge", "Confirm", "AddComment", "Disable", "ConditionRefresh", "ConditionRefresh2",
+    "Drives", "Time", "SourceName", "Message", "ComponentType",
     "HistoryRead", "BadEventIdUnknown", "BadRefreshInProgress", "BadHistoryOperationUnsupported",
     "DriveEventType", "DriveLostEventType", "DriveOnlineEventType", "WatchdogTrippedEventType", "Standstill", "GATEWAY",
     "GeneralModelChangeEvent", "customDataTypes", "DataTypeDefinition", "NodeAdded", "NodeDeleted", "ReferenceAdded", "ReferenceDeleted", "Trouble",
@@ -211,7 +212,9 @@ def node_words(page):
     """The parts of nodes' ids, on the page that is about them."""
     if page.stem not in ("opcua", "opcua-alarms"):
         return set()
-    return {word for row in rows("opcua-nodes.csv") for word in row["node"].strip("/").split(".")}
+    ids = [row["node"].strip("/") for row in rows("opcua-nodes.csv")]
+    ids += re.findall(r'NodeId="ns=1;s=([^"]+)"', (ROOT / "docs" / "drivebridge.NodeSet2.xml").read_text(encoding="utf-8"))
+    return {word for one in ids for word in one.split(".")}
 
 
 def wrong_setting(key, value):

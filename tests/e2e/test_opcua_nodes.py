@@ -2,10 +2,12 @@
 """The nodes of drives, which are there only while somebody asks for them, as a client of OPC UA finds them."""
 
 from asyncua import ua
+from bridgelib import build_directory
 from opcualib import (  # noqa: F401
     Follower,
     at,
     browse,
+    connect,
     fixture_certificate,
     fixture_make_server,
     in_loop,
@@ -64,3 +66,23 @@ async def test_the_fastest_sampling(bridge, make_server):
         unit.command("move_absolute", target_position=2000)
         await until(lambda: follower.of(position) and follower.of(position)[-1].Value.Value == 2000)
         assert len(follower.of(position)) > 2
+
+
+@in_loop
+async def test_descriptions_in_the_language_of_the_session(bridge, make_server, monkeypatch):
+    """Each session reads them in the language that it has asked for, and in English otherwise."""
+    monkeypatch.setenv("TEXTDOMAINDIR", str(build_directory() / "locale"))
+    server = make_server(bridge)
+    async with server.session() as session:
+        assert (await session.get_node(ua.ObjectIds.Server_ServerCapabilities_LocaleIdArray).read_value()) == ["en", "de", "zh-CN"]
+        english = (await at(session, "drive1.ErrorCode").read_description()).Text
+    for wanted, locale, begins in ((["fr", "de"], "de", "Warum die Achse"), (["de-AT"], "de", "Warum die Achse"), (["zh-Hans-CN"], "zh-CN", "轴"),
+                                   (["fr"], "en", english)):
+        client = server.client()
+        client.set_locale(wanted)
+        try:
+            await connect(client)
+            text = await at(client, "drive1.ErrorCode").read_description()
+            assert text.Locale == locale and text.Text.startswith(begins)
+        finally:
+            await client.disconnect()

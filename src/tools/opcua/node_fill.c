@@ -11,8 +11,8 @@
 #include <stdlib.h>
 
 /* Names are the same in every language. */
-static void set_head(struct db_opcua_node *node, UA_NodeClass class, UA_QualifiedName name,
-                     const char *description)
+static void set_head(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
+                     UA_NodeClass class, UA_QualifiedName name, const char *description)
 {
 	UA_NodeHead *head = &node->node.head;
 
@@ -20,10 +20,9 @@ static void set_head(struct db_opcua_node *node, UA_NodeClass class, UA_Qualifie
 	head->browseName = name;
 	node->display_name.localizedText.text = name.name;
 	head->displayName = &node->display_name;
-	if (description[0] == '\0')
-		return;
-	node->description.localizedText = db_opcua_english(description);
-	head->description = &node->description;
+	if (description[0] != '\0')
+		head->description = db_opcua_locales_fill(&nodes->locales, &node->description,
+		                                          description, node->described);
 }
 
 static void set_type(struct db_opcua_node *node, UA_NodeId type, bool array, bool writable)
@@ -82,9 +81,10 @@ static void set_constant(struct db_opcua_node *node, const UA_DataType *type, bo
 		UA_Variant_setScalar(&variable->value.data.value.value, values, type);
 }
 
-static void fill_object(struct db_opcua_node *node, UA_QualifiedName name, const char *description)
+static void fill_object(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
+                        UA_QualifiedName name, const char *description)
 {
-	set_head(node, UA_NODECLASS_OBJECT, name, description);
+	set_head(nodes, node, UA_NODECLASS_OBJECT, name, description);
 }
 
 static void let_listen(struct db_opcua_node *node, UA_MonitoredItem **listeners)
@@ -113,15 +113,16 @@ static void fill_name(struct db_opcua_node *node, const char *text, bool valued)
 	set_constant(node, &UA_TYPES[UA_TYPES_LOCALIZEDTEXT], false, value, 1);
 }
 
-static void fill_property(const struct db_opcua_shown *shown, const struct db_opcua_branch *branch,
-                          struct db_opcua_node *node, bool valued)
+static void fill_property(const struct db_opcua_nodes *nodes, const struct db_opcua_shown *shown,
+                          const struct db_opcua_branch *branch, struct db_opcua_node *node,
+                          bool valued)
 {
 	size_t count = 0;
 	bool array;
 	const UA_DataType *type = db_opcua_property_type(branch, &array);
 	void *values = valued ? db_opcua_property_value(shown->tree, branch, &count) : NULL;
 
-	set_head(node, UA_NODECLASS_VARIABLE,
+	set_head(nodes, node, UA_NODECLASS_VARIABLE,
 	         (UA_QualifiedName){ .name = db_opcua_string(branch->name) },
 	         db_opcua_property_text(branch));
 	set_constant(node, type, array, values, count);
@@ -142,7 +143,8 @@ static void fill_register(const struct db_opcua_nodes *nodes, struct db_opcua_no
 	const struct db_opcua_branch *branch = node->subject.branch;
 	const struct db_opcua_register *reg = &shown->tree->kind->list[branch->place];
 
-	set_head(node, UA_NODECLASS_VARIABLE, db_opcua_member_name(&nodes->roster, branch->name),
+	set_head(nodes, node, UA_NODECLASS_VARIABLE,
+	         db_opcua_member_name(&nodes->roster, branch->name),
 	         reg->description[0] ? reg->description : text_of(shown->tree, branch));
 	set_variable(node, type_of(nodes, reg), false, reg->writable, nodes->config->interval_ms);
 	if (!shown->gateway && db_opcua_history_field(reg->name)) {
@@ -159,7 +161,7 @@ static void fill_identification(const struct db_opcua_nodes *nodes, struct db_op
 	const struct db_opcua_branch *branch = node->subject.branch;
 	int type = branch->type == DB_OPCUA_MODEL ? UA_TYPES_LOCALIZEDTEXT : UA_TYPES_STRING;
 
-	set_head(node, UA_NODECLASS_VARIABLE, db_opcua_branch_name(&nodes->roster, branch),
+	set_head(nodes, node, UA_NODECLASS_VARIABLE, db_opcua_branch_name(&nodes->roster, branch),
 	         text_of(shown->tree, branch));
 	if (branch->type == DB_OPCUA_COMPONENT_NAME)
 		fill_name(node, shown->name, valued);
@@ -181,40 +183,41 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 	switch (branch->type) {
 	case DB_OPCUA_ROOT:
 		if (shown->gateway) {
-			fill_object(node, db_opcua_member_name(&nodes->roster, "Gateway"),
+			fill_object(nodes, node, db_opcua_member_name(&nodes->roster, "Gateway"),
 			            kind->type->text);
 			break;
 		}
-		fill_object(node, db_opcua_own_name(&nodes->roster, shown->name), kind->type->text);
+		fill_object(nodes, node, db_opcua_own_name(&nodes->roster, shown->name),
+		            kind->type->text);
 		let_listen(node, &shown->listeners);
 		break;
 	case DB_OPCUA_FOLDER:
 	case DB_OPCUA_IDENTIFICATION:
-		fill_object(node, name, text_of(shown->tree, branch));
+		fill_object(nodes, node, name, text_of(shown->tree, branch));
 		break;
 	case DB_OPCUA_VARIABLE:
 		fill_register(nodes, node);
 		break;
 	case DB_OPCUA_COLUMN:
 		text = text_of(shown->tree, branch);
-		set_head(node, UA_NODECLASS_VARIABLE, name,
+		set_head(nodes, node, UA_NODECLASS_VARIABLE, name,
 		         text[0] ? text : "Of the latest commands, the newest first");
 		set_variable(node, type_of(nodes, kind->columns[branch->place].first), true, false,
 		             interval_ms);
 		break;
 	case DB_OPCUA_CLOCK:
-		set_head(node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
+		set_head(nodes, node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
 		set_variable(node, UA_TYPES[UA_TYPES_STRING].typeId, false, true, interval_ms);
 		break;
 	case DB_OPCUA_CERTIFICATE_ENDS:
-		set_head(node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
+		set_head(nodes, node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
 		set_variable(node, UA_TYPES[UA_TYPES_DATETIME].typeId, false, false,
 		             DB_OPCUA_FIGURES_INTERVAL);
 		break;
 	case DB_OPCUA_METHOD:
 		text = json_string_value(
 			json_object_get(db_opcua_tree_command(shown->tree, branch), "description"));
-		set_head(node, UA_NODECLASS_METHOD, name,
+		set_head(nodes, node, UA_NODECLASS_METHOD, name,
 		         text ? text : text_of(shown->tree, branch));
 		node->node.methodNode.executable = true;
 		node->node.methodNode.method = db_opcua_node_call;
@@ -226,7 +229,7 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 		fill_identification(nodes, node, valued);
 		break;
 	default:
-		fill_property(shown, branch, node, valued);
+		fill_property(nodes, shown, branch, node, valued);
 	}
 }
 
@@ -236,10 +239,11 @@ static void fill_condition(const struct db_opcua_nodes *nodes, struct db_opcua_n
 	enum db_opcua_member member = node->subject.member;
 
 	if (member == DB_OPCUA_MEMBERS) {
-		fill_object(node, db_opcua_condition_name(&nodes->roster, alarm), alarm->text);
+		fill_object(nodes, node, db_opcua_condition_name(&nodes->roster, alarm),
+		            alarm->text);
 		return;
 	}
-	set_head(node, UA_NODECLASS_VARIABLE,
+	set_head(nodes, node, UA_NODECLASS_VARIABLE,
 	         (UA_QualifiedName){ .name = db_opcua_string(db_opcua_members[member].name) }, "");
 	set_variable(node, db_opcua_condition_type(member)->typeId, false, false,
 	             nodes->config->interval_ms);
@@ -266,7 +270,8 @@ static void fill_row(const struct db_opcua_nodes *nodes, struct db_opcua_node *n
 	                        UA_NODEID_NUMERIC(0, row->basic);
 	size_t count = 0;
 
-	set_head(node, classes[row->class], db_opcua_row_name(&nodes->roster, row), row->text);
+	set_head(nodes, node, classes[row->class], db_opcua_row_name(&nodes->roster, row),
+	         row->text);
 	if (row->class == DB_OPCUA_VARIABLE_ROW) {
 		set_type(node, type, row->array, row->writable);
 		node->node.variableNode.valueSource = UA_VALUESOURCE_DATA;
@@ -287,28 +292,28 @@ void db_opcua_node_fill(struct db_opcua_nodes *nodes, struct db_opcua_node *node
 
 	switch (node->subject.type) {
 	case DB_OPCUA_ALL_DRIVES:
-		fill_object(node, db_opcua_member_name(&nodes->roster, "Drives"),
+		fill_object(nodes, node, db_opcua_member_name(&nodes->roster, "Drives"),
 		            "The drives by their names");
 		let_listen(node, &nodes->listeners);
 		break;
 	case DB_OPCUA_ALL_BUSES:
-		fill_object(node, db_opcua_member_name(&nodes->roster, "Buses"),
+		fill_object(nodes, node, db_opcua_member_name(&nodes->roster, "Buses"),
 		            "The lines that they are on");
 		break;
 	case DB_OPCUA_ALL_ALARMS:
-		fill_object(node, db_opcua_member_name(&nodes->roster, "Alarms"),
+		fill_object(nodes, node, db_opcua_member_name(&nodes->roster, "Alarms"),
 		            "The alarms that there have been, as conditions");
 		break;
 	case DB_OPCUA_CONDITION:
 		fill_condition(nodes, node);
 		break;
 	case DB_OPCUA_BUS:
-		fill_object(node, db_opcua_own_name(&nodes->roster, bus->name),
+		fill_object(nodes, node, db_opcua_own_name(&nodes->roster, bus->name),
 		            db_opcua_type_of_bus()->text);
 		break;
 	case DB_OPCUA_FACT:
 		row = db_opcua_type_member(db_opcua_type_of_bus(), fact->name);
-		set_head(node, UA_NODECLASS_VARIABLE,
+		set_head(nodes, node, UA_NODECLASS_VARIABLE,
 		         db_opcua_member_name(&nodes->roster, fact->name), row ? row->text : "");
 		set_variable(node, db_opcua_json_type(fact->value)->typeId, false, false,
 		             DB_OPCUA_FIGURES_INTERVAL);

@@ -302,12 +302,15 @@ struct db_opcua_nodes *db_opcua_nodes_new(sd_event *loop, const struct db_opcua_
 		.refer = refer_of_node,
 	};
 	struct db_opcua_nodes *nodes = calloc(1, sizeof(*nodes));
+	/* Also the variable of gettext(1): for tests, and for translators. */
+	const char *folder = getenv("TEXTDOMAINDIR");
 
 	if (!nodes)
 		return NULL;
 	nodes->config = config;
 	nodes->ops = ops;
 	nodes->context = context;
+	db_opcua_locales_open(&nodes->locales, folder && folder[0] ? folder : DB_LOCALE_FOLDER);
 	nodes->store = db_opcua_store_new(&store_ops, nodes);
 	nodes->conditions = db_opcua_conditions_new(&nodes->roster, ops->acknowledge, context);
 	nodes->past = db_opcua_past_new(loop, config, &nodes->roster, ops->may_read_trail, context);
@@ -326,6 +329,7 @@ void db_opcua_nodes_free(struct db_opcua_nodes *nodes)
 	db_opcua_conditions_free(nodes->conditions);
 	db_opcua_roster_clear(&nodes->roster);
 	db_opcua_store_free(nodes->store);
+	db_opcua_locales_close(&nodes->locales);
 	db_opcua_enumerations_free(nodes->enumerations);
 	forget_changes(nodes);
 	free(nodes);
@@ -390,6 +394,8 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 	nodes->roster.has_interface = db_opcua_store_reference_type(nodes->store,
 	                                                            UA_NS0ID_HASINTERFACE);
 	status = db_opcua_devices_add(server, &nodes->roster.devices);
+	if (status == UA_STATUSCODE_GOOD)
+		status = db_opcua_locales_tell(&nodes->locales, server);
 	if (status == UA_STATUSCODE_GOOD)
 		status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
 		                 db_opcua_node_id(&nodes->roster, &drives), "Drives");

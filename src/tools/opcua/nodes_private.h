@@ -16,6 +16,7 @@ struct db_opcua_nodes {
 	struct db_opcua_plant *plant;
 	struct db_opcua_store *store;
 	struct db_opcua_roster roster;
+	struct db_opcua_locales locales;
 	struct db_opcua_conditions *conditions;
 	struct db_opcua_past *past;
 	struct db_opcua_historian historian;

@@ -12,9 +12,10 @@
  * and a few more. */
 #define HELD_MAX 32
 
-/* The library's table of hints is shifted by one: for a value it asks for the data type (seen in
- * 1.4.11). */
+/* The library's table of hints is not in order: for a value it asks for the data type, for a description for the mask
+ * of what may be written (seen in 1.4.11). */
 #define VALUE_HINTS (UA_NODEATTRIBUTESMASK_VALUE | UA_NODEATTRIBUTESMASK_DATATYPE)
+#define DESCRIPTION_HINTS (UA_NODEATTRIBUTESMASK_DESCRIPTION | UA_NODEATTRIBUTESMASK_WRITEMASK)
 
 struct db_opcua_store {
 	const struct db_opcua_store_ops *ops;
@@ -178,6 +179,7 @@ static void forget_node(struct db_opcua_store *store, struct db_opcua_node *node
 		*node->listeners = node->node.head.monitoredItems;
 	free(node->references);
 	free(node->value);
+	db_opcua_texts_clear(&node->description);
 	node->next = store->unheld;
 	store->unheld = node;
 }
@@ -197,6 +199,7 @@ static const UA_Node *make_node(struct db_opcua_store *store, const UA_NodeId *n
 	*node = (struct db_opcua_node){ .subject = *subject };
 	/* It reads single attributes, and writes to nodes with all of them (seen in 1.4.11). */
 	node->written = attributes == UA_NODEATTRIBUTESMASK_ALL;
+	node->described = !node->written && (attributes & DESCRIPTION_HINTS) != 0;
 	memcpy(node->id, id.data, id.length);
 	node->node.head.nodeId = (UA_NodeId){
 		.namespaceIndex = node_id->namespaceIndex,

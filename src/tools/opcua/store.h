@@ -9,6 +9,7 @@
 #ifndef DRIVEBRIDGE_OPCUA_STORE_H
 #define DRIVEBRIDGE_OPCUA_STORE_H
 
+#include "opcua/locales.h"
 #include "opcua/roster.h"
 
 #include <open62541/plugin/nodestore.h>
@@ -24,10 +25,11 @@ struct db_opcua_node {
 	struct db_opcua_subject subject;
 	char id[DB_OPCUA_ID_MAX];
 	UA_LocalizedTextListEntry display_name;
-	UA_LocalizedTextListEntry description;
-	UA_UInt32 any_length; /* 0, the dimension of an array */
-	bool written;         /* the library holds it to write it */
-	void *value;          /* freed with free() together with the node; NULL: none */
+	struct db_opcua_texts description; /* cleared together with the node */
+	bool described;                    /* the description is requested, in any language */
+	UA_UInt32 any_length;              /* 0, the dimension of an array */
+	bool written;                      /* the library holds it to write it */
+	void *value; /* freed with free() together with the node; NULL: none */
 	/* Where the subscriptions to the node's events are kept; NULL: it has no events. */
 	UA_MonitoredItem **listeners;
 	UA_MonitoredItem *listeners_before;

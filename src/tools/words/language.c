@@ -428,7 +428,7 @@ static bool fill_in(const struct db_words_language *language, const char *transl
 	return append(room, &used, translation, strlen(translation));
 }
 
-/* Where a list of codes at the end begins: " 0=closed 1=open 2=..."; these are names. Null: there is none. */
+/* Where a list of codes at the end begins: ": 0=closed 1=open 2=..."; these are names. Null: there is none. */
 static const char *find_codes(const char *text)
 {
 	const char *codes = NULL;
@@ -448,7 +448,9 @@ static const char *find_codes(const char *text)
 		word--;
 		codes = word;
 	}
-	return count >= 3 ? codes : NULL;
+	if (count < 3)
+		return NULL;
+	return codes > text && codes[-1] == ':' ? codes - 1 : codes;
 }
 
 /* "plant.conf:7: no such key": what is after a name and a colon is a text of its own. Null: there is none. */

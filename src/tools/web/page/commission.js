@@ -75,6 +75,10 @@ export function hide() {
 async function learn(path) {
 	const { context, name, record } = path;
 	const [registers, commands] = await Promise.all([context.registers(name), context.commands(name)]);
+
+	/* A page that was just opened knows the drive's place only a moment later. */
+	if (!context.plant.drives.has(name))
+		await new Promise((resolve) => context.on("describe", resolve));
 	const known = ["unit_name", "counts_per_unit", "spd", "identity"].filter((one) => registers.has(one));
 	const { values } = await call("Read", { drive: name, names: known });
 

@@ -9,6 +9,7 @@ import { TRIALS, findTrial, listVerdicts, takeVerdicts } from "./commission_reco
 import { VERDICT_WORDS } from "./commission_words.js";
 import { createField, element, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
+import { formatReal, parseValue } from "./format.js";
 import { createPasteText } from "./paste_text.js";
 import { inLanguage, t } from "./words.js";
 
@@ -50,7 +51,7 @@ export async function createTrial(path, own, keys, onSeen) {
  * ------------------------------------------------------------------------- */
 
 function createNumber(id, label, hint) {
-	const input = element("input", { id, type: "number", min: 0, step: "any", inputmode: "decimal",
+	const input = element("input", { id, type: "text", inputmode: "decimal", autocomplete: "off",
 		placeholder: hint });
 
 	return { input, field: createField(label, input) };
@@ -64,7 +65,7 @@ function build(mine, steps) {
 		steps.filter(({ step }) => !only || step === only).map(({ step, description }) =>
 			element("option", { value: step }, `${step}: ${inLanguage(description)}`)));
 	mine.velocity = createNumber("commission-velocity", t("Velocity of trial motions"), "slow");
-	mine.seconds = createNumber("commission-seconds", t("Seconds of one (0.2 to 5)"), "1.5");
+	mine.seconds = createNumber("commission-seconds", t("Seconds of one (0.2 to 5)"), formatReal(1.5));
 	mine.begin = element("button", { id: "commission-begin", class: "primary", type: "button",
 		onclick: () => begin(mine) }, t("Begin"));
 	mine.now = element("p", { id: "commission-now", role: "status" });
@@ -105,25 +106,39 @@ function build(mine, steps) {
 /* --- a running commissioning
  * ------------------------------------------------------------------- */
 
-/* Only the filled fields; the server checks them. */
-function readOrder(mine) {
-	const order = { drive: mine.name };
+/* A typed number as { value }, or { problem }. Above 0 is for the server to check. */
+export function readNumber(typed, numbers) { return parseValue({ type: "f32" }, typed, numbers); }
 
-	if (mine.step.value)
-		order.step = mine.step.value;
-	for (const [key, { input }] of [["velocity", mine.velocity], ["seconds", mine.seconds]]) {
-		if (input.value !== "")
-			order[key] = Number(input.value);
+/*
+ * The order for the server, { order }, or { problem }: typed is { step, velocity, seconds }, of which only what is not
+ * empty is sent. Something else than what was typed must turn no motor: the server has a velocity of its own.
+ */
+export function readOrder(drive, { step, ...typed }, numbers) {
+	const order = step ? { drive, step } : { drive };
+
+	for (const [key, text] of Object.entries(typed)) {
+		if (text.trim() === "")
+			continue;
+		const { value, problem } = readNumber(text, numbers);
+
+		if (problem)
+			return { problem };
+		order[key] = value;
 	}
-	return order;
+	return { order };
 }
 
 function begin(mine) {
+	const { order, problem } = readOrder(mine.name,
+		{ step: mine.step.value, velocity: mine.velocity.input.value, seconds: mine.seconds.input.value });
+
+	setText(mine.problem, problem ?? "");
+	if (problem)
+		return;
 	mine.begin.disabled = true;
 	mine.result.hidden = true;
-	setText(mine.problem, "");
 	setText(mine.now, t("Asking the drive …"));
-	mine.stream = openStream("commission", readOrder(mine), {
+	mine.stream = openStream("commission", order, {
 		once: true,
 		onEvent: (event, data) => take[event]?.(mine, data),
 		onState(state, error) {
@@ -186,6 +201,15 @@ function clearQuestion(mine) {
 	mine.answers.replaceChildren();
 }
 
+function answerNumber(mine, question, typed) {
+	const { value, problem } = readNumber(typed);
+
+	if (problem)
+		setText(mine.problem, problem);
+	else
+		answer(mine, question, String(value));
+}
+
 async function answer(mine, question, text) {
 	if (await say(mine, { question, answer: text })) {
 		setText(mine.problem, "");
@@ -218,7 +242,7 @@ const take = {
 		mine.answers.replaceChildren(...(choices ?
 			choices.filter((choice) => choice !== "skip").map(make) :
 			[input, element("button", { type: "button", class: "primary", "data-answer": "number",
-				onclick: () => answer(mine, question, input.value.trim().replace(",", ".")) },
+				onclick: () => answerNumber(mine, question, input.value) },
 			t("Answer"))]), make("skip"));
 		mine.question.focus();
 	},

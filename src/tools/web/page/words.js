@@ -19,7 +19,7 @@ const MAGIC = 0x950412de;
 /* A name in braces, or a value of printf. */
 const PLACE = /\{(\w+)\}|%(?:(\d+)\$)?[-+#0]*\d*(?:\.(?:\d+|\*))?(?:hh|h|ll|l|z|j)?[sdiufgcxX]/g;
 /* A list of codes, such as " 0=closed 1=open", at the end of a description: these are names. */
-const CODES = /(?: -?\w+=\S+){3,}$/;
+const CODES = /:?(?: -?\w+=\S+){3,}$/;
 /* Texts in texts: a reason in an advice in a message. */
 const DEPTH_MOST = 3;
 /* Of a text with values, besides these: fewer say nothing. */

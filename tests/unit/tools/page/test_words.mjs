@@ -45,7 +45,7 @@ const german = {
 	"; did you mean {names}?": "; meinten Sie {names}?",
 	"drive %s tells: %s": "Antrieb %s meldet: %s",
 	"home": "referenzieren",
-	"State of the axis:": "Zustand der Achse:",
+	"State of the axis": "Zustand der Achse",
 };
 
 test("a file of either byte order is read", () => {

@@ -32,7 +32,7 @@ static const struct {
 	{ "%zu hint\0%zu hints", 18, "%zu Hinweis\0%zu Hinweise", 24 },
 	{ "; %s has it: end that", 0, "; %s belegt ihn: beenden", 0 },
 	{ "; did you mean {names}?", 0, "; meinten Sie {names}?", 0 },
-	{ "State of the axis:", 0, "Zustand der Achse:", 0 },
+	{ "State of the axis", 0, "Zustand der Achse", 0 },
 	{ "check its power", 0, "Versorgung prüfen", 0 },
 	{ "drive %s tells: %s", 0, "Antrieb %s meldet: %s", 0 },
 	{ "home", 0, "referenzieren", 0 },
