@@ -40,7 +40,7 @@ EXCEPTIONS = {
 # Words in code formatting that are none of the program's own.
 FOREIGN = {
     # programs, users, files
-    "dialout", "drivebridge", "drivebridged", "drivebridgectl", "mbpoll", "latency_timer",
+    "dialout", "drivebridge", "drivebridged", "drivebridgectl", "mbpoll", "latency_timer", "timedatectl",
     # other products' words
     "CONNECT", "MB_CLIENT", "MB_MODE", "MB_DATA_ADDR", "MB_DATA_LEN", "MB_DATA_PTR",
     "MB_Unit_ID", "REQ", "BUSY", "STATUS", "uiMaxRetries", "UNION", "WORD", "DINT", "REAL", "Int", "DInt", "Real", "TCON_IP_v4",
