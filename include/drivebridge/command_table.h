@@ -33,11 +33,15 @@ enum db_arg {
 	DB_ARG_COUNT
 };
 
-/* Offset of an argument in struct db_args. Its register row has the same offset. */
-size_t db_arg_offset(enum db_arg arg);
-size_t db_arg_bytes(enum db_arg arg);
-const char *db_arg_name(enum db_arg arg);  /* its register's; "" of NONE */
-enum db_type db_arg_type(enum db_arg arg); /* of each word of several */
+struct db_arg_row {
+	size_t offset; /* in struct db_args; its register row has the same offset */
+	size_t bytes;
+	const char *name;  /* its register's; "" of NONE */
+	enum db_type type; /* of each word of several */
+};
+
+/* By enum db_arg. */
+extern const struct db_arg_row db_arg_rows[DB_ARG_COUNT];
 
 struct db_command_row {
 	enum db_command code;

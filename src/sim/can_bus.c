@@ -134,8 +134,7 @@ static bool is_silent(const struct sim_can_bus *bus, const struct station *stati
 	       bus->faults.left[SIM_FAULT_SILENCE] != 0;
 }
 
-/* --- frames of drives
- * -------------------------------------------------------------------------- */
+/* --- frames of drives ------------------------------------------------------------------------- */
 
 static db_time delay_of(struct sim_can_bus *bus, const struct station *station)
 {

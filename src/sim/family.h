@@ -30,7 +30,7 @@ struct sim_family {
 	             const struct sim_drive_config *config, const char *flash, db_time now);
 	void (*close)(struct sim_node *node); /* after the wire was freed */
 
-	/* Something changes as time passes. */
+	/* Something changes as time passes; null: while a motor moves. */
 	bool (*is_busy)(const struct sim_node *node);
 	void (*advance)(struct sim_node *node, db_time now);
 	/* Bit 0; for controllers with several axes one bit each. */

@@ -8,8 +8,7 @@
 #include <inttypes.h>
 #include <stdlib.h>
 
-/* --- making and freeing
- * ------------------------------------------------------------------------ */
+/* --- making and freeing ----------------------------------------------------------------------- */
 
 static bool open_drive(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
                        const struct sim_drive_config *config, const char *flash, db_time now)
@@ -42,13 +41,7 @@ static void close_drive(struct sim_node *node)
 	free(node->servo);
 }
 
-/* --- state
- * ------------------------------------------------------------------------------------- */
-
-static bool is_busy(const struct sim_node *node)
-{
-	return sim_servo_moving(node->servo->drive);
-}
+/* --- state ------------------------------------------------------------------------------------ */
 
 static void advance(struct sim_node *node, db_time now)
 {
@@ -111,8 +104,7 @@ static unsigned get_address(const struct sim_node *node)
 	return node->servo->address;
 }
 
-/* --- from outside
- * ------------------------------------------------------------------------------ */
+/* --- from outside ----------------------------------------------------------------------------- */
 
 static void set_address(struct sim_node *node, unsigned address)
 {
@@ -189,7 +181,6 @@ static const struct sim_family_command commands[] = {
 const struct sim_family sim_servo_can_family = {
 	.open = open_drive,
 	.close = close_drive,
-	.is_busy = is_busy,
 	.advance = advance,
 	.moving_motors = moving_motors,
 	.write_motion = write_motion,

@@ -232,8 +232,7 @@ void sim_servo_advance(struct sim_servo *drive, db_time now)
 	}
 }
 
-/* --- the host's messages
- * ----------------------------------------------------------------------- */
+/* --- the host's messages ---------------------------------------------------------------------- */
 
 /* Is the shaft held at the demand, or on its way there? */
 static bool is_held(const struct sim_servo *drive)
@@ -407,8 +406,7 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 	}
 }
 
-/* --- answers
- * ----------------------------------------------------------------------------------- */
+/* --- answers ---------------------------------------------------------------------------------- */
 
 /* A held position trembles. */
 static double add_dither(const struct sim_servo *drive)

@@ -167,8 +167,7 @@ static void read_data(struct sim_vsmd_can_node *node, uint16_t host, unsigned fi
 	queue_answer(node, VSMD_CAN_DATA_REPLY, host, first, values, count, now + node->latency);
 }
 
-/* --- the host's messages
- * ----------------------------------------------------------------------- */
+/* --- the host's messages ---------------------------------------------------------------------- */
 
 /* Writes those parameters of a register that differ from their former values. */
 static void write_register(struct sim_vsmd_can_node *node, unsigned reg, uint32_t raw, db_time now)

@@ -172,7 +172,7 @@ void sim_vsmd_free(struct sim_vsmd *drive)
 	free(drive);
 }
 
-static handler_fn *handler_of(enum vsmd_verb verb);
+static handler_fn *const handlers[VSMD_VERB_COUNT]; /* below */
 
 static bool is_enabled(const struct sim_vsmd *drive)
 {
@@ -196,7 +196,7 @@ void sim_vsmd_advance(struct sim_vsmd *drive, db_time now)
 	if (drive->waits && drive->begins_at <= now) {
 		drive->waits = false;
 		sim_mechanics_advance(drive, drive->begins_at);
-		(void)handler_of(drive->waiting.verb)(drive, &drive->waiting);
+		(void)handlers[drive->waiting.verb](drive, &drive->waiting);
 		follow_late_bits(drive, drive->begins_at);
 	}
 	sim_mechanics_advance(drive, now);
@@ -447,11 +447,6 @@ static handler_fn *const handlers[VSMD_VERB_COUNT] = {
 	[VSMD_SAV] = save_params,
 };
 
-static handler_fn *handler_of(enum vsmd_verb verb)
-{
-	return handlers[verb];
-}
-
 static bool is_read(enum vsmd_verb verb)
 {
 	return verb == VSMD_STS || verb == VSMD_DEV || verb == VSMD_CFG_READ;
@@ -559,14 +554,6 @@ bool sim_vsmd_moving(const struct sim_vsmd *drive)
 	return drive->powered && sim_motion_moving(&drive->motion);
 }
 
-bool sim_vsmd_set_param(struct sim_vsmd *drive, enum vsmd_param param, union db_value value)
-{
-	if (!sim_vsmd_takes(&drive->config, param, value))
-		return false;
-	drive->params[param] = value;
-	return true;
-}
-
 bool sim_vsmd_hides_params(const struct sim_vsmd *drive)
 {
 	return drive->hides_params || drive->config.temper.parameters != SIM_PARAMETERS_TOLD;
@@ -578,12 +565,6 @@ void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity)
 
 	memcpy(drive->identity, identity, length);
 	drive->identity[length] = '\0';
-}
-
-void sim_vsmd_set_address(struct sim_vsmd *drive, unsigned address)
-{
-	drive->address = address;
-	drive->params[VSMD_CID].u = drive->flash[VSMD_CID].u = address;
 }
 
 void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now)

@@ -98,14 +98,10 @@ bool sim_vsmd_moving(const struct sim_vsmd *drive);
 
 /* Events from outside. */
 void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now);
-/* As by the vendor's own tool: not over the bus. False when it does not accept the value. */
-bool sim_vsmd_set_param(struct sim_vsmd *drive, enum vsmd_param param, union db_value value);
 /* True if it refuses the text of its parameters, and answers no register. */
 bool sim_vsmd_hides_params(const struct sim_vsmd *drive);
 /* cut off at the maximum */
 void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity);
-/* As by a switch on the drive, at once. */
-void sim_vsmd_set_address(struct sim_vsmd *drive, unsigned address);
 void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now);
 /* number 1..6; level 0 or 1, or -1 to let the sensor work again. */
 void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now);

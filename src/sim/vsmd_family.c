@@ -10,8 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* --- making and freeing
- * ------------------------------------------------------------------------ */
+/* --- making and freeing ----------------------------------------------------------------------- */
 
 static bool make_drive(struct sim_node *node, const struct sim_drive_config *config,
                        const char *flash, db_time now)
@@ -49,13 +48,7 @@ static void close_drive(struct sim_node *node)
 	free(node->vsmd_can);
 }
 
-/* --- state
- * ------------------------------------------------------------------------------------- */
-
-static bool is_busy(const struct sim_node *node)
-{
-	return sim_vsmd_moving(node->drive);
-}
+/* --- state ------------------------------------------------------------------------------------ */
 
 static void advance(struct sim_node *node, db_time now)
 {
@@ -119,12 +112,15 @@ static unsigned get_address(const struct sim_node *node)
 	return node->drive->address;
 }
 
-/* --- from outside
- * ------------------------------------------------------------------------------ */
+/* --- from outside ----------------------------------------------------------------------------- */
 
+/* As by a switch on the drive, at once. */
 static void set_address(struct sim_node *node, unsigned address)
 {
-	sim_vsmd_set_address(node->drive, address);
+	struct sim_vsmd *drive = node->drive;
+
+	drive->address = address;
+	drive->params[VSMD_CID].u = drive->flash[VSMD_CID].u = address;
 }
 
 static void power(struct sim_node *node, bool on, db_time now)
@@ -187,8 +183,9 @@ static const char *set_param(struct sim_node *node, const char *rest, db_time no
 	number = strtod(rest + length + 1, &end);
 	if (end == rest + length + 1 || *end != '\0' ||
 	    !db_value_from_number(vsmd_params[param].type, number, &value) ||
-	    !sim_vsmd_set_param(node->drive, (enum vsmd_param)param, value))
+	    !sim_vsmd_takes(&node->drive->config, (enum vsmd_param)param, value))
 		return "param: it does not take this value";
+	node->drive->params[param] = value;
 	return NULL;
 }
 
@@ -208,10 +205,10 @@ static const struct sim_family_command commands[] = {
 
 /* All operations except those that depend on the bus. */
 #define OPERATIONS                                                                                \
-	.close = close_drive, .is_busy = is_busy, .advance = advance,                             \
-	.moving_motors = moving_motors, .write_motion = write_motion, .write_state = write_state, \
-	.get_address = get_address, .set_address = set_address, .power = power, .stall = stall,   \
-	.force_status = force_status, .fail_flash = fail_flash, .commands = commands
+	.close = close_drive, .advance = advance, .moving_motors = moving_motors,                 \
+	.write_motion = write_motion, .write_state = write_state, .get_address = get_address,     \
+	.set_address = set_address, .power = power, .stall = stall, .force_status = force_status, \
+	.fail_flash = fail_flash, .commands = commands
 
 const struct sim_family sim_vsmd_serial_family = {
 	.protocol = &sim_vsmd_serial_protocol,

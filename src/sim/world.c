@@ -32,8 +32,7 @@ static void write_trace(void *context, db_time time, char direction, const uint8
 	fputs("|\n", bus->trace);
 }
 
-/* --- observers of drives
- * ----------------------------------------------------------------------- */
+/* --- observers of drives ---------------------------------------------------------------------- */
 
 static void observe(struct sim_observer *observer, const char *text, db_time now)
 {
@@ -222,6 +221,12 @@ int sim_bus_read(struct sim_bus *bus, db_time now)
 	return 0;
 }
 
+static bool is_busy(const struct sim_node *node)
+{
+	return node->family->is_busy ? node->family->is_busy(node) :
+	                               node->family->moving_motors(node) != 0;
+}
+
 void sim_world_run(struct sim_world *world, db_time now)
 {
 	uint8_t bytes[4096];
@@ -247,7 +252,7 @@ void sim_world_run(struct sim_world *world, db_time now)
 		struct sim_node *node = &world->nodes[i];
 		unsigned moving;
 
-		if (node->family->is_busy(node))
+		if (is_busy(node))
 			node->family->advance(node, now);
 		/* Reports motors that have stopped since the last check. */
 		if (world->observers[i].trace) {
@@ -273,7 +278,7 @@ db_time sim_world_next(const struct sim_world *world, db_time now)
 	for (size_t i = 0; i < world->node_count; i++) {
 		const struct sim_node *node = &world->nodes[i];
 
-		if (node->family->is_busy(node) && now + TICK_NS < next)
+		if (is_busy(node) && now + TICK_NS < next)
 			next = now + TICK_NS;
 	}
 	return next;

@@ -10,8 +10,7 @@
 
 static const char axis_letters[] = "xyza";
 
-/* --- making and freeing
- * ------------------------------------------------------------------------ */
+/* --- making and freeing ----------------------------------------------------------------------- */
 
 static bool open_controller(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
                             const struct sim_drive_config *config, const char *flash, db_time now)
@@ -29,8 +28,7 @@ static void close_controller(struct sim_node *node)
 	sim_xyza_free(node->xyza);
 }
 
-/* --- state
- * ------------------------------------------------------------------------------------- */
+/* --- state ------------------------------------------------------------------------------------ */
 
 static bool is_busy(const struct sim_node *node)
 {
@@ -114,8 +112,7 @@ static unsigned get_address(const struct sim_node *node)
 	return sim_xyza_content(node->xyza, XYZA_ITEM_SLAVE_NUMBER, XYZA_X);
 }
 
-/* --- from outside
- * ------------------------------------------------------------------------------ */
+/* --- from outside ----------------------------------------------------------------------------- */
 
 static void set_address(struct sim_node *node, unsigned address)
 {

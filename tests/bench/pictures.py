@@ -48,7 +48,7 @@ class Plant(Bridge):
             if bus not in links:
                 links[bus] = place / bus
                 self.sections[f"bus {bus}"] = {
-                    "protocol": "vsmd-serial", "device": links[bus], "baud": 921600, "line": "rs485", "cycle-ms": 100,
+                    "protocol": "vsmd-serial", "device": links[bus], "baud": 921600, "line": "rs485", "cycle-ms": 100 if count <= 32 else 500,
                     "drive-latency-ms": 400}
                 simulated.append(section(f"bus {bus}", {"protocol": "vsmd-serial", "device": "pty", "baud": 921600,
                                                         "line": "rs485", "latency-us": 200}))

@@ -8,11 +8,13 @@ while that happened has shown nothing: it is repeated once the machine is calm, 
 
 Tests that run side by side also take time from each other: a test's own client yields to the programs, and no watcher
 sees how long it waits. So those that failed then are listed in the file that DRIVEBRIDGE_FAILED names, and
-tests/lib/phases.sh runs them once more alone. A test that fails alone on a machine that ran has failed.
+tests/lib/phases.sh runs them once more alone. A test that fails alone on a machine that ran has failed. So has one in which
+a program broke or a sanitizer found something, however the machine was: no stall does that.
 
 A pytest plugin, for the tests in tests/e2e and tests/kernel."""
 
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -116,6 +118,14 @@ def told(reports):
     return (crash.message if crash else str(failure)).splitlines()[0]
 
 
+# What a failure says when a program broke, or a sanitizer found something; tests/tools/count-junit has the same words.
+BROKE = re.compile(r"sanitizer output|: \w+Sanitizer: |ended with -\d+ by itself")
+
+
+def broke(reports):
+    return any(report.failed and BROKE.search(report.longreprtext) for report in reports)
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_protocol(item, nextitem):
     """The test, again if it fails while the machine stood still."""
@@ -126,7 +136,7 @@ def pytest_runtest_protocol(item, nextitem):
         began = time.monotonic()
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
         stall = watcher.longest_since(began)
-        if attempt == tries or not stall or not any(report.failed for report in reports):
+        if attempt == tries or not stall or not any(report.failed for report in reports) or broke(reports):
             break
         item.user_properties.append(
             ("repeated", f"the machine stood still for {stall * 1000:.0f} ms: {told(reports)}"))

@@ -253,6 +253,7 @@ def test_users_and_passwords_are_changed_on_the_page(site, visit):
     view = otto.go("account")
     expect(view.locator("#sessions tbody tr")).to_have_count(2)
     expect(view.locator("#sessions tbody tr").first).to_contain_text("this one")
+    assert findings(otto.page) == []
     view.locator("[data-session]").click()
     expect(view.locator("#sessions tbody tr")).to_have_count(1)
     expect(second.page.locator("#login-user")).to_be_visible()
@@ -581,7 +582,7 @@ def test_a_stop_that_the_drive_does_not_confirm_can_be_taken_away_by_hand(site, 
 
 def begin_step(visitor, step, seconds=""):
     """Up to the question whether it may move."""
-    view = visitor.go("commission/drive1")
+    view = visitor.go("commission/drive1/trials")
     view.locator("#commission-step").select_option(step)
     view.locator("#commission-seconds").fill(seconds)
     view.locator("#commission-begin").click()

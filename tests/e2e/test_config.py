@@ -250,7 +250,7 @@ def test_check_tells_every_value(tmp_path):
     _, status, out, errors = checked(tmp_path, after(DRIVE, "    max-velocity = 12.5"))
     assert status == 0, errors
     written = out.split("every value, as a file would say it\n")[1]
-    for line in ("max-velocity = \"12.5\"", "watchdog-ms = 3000", "cycle-ms = 50", "end"):
+    for line in ("max-velocity = 12.5", "watchdog-ms = 3000", "cycle-ms = 50", "end"):
         assert line in written, line
     # Which is one: it says the same once more.
     _, status, again, errors = checked(tmp_path, written)

@@ -18,7 +18,8 @@ GUIDE = ROOT / "docs" / "guide"
 # Tables that the guide leads to, and that are as long as a book.
 REFERENCE = [ROOT / "docs" / name for name in ("exchanges.md", "temperaments.md", "evidence.md", "mqtt-sparkplug.md", "schedule.md",
                                                 "structured-text.md", "servo-profiles.md", "machine.md", "glossary.md",
-                                                "special-registers.md")]
+                                                "special-registers.md", "page-behind-others.md", "opcua-alarms.md", "clients.md",
+                                                "audit-files.md")]
 PAGES = [page for folder in (GUIDE, GUIDE / "zh", GUIDE / "de") for page in sorted(folder.glob("*.md"))] + REFERENCE
 README = ROOT / "README.md"
 READMES = [README, ROOT / "README.zh-CN.md", ROOT / "README.de.md"]
@@ -61,6 +62,7 @@ FOREIGN = {
     # ... of its conditions and of the past ...
     "DiscreteAlarmType", "AlarmConditionType", "HasCondition", "ConditionName", "ActiveState", "AckedState", "Retain", "Severity",
     "Comment", "ClientUserId", "Acknowledge", "Confirm", "AddComment", "Disable", "ConditionRefresh", "ConditionRefresh2",
+    "Drives", "Time", "SourceName", "Message", "ComponentType",
     "HistoryRead", "BadEventIdUnknown", "BadRefreshInProgress", "BadHistoryOperationUnsupported",
     "DriveEventType", "DriveLostEventType", "DriveOnlineEventType", "WatchdogTrippedEventType", "Standstill", "GATEWAY",
     "GeneralModelChangeEvent", "customDataTypes", "DataTypeDefinition", "NodeAdded", "NodeDeleted", "ReferenceAdded", "ReferenceDeleted", "Trouble",
@@ -70,6 +72,8 @@ FOREIGN = {
     "BadOutOfRange", "BadInvalidState", "BadTimeout", "BadUserAccessDenied", "BadUnknownResponse", "BadNotExecutable", "opcua-client",
     "BadTcpServerTooBusy", "BadInvalidTimestamp", "BadRequestNotComplete", "BadResourceUnavailable", "BadTooManyOperations",
     "OperationLimits", "Diagnosis", "TroubleCause",
+    "ComponentType", "Identification", "Drives", "AuditTrailEventType", "Time", "SourceName", "Message", "Details", "RecordOf",
+    "TookUs",
     # drivebridge-tls
     "drivebridge-tls", "mbaps", "ModbusTlsClient", "drivebridge_tls_certificate_expires_timestamp_seconds",
     # drivebridge-web
@@ -206,9 +210,11 @@ def simulator_words(page):
 
 def node_words(page):
     """The parts of nodes' ids, on the page that is about them."""
-    if page.stem != "opcua":
+    if page.stem not in ("opcua", "opcua-alarms"):
         return set()
-    return {word for row in rows("opcua-nodes.csv") for word in row["node"].strip("/").split(".")}
+    ids = [row["node"].strip("/") for row in rows("opcua-nodes.csv")]
+    ids += re.findall(r'NodeId="ns=1;s=([^"]+)"', (ROOT / "docs" / "drivebridge.NodeSet2.xml").read_text(encoding="utf-8"))
+    return {word for one in ids for word in one.split(".")}
 
 
 def wrong_setting(key, value):

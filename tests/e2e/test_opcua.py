@@ -346,10 +346,22 @@ async def test_server_and_service_are_killed(make_bridge, make_server):
 
 
 @in_loop
-async def test_a_service_that_hangs(bridge, make_server):
-    """Its connections stay, and nothing comes: what was told last is not taken for what is now."""
+async def test_a_service_that_hangs(make_bridge, make_server):
+    """Its connections stay, and nothing comes: what was told last is not taken for what is now. Whoever reads what all drives are
+    waits for it once, not once for each: meanwhile no client is served, and no watchdog fed."""
+    bridge = make_bridge(drives=16)
     server = make_server(bridge)
+    clock = asyncio.get_running_loop().time
     async with server.session() as session:
+        models = [at(session, f"drive{number}.Identification.Model").nodeid for number in range(1, 17)]
+
+        async def are_read_at_once():
+            # Each is asked for once a second at most.
+            await asyncio.sleep(1.1)
+            begun = clock()
+            await session.uaclient.read_attributes(models, ua.AttributeIds.Value)
+            return clock() - begun < 0.2
+
         nodes = [at(session, name) for name in ("drive1.PositionActualValue", "drive1.AxisState", "/Buses.line.Up")]
         follower = await Follower(session).start(nodes)
         for node in nodes:
@@ -357,6 +369,7 @@ async def test_a_service_that_hangs(bridge, make_server):
             await until(lambda: follower.of(node))
         bridge.process.send_signal(signal.SIGSTOP)
         try:
+            assert await are_read_at_once() or await are_read_at_once() or await are_read_at_once()
             for node in nodes:
                 await until(lambda: says_uncertain(node))
                 await until(lambda: not follower.status(node).is_good())

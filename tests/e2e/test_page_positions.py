@@ -6,7 +6,7 @@ import time
 import pytest
 from bridgelib import eventually
 from browserlib import expect
-from test_browser import STANDS_WITHIN, chromium, is_moving, make_site, motions, site, visit, wait_moving, wait_stand  # noqa: F401 (fixtures)
+from test_browser import STANDS_WITHIN, chromium, is_moving, make_site, motions, site, visit, wait_stand  # noqa: F401 (fixtures)
 from weblib import READER
 
 ROW = 'tr[data-position="{}"]'
@@ -44,6 +44,18 @@ def hold(shown):
     shown.page.mouse.down()
 
 
+def hold_until(shown, bridge, holds):
+    """Held until that is true; once more where the machine was too busy for the beats, which the page then says."""
+    said = shown.locator("#sequence-state")
+    for _ in range(5):
+        hold(shown)
+        if eventually(lambda: holds() or ("Ended" in said.inner_text() and "ended"), 30) != "ended":
+            return
+        shown.page.mouse.up()
+        bridge.wait_standing()
+    raise AssertionError("the button could not be held for so long")
+
+
 def test_positions_and_a_sequence(site, visit, view):  # noqa: F811
     bridge, page = site.bridge, view.page
     # By a click, as any command.
@@ -53,9 +65,15 @@ def test_positions_and_a_sequence(site, visit, view):  # noqa: F811
     eventually(lambda: bridge.sim.get()["position"] == 320)
     bridge.wait_standing()
     # Held to its end.
-    hold(view)
-    expect(view.locator("#sequence-state")).to_contain_text("Step 1 of 2: drive1 goes to far")
-    expect(view.locator("#sequence-state")).to_have_text("All steps are done.")
+    said = view.locator("#sequence-state")
+    seen = set()
+
+    def is_done():
+        seen.add(said.inner_text())
+        return said.inner_text() == "All steps are done."
+
+    hold_until(view, bridge, is_done)
+    assert "Step 1 of 2: drive1 goes to far" in seen
     page.mouse.up()
     assert bridge.sim.get()["position"] == 320
     # The list is there when the page comes again.
@@ -101,9 +119,8 @@ def test_what_takes_the_hand_away_stops_it(site, view):  # noqa: F811
         bridge.drive().settle("move_absolute", target_position=320, target_velocity=32000)
         eventually(lambda: bridge.sim.get()["position"] == 320)
         bridge.wait_standing()
-        hold(view)
-        wait_moving(bridge)
-        expect(view.locator("#sequence-hold")).to_have_class("hold primary pressed held")
+        button = view.locator("#sequence-hold")
+        hold_until(view, bridge, lambda: is_moving(bridge) and "held" in button.get_attribute("class").split())
         since = time.monotonic()
         end(page)
         assert wait_stand(bridge, since) < STANDS_WITHIN + 0.3, how

@@ -916,7 +916,7 @@ def test_the_guides_program(make_bridge):
 def test_the_program_for_openplc(make_bridge):
     """With the words that its runtime reads and writes for ever."""
     bridge = make_bridge(sim_drive={"set": ["spd=64000", "acc=640000", "dec=640000", "pae=1"]})
-    [text] = examples(DOCS / "guide" / "openplc.md")
+    [text] = [text for text in examples(DOCS / "structured-text.md") if "CONFIGURATION Gateway" in text]
     places = re.findall(r"(\w+) AT %([IQ])W(\d+)", text)
     program, _, _ = text.partition("CONFIGURATION")
     mover = Library(re.sub(r" AT %\w+", "", program), strict=True).types["Mover"]()

@@ -434,7 +434,7 @@ static void put_command(FILE *out, const struct db_command_row *row, struct list
 	fprintf(out, "%u,%s,", (unsigned)row->code, row->name);
 	for (size_t i = 0; i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
 		size_t offset = offsetof(struct db_drive_image, block.args) +
-		                db_arg_offset(row->args[i]);
+		                db_arg_rows[row->args[i]].offset;
 
 		for (size_t j = 0; j < list->count; j++) {
 			const struct listed *listed = &list->items[j];
@@ -442,7 +442,7 @@ static void put_command(FILE *out, const struct db_command_row *row, struct list
 			if (listed->view != DB_VIEW_DRIVE ||
 			    listed->entry.cell.part != DB_PART_BLOCK ||
 			    listed->entry.cell.offset < offset ||
-			    listed->entry.cell.offset >= offset + db_arg_bytes(row->args[i]))
+			    listed->entry.cell.offset >= offset + db_arg_rows[row->args[i]].bytes)
 				continue;
 			fprintf(out, "%s%s", before, listed->entry.name);
 			before = " ";

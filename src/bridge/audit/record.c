@@ -71,14 +71,13 @@ static json_t *arguments_of(const struct db_audit_entry *entry)
 	json_t *arguments = json_object();
 
 	for (size_t i = 0; row && i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
-		enum db_arg arg = row->args[i];
-		const unsigned char *from = (const unsigned char *)&entry->args +
-		                            db_arg_offset(arg);
-		size_t size = 2 * db_type_registers(db_arg_type(arg));
-		bool several = db_arg_bytes(arg) > size;
+		const struct db_arg_row *arg = &db_arg_rows[row->args[i]];
+		const unsigned char *from = (const unsigned char *)&entry->args + arg->offset;
+		size_t size = 2 * db_type_registers(arg->type);
+		bool several = arg->bytes > size;
 		json_t *words = several ? json_array() : NULL;
 
-		for (size_t at = 0; at < db_arg_bytes(arg); at += size) {
+		for (size_t at = 0; at < arg->bytes; at += size) {
 			union db_value value = { .u = 0 };
 			uint16_t narrow;
 
@@ -89,14 +88,13 @@ static json_t *arguments_of(const struct db_audit_entry *entry)
 				memcpy(&value, from + at, sizeof(value));
 			}
 			if (several)
-				(void)json_array_append_new(words,
-				                            value_of(db_arg_type(arg), value));
+				(void)json_array_append_new(words, value_of(arg->type, value));
 			else
-				(void)json_object_set_new(arguments, db_arg_name(arg),
-				                          value_of(db_arg_type(arg), value));
+				(void)json_object_set_new(arguments, arg->name,
+				                          value_of(arg->type, value));
 		}
 		if (several)
-			(void)json_object_set_new(arguments, db_arg_name(arg), words);
+			(void)json_object_set_new(arguments, arg->name, words);
 	}
 	return arguments;
 }
@@ -226,11 +224,11 @@ static void read_arguments(const json_t *arguments, struct db_audit_entry *entry
 	const struct db_command_row *row = db_command_find(entry->command);
 
 	for (size_t i = 0; row && i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
-		enum db_arg arg = row->args[i];
-		unsigned char *to = (unsigned char *)&entry->args + db_arg_offset(arg);
-		const json_t *found = json_object_get(arguments, db_arg_name(arg));
-		size_t size = 2 * db_type_registers(db_arg_type(arg));
-		size_t count = db_arg_bytes(arg) / size;
+		const struct db_arg_row *arg = &db_arg_rows[row->args[i]];
+		unsigned char *to = (unsigned char *)&entry->args + arg->offset;
+		const json_t *found = json_object_get(arguments, arg->name);
+		size_t size = 2 * db_type_registers(arg->type);
+		size_t count = arg->bytes / size;
 
 		for (size_t k = 0; k < count; k++) {
 			const json_t *one = count > 1 ? json_array_get(found, k) : found;
@@ -238,7 +236,7 @@ static void read_arguments(const json_t *arguments, struct db_audit_entry *entry
 			uint16_t narrow;
 
 			if (!json_is_number(one) ||
-			    !db_value_from_number(db_arg_type(arg), json_number_value(one), &value))
+			    !db_value_from_number(arg->type, json_number_value(one), &value))
 				continue;
 			narrow = (uint16_t)value.u;
 			memcpy(to + k * size, size == sizeof(narrow) ? (void *)&narrow : &value,

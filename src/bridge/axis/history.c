@@ -124,7 +124,7 @@ void db_history_args(struct db_history_entry *entry, unsigned code, const struct
 	const struct db_command_row *row = db_command_find(code);
 
 	for (size_t i = 0; row && i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
-		const char *from = (const char *)args + db_arg_offset(row->args[i]);
+		const char *from = (const char *)args + db_arg_rows[row->args[i]].offset;
 		uint16_t narrow;
 
 		memcpy(&narrow, from, sizeof narrow);

@@ -29,6 +29,7 @@ struct probe {
 	FILE *out;
 	FILE *errors;
 	const char *kind; /* "bus" or "line", for messages */
+	bool headed;      /* the heading of what is good has been printed */
 	char user[64];    /* the user that opens the ports */
 	uid_t uid;
 	gid_t groups[GROUPS_MAX];
@@ -40,6 +41,14 @@ static void add_warning(const struct probe *probe, const struct db_bus_config *b
 {
 	fprintf(probe->errors, "%s:%u: warning: %s %s: %s %s\n", bus->source_file, bus->source_line,
 	        probe->kind, bus->name, port, what);
+}
+
+static void add_good(struct probe *probe, const struct db_bus_config *bus, const char *port)
+{
+	if (!probe->headed)
+		fputs("on this machine\n", probe->out);
+	probe->headed = true;
+	fprintf(probe->out, "  %s %s: %s ", probe->kind, bus->name, port);
 }
 
 /* --- the user --------------------------------------------------------------------------------- */
@@ -132,7 +141,7 @@ static void warn_closed(const struct probe *probe, const struct db_bus_config *b
 	add_warning(probe, bus, bus->device, text);
 }
 
-static void probe_port(const struct probe *probe, const struct db_bus_config *bus)
+static void probe_port(struct probe *probe, const struct db_bus_config *bus)
 {
 	struct stat about;
 
@@ -151,14 +160,14 @@ static void probe_port(const struct probe *probe, const struct db_bus_config *bu
 	} else if (!may_open(probe, &about)) {
 		warn_closed(probe, bus, &about);
 	} else {
-		fprintf(probe->out, "  %s %s: %s is a serial port, and %s may open it\n",
-		        probe->kind, bus->name, bus->device, probe->user);
+		add_good(probe, bus, bus->device);
+		fprintf(probe->out, "is a serial port, and %s may open it\n", probe->user);
 	}
 }
 
 /* --- CAN interfaces --------------------------------------------------------------------------- */
 
-static void probe_interface(const struct probe *probe, const struct db_bus_config *bus)
+static void probe_interface(struct probe *probe, const struct db_bus_config *bus)
 {
 	int fd = socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
 	struct ifreq type = { 0 };
@@ -179,9 +188,10 @@ static void probe_interface(const struct probe *probe, const struct db_bus_confi
 		add_warning(probe, bus, bus->interface,
 		            "is down; systemd-networkd sets it up, see "
 		            "80-drivebridge-can.network.example");
-	else
-		fprintf(probe->out, "  bus %s: %s is a CAN interface, and up\n", bus->name,
-		        bus->interface);
+	else {
+		add_good(probe, bus, bus->interface);
+		fputs("is a CAN interface, and up\n", probe->out);
+	}
 	if (fd >= 0)
 		close(fd);
 }
@@ -191,8 +201,6 @@ void db_config_probe(const struct db_config *config, FILE *out, FILE *errors)
 	struct probe probe = { .out = out, .errors = errors, .kind = "bus" };
 
 	find_user(&probe);
-	if (config->bus_count + config->modbus.line_count > 0)
-		fputs("on this machine\n", out);
 	for (size_t i = 0; i < config->bus_count; i++) {
 		const struct db_bus_config *bus = &config->buses[i];
 

@@ -33,7 +33,7 @@ static void put_quoted(FILE *out, const char *text)
 	fputc('"', out);
 }
 
-/* In quotes, because of the sign of an exponent. */
+/* In quotes where it has an exponent: the sign of that is no part of a word. */
 static void put_real(FILE *out, double value)
 {
 	char text[40];
@@ -41,7 +41,10 @@ static void put_real(FILE *out, double value)
 	snprintf(text, sizeof(text), "%.15g", value);
 	if (fabs(strtod(text, NULL) - value) > 0)
 		snprintf(text, sizeof(text), "%.17g", value);
-	put_quoted(out, text);
+	if (text[strspn(text, "0123456789.-")] == '\0')
+		fputs(text, out);
+	else
+		put_quoted(out, text);
 }
 
 static void put_word(FILE *out, const char *words, unsigned position)

@@ -70,7 +70,7 @@ static const struct method {
 	{ CONTROL ".Describe", db_look_describe, " ", false },
 	{ CONTROL ".Registers", db_look_registers, " drive windows ", false },
 	{ CONTROL ".Commands", db_look_commands, " drive ", false },
-	{ CONTROL ".Read", db_look_read, " drive names identity ", false },
+	{ CONTROL ".Read", db_look_read, " drive names ", false },
 	{ CONTROL ".Introduce", db_act_introduce, " user from ", false },
 	{ CONTROL ".Clock", db_held_clock, " ", false },
 	{ CONTROL ".Write", db_act_write, " drive values token id within_ms sent_us ", false },

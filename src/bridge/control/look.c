@@ -331,12 +331,8 @@ void db_look_read(const struct db_call *call)
 	size_t count = 0;
 	json_t *names;
 	struct read_answer answer;
-	struct db_named_place place;
-	bool wants_identity = false;
-	json_t *reply;
 
-	if (!db_call_drive(call, true, &drive, &name) || !db_call_texts(call, "names", &names) ||
-	    !db_call_optional_flag(call, "identity", &wants_identity))
+	if (!db_call_drive(call, true, &drive, &name) || !db_call_texts(call, "names", &names))
 		return;
 	list = list_of(call, drive.number, false);
 	if (!list)
@@ -370,14 +366,10 @@ void db_look_read(const struct db_call *call)
 	db_named_read(registers, &call->session->client, drive.number, entries, count, NULL,
 	              collect_value, &answer);
 	free(entries);
-	reply = json_pack("{s:o, s:o, s:o}", "values", answer.values, "missing", answer.missing,
-	                  "ages_ms", answer.ages);
-	if (wants_identity)
-		json_object_set_new(reply, "identity",
-		                    db_values_text(db_named_place(registers, drive.number, &place) ?
-		                                           place.identity :
-		                                           ""));
-	db_session_reply(call->session, reply, false);
+	db_session_reply(call->session,
+	                 json_pack("{s:o, s:o, s:o}", "values", answer.values, "missing",
+	                           answer.missing, "ages_ms", answer.ages),
+	                 false);
 }
 
 void db_look_figures(const struct db_call *call)

@@ -342,7 +342,7 @@ static void record(struct db_session *session, const struct db_bus_config *bus,
 
 	if (plan->set_up == DB_INQUIRY_THERE)
 		snprintf(text, sizeof(text), "addresses %u to %u%s", plan->first, plan->last,
-		         plan->speed_count > 0 ? ", with the bus set aside" : "");
+		         plan->speed_count > 0 ? ", with the bus out of service" : "");
 	else if (plan->set_up == DB_INQUIRY_SAVE)
 		snprintf(text, sizeof(text), "the drive at address %u", plan->first);
 	else

@@ -420,10 +420,11 @@ bool db_named_encode(const struct db_registers *registers, const struct db_entry
 
 bool db_named_is_argument(const struct db_entry *entry, enum db_arg arg)
 {
-	size_t offset = offsetof(struct db_drive_image, block.args) + db_arg_offset(arg);
+	const struct db_arg_row *row = &db_arg_rows[arg];
+	size_t offset = offsetof(struct db_drive_image, block.args) + row->offset;
 
 	return entry->table == DB_TABLE_HOLDING && (entry->cell.part & DB_PART_BLOCK) &&
-	       entry->cell.offset >= offset && entry->cell.offset < offset + db_arg_bytes(arg);
+	       entry->cell.offset >= offset && entry->cell.offset < offset + row->bytes;
 }
 
 void db_named_store_argument(const struct db_entry *entry, double number, struct db_args *args)

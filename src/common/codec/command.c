@@ -5,12 +5,7 @@
 
 #define COUNT_OF(array) (sizeof(array) / sizeof((array)[0]))
 
-static const struct {
-	size_t offset;
-	size_t bytes;
-	const char *name;
-	enum db_type type; /* of its words where it has several */
-} args[DB_ARG_COUNT] = {
+const struct db_arg_row db_arg_rows[DB_ARG_COUNT] = {
 #define ARG(member, type)                                                                         \
 	{                                                                                         \
 		offsetof(struct db_args, member), sizeof(((struct db_args *)0)->member), #member, \
@@ -121,26 +116,6 @@ const struct db_command_row db_command_rows[] = {
 
 const size_t db_command_row_count = COUNT_OF(db_command_rows);
 
-size_t db_arg_offset(enum db_arg arg)
-{
-	return args[arg].offset;
-}
-
-size_t db_arg_bytes(enum db_arg arg)
-{
-	return args[arg].bytes;
-}
-
-const char *db_arg_name(enum db_arg arg)
-{
-	return args[arg].name;
-}
-
-enum db_type db_arg_type(enum db_arg arg)
-{
-	return args[arg].type;
-}
-
 const struct db_command_row *db_command_find(unsigned code)
 {
 	for (size_t i = 0; i < COUNT_OF(db_command_rows); i++) {
@@ -173,10 +148,10 @@ bool db_command_same_args(unsigned code, const struct db_args *a, const struct d
 	const struct db_command_row *row = db_command_find(code);
 
 	for (size_t i = 0; row && i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
-		size_t offset = args[row->args[i]].offset;
+		size_t offset = db_arg_rows[row->args[i]].offset;
 
 		if (memcmp((const char *)a + offset, (const char *)b + offset,
-		           args[row->args[i]].bytes) != 0)
+		           db_arg_rows[row->args[i]].bytes) != 0)
 			return false;
 	}
 	return row != NULL;

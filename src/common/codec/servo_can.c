@@ -633,20 +633,9 @@ static const char *const word0_names[BITS] = {
 	NULL, "cclr", "zclamp", "ctrg", "trqlm", "spdlm", "pos0", "pos1", "pos2",
 };
 
-const char *servo_can_status_name(unsigned bit)
-{
-	return bit < BITS ? servo_can_status_bits[bit].name : NULL;
-}
-
 const char *servo_can_word0_name(unsigned bit)
 {
 	return bit < BITS ? word0_names[bit] : NULL;
-}
-
-const char *servo_can_word1_name(unsigned bit)
-{
-	(void)bit;
-	return NULL;
 }
 
 const char *servo_can_mode_name(unsigned mode)

@@ -310,10 +310,9 @@ unsigned servo_can_answers(uint8_t selector);
 /* The selector with exactly these answers (enum servo_can_answer), or -1: not all sets have one. */
 int servo_can_selector(unsigned answers);
 
-/* Short lower-case names of a bit 0..15; NULL when it is not documented. */
-const char *servo_can_status_name(unsigned bit);
+/* Short lower-case name of a bit 0..15 of word 0; NULL when it is not documented, as none of word 1
+ * is. */
 const char *servo_can_word0_name(unsigned bit);
-const char *servo_can_word1_name(unsigned bit);
 
 /* "position", "speed" or "current"; NULL for any other. */
 const char *servo_can_mode_name(unsigned mode);

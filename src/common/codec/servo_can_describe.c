@@ -6,7 +6,7 @@ static void add_current(struct db_description *description, int16_t tenths)
 	db_description_add_float(description, (float)tenths / 10.0f, "A");
 }
 
-/* The names of its bits; "none". */
+/* The names of its bits; "none". `name_of`: NULL where no bit has one. */
 static void add_word(struct db_description *description, uint16_t word,
                      const char *(*name_of)(unsigned bit))
 {
@@ -15,7 +15,7 @@ static void add_word(struct db_description *description, uint16_t word,
 	if (word == 0)
 		db_description_add(description, "none");
 	for (unsigned bit = 0; bit < 16; bit++) {
-		const char *name = name_of(bit);
+		const char *name = name_of ? name_of(bit) : NULL;
 
 		if (!(word >> bit & 1))
 			continue;
@@ -117,7 +117,7 @@ static void describe_host(struct db_description *description,
 		break;
 	case SERVO_CAN_WORD_1:
 		db_description_add(description, "command word 1 ");
-		add_word(description, message->u.word1, servo_can_word1_name);
+		add_word(description, message->u.word1, NULL);
 		break;
 	case SERVO_CAN_MOVE:
 		db_description_add(description, "move, target %lld steps",
@@ -128,7 +128,7 @@ static void describe_host(struct db_description *description,
 		db_description_add(description, "command words ");
 		add_word(description, message->u.words.word0, servo_can_word0_name);
 		db_description_add(description, ", ");
-		add_word(description, message->u.words.word1, servo_can_word1_name);
+		add_word(description, message->u.words.word1, NULL);
 		break;
 	}
 }

@@ -96,8 +96,10 @@ void db_commission_report_write(FILE *out, const struct db_commission_report *re
 	if (report->identity[0])
 		(void)fprintf(out, "it says that it is %s\n", report->identity);
 	(void)fputs("steps that were done:", out);
-	json_array_foreach(report->done, i, name)(void)
-		fprintf(out, " %s", json_string_value(name));
+	json_array_foreach(report->done, i, name)
+	{
+		(void)fprintf(out, " %s", json_string_value(name));
+	}
 	(void)fprintf(out, "\n\n%zu contradicted, %zu proven, %zu not seen\n\n",
 	              db_commission_report_count(report->verdicts, DB_COMMISSION_CONTRADICTED),
 	              db_commission_report_count(report->verdicts, DB_COMMISSION_PROVEN),

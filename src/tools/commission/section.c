@@ -63,23 +63,32 @@ json_t *db_commission_section_read(const char *path, const char *section, const 
                                    char *problem, size_t size)
 {
 	char pattern[PATH_MAX];
+	/* As the service reads them: of root, and the one that is edited over the page. */
+	static const struct {
+		const char *folder;
+		const char *files;
+	} others[] = { { "conf.d", "*.conf" }, { "edited", "edited.conf" } };
 	const char *slash = strrchr(path, '/');
 	char *said = NULL;
 	size_t length = 0;
 	FILE *errors = open_memstream(&said, &length);
-	glob_t found = { .gl_pathc = 0 };
 	json_t *keys = NULL;
 
 	if (!errors)
 		return NULL;
 	keys = read_file(path, section, name, errors);
-	(void)snprintf(pattern, sizeof(pattern), "%.*sconf.d/%s.conf",
-	               slash ? (int)(slash - path) + 1 : 0, path, "*");
-	if (!keys && glob(pattern, 0, NULL, &found) == 0) {
-		for (size_t i = 0; i < found.gl_pathc && !keys; i++)
-			keys = read_file(found.gl_pathv[i], section, name, errors);
+	for (size_t other = 0; other < sizeof(others) / sizeof(others[0]) && !keys; other++) {
+		glob_t found = { .gl_pathc = 0 };
+
+		(void)snprintf(pattern, sizeof(pattern), "%.*s%s/%s",
+		               slash ? (int)(slash - path) + 1 : 0, path, others[other].folder,
+		               others[other].files);
+		if (glob(pattern, 0, NULL, &found) == 0) {
+			for (size_t i = 0; i < found.gl_pathc && !keys; i++)
+				keys = read_file(found.gl_pathv[i], section, name, errors);
+		}
+		globfree(&found);
 	}
-	globfree(&found);
 	(void)fclose(errors);
 	(void)snprintf(problem, size, "%s%s", said && said[0] ? said : "it is not in ",
 	               said && said[0] ? "" : path);

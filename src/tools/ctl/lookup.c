@@ -42,9 +42,11 @@ const struct db_ctl_command *db_ctl_find_command(const struct db_ctl *ctl, int c
 	}
 	db_words_nearest_names(list, name, nearest, sizeof(nearest));
 	json_decref(list);
-	(void)db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-	                      "there is no command \"%s\"; drivebridgectl help lists them%s", name,
-	                      nearest);
+	(void)db_ctl_complain(
+		ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		"there is no command \"%s\"; drivebridgectl help lists them, drivebridgectl run "
+		"DRIVE those of a drive%s",
+		name, nearest);
 	return NULL;
 }
 

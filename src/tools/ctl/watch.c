@@ -46,8 +46,11 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 	}
 	if (watch->ctl->json)
 		db_ctl_print_json(parameters);
-	json_array_foreach(json_object_get(parameters, "samples"), i, sample)(void) json_object_set(
-		watch->values, db_words_text(sample, "drive"), json_object_get(sample, "values"));
+	json_array_foreach(json_object_get(parameters, "samples"), i, sample)
+	{
+		(void)json_object_set(watch->values, db_words_text(sample, "drive"),
+		                      json_object_get(sample, "values"));
+	}
 	watch->changed = true;
 }
 
@@ -231,8 +234,10 @@ static int subscribe(struct watch *watch, int interval)
 	const json_t *drive;
 	json_t *parameters;
 
-	json_array_foreach(watch->drives, i, drive)(void)
-		json_array_append(names, json_object_get(drive, "name"));
+	json_array_foreach(watch->drives, i, drive)
+	{
+		(void)json_array_append(names, json_object_get(drive, "name"));
+	}
 	parameters = json_pack("{s:o, s:o, s:i}", "drives", names, "names",
 	                       db_ctl_process_names(registers), "interval_ms", interval);
 	return db_client_send(watch->ctl->client, "Subscribe", parameters, true, take_samples,

@@ -160,21 +160,30 @@ static size_t count_calls(const struct db_mqtt_acting *acting, const char *drive
 	return count;
 }
 
-/* A lane of this drive without a call, or a new one; NULL with an error. */
-static struct db_lane *take_lane(struct db_mqtt_acting *acting, const char *drive, db_time now,
-                                 struct db_client_error *error)
+/*
+ * A lane without a call over which this user commands the drive, or a new one; NULL with an error.
+ * Another user's would make him the one who keeps going what was commanded over it, even by what is
+ * refused, and would give him that user's control: it is taken only when there is no other.
+ */
+static struct db_lane *take_lane(struct db_mqtt_acting *acting, const char *drive, const char *user,
+                                 db_time now, struct db_client_error *error)
 {
 	struct db_lane *oldest = NULL;
+	struct db_lane *others = NULL;
 	size_t count = 0;
 
 	for (struct db_lane *lane = NULL; (lane = db_lanes_next(acting->lanes, lane)); count++) {
 		if (lane->call)
 			continue;
-		if (db_lane_note(lane, drive))
+		if (db_lane_note(lane, drive) && strcmp(db_link_user(lane->link), user) == 0)
 			return lane;
+		if (db_lane_note(lane, drive))
+			others = lane;
 		if (now - lane->used >= IDLE_MIN && (!oldest || lane->used < oldest->used))
 			oldest = lane;
 	}
+	if (count == LANES_MAX && !oldest && others)
+		return others;
 	if (count == LANES_MAX && oldest)
 		db_lane_drop(oldest);
 	return db_lanes_open(acting->lanes, error);
@@ -274,7 +283,7 @@ void db_mqtt_acting_run(struct db_mqtt_acting *acting, const char *drive,
 		return;
 	}
 	if (count_calls(acting, drive, command, &same) < LANES_EACH && !same)
-		lane = take_lane(acting, drive, now, &error);
+		lane = take_lane(acting, drive, command->user, now, &error);
 	/* Both get one result. */
 	if (same) {
 		outcome.result = "pending";

@@ -137,8 +137,6 @@ struct db_opcua_drive {
 	/* ... but some of them were not used, or are newer here: the stream has to start again */
 	bool missed;
 	int64_t outdated_us; /* values with an older time are from before a command */
-	char identity[64];   /* what the drive says of itself; "": not known */
-	db_time identified;  /* when that was asked for; 0: never */
 	char result[32];     /* of the last command of this program */
 	char reason[256];    /* why it was refused, "": it was not */
 };

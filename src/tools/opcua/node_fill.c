@@ -153,81 +153,80 @@ static void fill_register(const struct db_opcua_nodes *nodes, struct db_opcua_no
 	}
 }
 
-/* A drive, whose events are heard, or the gateway. */
-static void fill_root(const struct db_opcua_nodes *nodes, struct db_opcua_node *node)
+/* A part of what is known of the drive itself; two of them the drive tells. */
+static void fill_identification(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
+                                bool valued)
 {
-	struct db_opcua_shown *shown = node->subject.shown;
-	const char *text = shown->tree->kind->type->text;
+	const struct db_opcua_shown *shown = node->subject.shown;
+	const struct db_opcua_branch *branch = node->subject.branch;
+	int type = branch->type == DB_OPCUA_MODEL ? UA_TYPES_LOCALIZEDTEXT : UA_TYPES_STRING;
 
-	if (shown->gateway) {
-		fill_object(nodes, node, db_opcua_member_name(&nodes->roster, "Gateway"), text);
-		return;
-	}
-	fill_object(nodes, node, db_opcua_own_name(&nodes->roster, shown->name), text);
-	let_listen(node, &shown->listeners);
+	set_head(nodes, node, UA_NODECLASS_VARIABLE, db_opcua_branch_name(&nodes->roster, branch),
+	         text_of(shown->tree, branch));
+	if (branch->type == DB_OPCUA_COMPONENT_NAME)
+		fill_name(node, shown->name, valued);
+	else if (branch->type == DB_OPCUA_LOCATION)
+		fill_text(node, shown->location, valued);
+	else
+		set_variable(node, UA_TYPES[type].typeId, false, false, DB_OPCUA_FIGURES_INTERVAL);
 }
 
 static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node *node, bool valued)
 {
 	struct db_opcua_shown *shown = node->subject.shown;
 	const struct db_opcua_branch *branch = node->subject.branch;
-	const struct db_opcua_tree *tree = shown->tree;
-	const struct db_opcua_kind *kind = tree->kind;
+	const struct db_opcua_kind *kind = shown->tree->kind;
 	UA_QualifiedName name = db_opcua_branch_name(&nodes->roster, branch);
 	double interval_ms = nodes->config->interval_ms;
 	const char *text;
 
 	switch (branch->type) {
 	case DB_OPCUA_ROOT:
-		fill_root(nodes, node);
+		if (shown->gateway) {
+			fill_object(nodes, node, db_opcua_member_name(&nodes->roster, "Gateway"),
+			            kind->type->text);
+			break;
+		}
+		fill_object(nodes, node, db_opcua_own_name(&nodes->roster, shown->name),
+		            kind->type->text);
+		let_listen(node, &shown->listeners);
 		break;
 	case DB_OPCUA_FOLDER:
 	case DB_OPCUA_IDENTIFICATION:
-		fill_object(nodes, node, name, text_of(tree, branch));
+		fill_object(nodes, node, name, text_of(shown->tree, branch));
 		break;
 	case DB_OPCUA_VARIABLE:
 		fill_register(nodes, node);
 		break;
 	case DB_OPCUA_COLUMN:
-		text = text_of(tree, branch);
+		text = text_of(shown->tree, branch);
 		set_head(nodes, node, UA_NODECLASS_VARIABLE, name,
 		         text[0] ? text : "Of the latest commands, the newest first");
 		set_variable(node, type_of(nodes, kind->columns[branch->place].first), true, false,
 		             interval_ms);
 		break;
 	case DB_OPCUA_CLOCK:
-		set_head(nodes, node, UA_NODECLASS_VARIABLE, name, text_of(tree, branch));
+		set_head(nodes, node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
 		set_variable(node, UA_TYPES[UA_TYPES_STRING].typeId, false, true, interval_ms);
 		break;
 	case DB_OPCUA_CERTIFICATE_ENDS:
-		set_head(nodes, node, UA_NODECLASS_VARIABLE, name, text_of(tree, branch));
+		set_head(nodes, node, UA_NODECLASS_VARIABLE, name, text_of(shown->tree, branch));
 		set_variable(node, UA_TYPES[UA_TYPES_DATETIME].typeId, false, false,
 		             DB_OPCUA_FIGURES_INTERVAL);
 		break;
 	case DB_OPCUA_METHOD:
 		text = json_string_value(
-			json_object_get(db_opcua_tree_command(tree, branch), "description"));
+			json_object_get(db_opcua_tree_command(shown->tree, branch), "description"));
 		set_head(nodes, node, UA_NODECLASS_METHOD, name,
-		         text ? text : text_of(tree, branch));
+		         text ? text : text_of(shown->tree, branch));
 		node->node.methodNode.executable = true;
 		node->node.methodNode.method = db_opcua_node_call;
 		break;
 	case DB_OPCUA_COMPONENT_NAME:
-		set_head(nodes, node, UA_NODECLASS_VARIABLE, name, text_of(tree, branch));
-		fill_name(node, shown->name, valued);
-		break;
 	case DB_OPCUA_LOCATION:
-		set_head(nodes, node, UA_NODECLASS_VARIABLE, name, text_of(tree, branch));
-		fill_text(node, shown->location, valued);
-		break;
 	case DB_OPCUA_MODEL:
 	case DB_OPCUA_SOFTWARE_REVISION:
-		set_head(nodes, node, UA_NODECLASS_VARIABLE, name, text_of(tree, branch));
-		set_variable(node,
-		             UA_TYPES[branch->type == DB_OPCUA_MODEL ? UA_TYPES_LOCALIZEDTEXT :
-		                                                       UA_TYPES_STRING]
-		                     .typeId,
-		             false, false, DB_OPCUA_FIGURES_INTERVAL);
+		fill_identification(nodes, node, valued);
 		break;
 	default:
 		fill_property(nodes, shown, branch, node, valued);

@@ -51,31 +51,44 @@ static UA_StatusCode read_certificate_ends(const struct db_opcua_nodes *nodes, U
 }
 
 /* A drive says "VSMD113_025T-1.0.008.170428": its model, and the version of its firmware. */
-static UA_StatusCode read_identity(const struct db_opcua_nodes *nodes, struct db_opcua_drive *drive,
-                                   bool model, UA_DataValue *value)
+static UA_StatusCode read_identity(const struct db_opcua_nodes *nodes,
+                                   const struct db_opcua_drive *drive, bool model,
+                                   UA_DataValue *value)
 {
-	const char *identity = db_opcua_plant_identify(nodes->plant, drive);
-	size_t length = strcspn(identity, "-");
-	const char *rest = identity[length] != '\0' ? identity + length + 1 : "";
-	UA_LocalizedText name = { .text = db_opcua_string(identity) };
-	UA_String revision = db_opcua_string(rest);
-	UA_StatusCode status = UA_STATUSCODE_BADNODATA;
+	struct db_opcua_item *item = db_opcua_drive_find(drive, "identity");
+	UA_Variant whole;
+	UA_LocalizedText name = { .text = db_opcua_string("") };
+	UA_String revision = name.text;
+	const UA_Byte *dash;
+	UA_StatusCode status;
 
-	name.text.length = length;
-	if (identity[0] == '\0')
-		status = UA_STATUSCODE_BADWAITINGFORINITIALDATA;
-	else if (model)
-		status = UA_Variant_setScalarCopy(&value->value, &name,
-		                                  &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);
-	else if (rest[0] != '\0')
-		status = UA_Variant_setScalarCopy(&value->value, &revision,
-		                                  &UA_TYPES[UA_TYPES_STRING]);
-	value->hasValue = status == UA_STATUSCODE_GOOD;
-	value->hasStatus = !value->hasValue;
-	value->status = status;
-	value->hasSourceTimestamp = true;
-	value->sourceTimestamp = UA_DateTime_now();
-	return UA_STATUSCODE_GOOD;
+	if (!item)
+		return UA_STATUSCODE_BADNOTSUPPORTED;
+	db_opcua_plant_fetch(nodes->plant, item);
+	/* The quality and the time are the text's. */
+	status = db_opcua_value_read(item, value);
+	whole = value->value;
+	UA_Variant_init(&value->value);
+	if (UA_Variant_hasScalarType(&whole, &UA_TYPES[UA_TYPES_STRING]))
+		name.text = *(const UA_String *)whole.data;
+	dash = name.text.length > 0 ? memchr(name.text.data, '-', name.text.length) : NULL;
+	if (dash) {
+		revision.data = (UA_Byte *)(uintptr_t)(dash + 1);
+		revision.length = (size_t)(name.text.data + name.text.length - revision.data);
+		name.text.length = (size_t)(dash - name.text.data);
+	}
+	if (status == UA_STATUSCODE_GOOD && value->hasValue &&
+	    (model ? name.text.length : revision.length) == 0) {
+		value->hasValue = false;
+		value->status = UA_STATUSCODE_BADWAITINGFORINITIALDATA;
+	} else if (status == UA_STATUSCODE_GOOD && value->hasValue) {
+		status = model ? UA_Variant_setScalarCopy(&value->value, &name,
+		                                          &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]) :
+		                 UA_Variant_setScalarCopy(&value->value, &revision,
+		                                          &UA_TYPES[UA_TYPES_STRING]);
+	}
+	UA_Variant_clear(&whole);
+	return status;
 }
 
 static UA_StatusCode write_clock(const struct db_opcua_nodes *nodes, const UA_NodeId *session,

@@ -402,54 +402,27 @@ void db_opcua_plant_fetch(struct db_opcua_plant *plant, struct db_opcua_item *it
 	json_decref(answer);
 }
 
-/* As ask_now(), over the other connection. */
-static json_t *ask_apart(struct db_opcua_plant *plant, const char *method, json_t *parameters,
-                         int wait_ms)
+json_t *db_opcua_plant_ask_health(struct db_opcua_plant *plant, const char *drive, int64_t since_us,
+                                  int wait_ms)
 {
 	struct db_client_error error = { .parameters = NULL };
 	json_t *answer = NULL;
 
-	if (db_plant_is_there(plant->plant) && !plant->historian &&
+	if (!db_plant_is_there(plant->plant))
+		return NULL;
+	if (!plant->historian &&
 	    db_client_open(plant->config->socket, &plant->historian, &error) != 0)
 		plant->historian = NULL;
-	if (!db_plant_is_there(plant->plant) || !plant->historian) {
-		json_decref(parameters);
-	} else if (db_client_call(plant->historian, method, parameters, wait_ms, &answer, &error) !=
-	           0) {
+	if (plant->historian && db_client_call(plant->historian, "Health",
+	                                       json_pack("{s:s, s:I}", "drive", drive, "since_us",
+	                                                 (json_int_t)since_us),
+	                                       wait_ms, &answer, &error) != 0) {
 		/* As above. */
 		db_client_close(plant->historian);
 		plant->historian = NULL;
 	}
 	db_client_error_clear(&error);
 	return answer;
-}
-
-const char *db_opcua_plant_identify(struct db_opcua_plant *plant, struct db_opcua_drive *drive)
-{
-	db_time now = db_client_now();
-	json_t *answer;
-
-	if (drive->identified > 0 && now - drive->identified < LOOK_INTERVAL)
-		return drive->identity;
-	drive->identified = now;
-	/* A service of before refuses this: values are fetched over the other connection. */
-	answer = ask_apart(plant, "Read",
-	                   json_pack("{s:s, s:[s], s:b}", "drive", drive->name, "names", "quality",
-	                             "identity", 1),
-	                   FETCH_MAX_MS);
-	if (answer)
-		(void)snprintf(drive->identity, sizeof(drive->identity), "%s",
-		               db_client_text(answer, "identity"));
-	json_decref(answer);
-	return drive->identity;
-}
-
-json_t *db_opcua_plant_ask_health(struct db_opcua_plant *plant, const char *drive, int64_t since_us,
-                                  int wait_ms)
-{
-	return ask_apart(plant, "Health",
-	                 json_pack("{s:s, s:I}", "drive", drive, "since_us", (json_int_t)since_us),
-	                 wait_ms);
 }
 
 bool db_opcua_plant_ask_clock(struct db_opcua_plant *plant, char token[DB_OPCUA_TOKEN_MAX])

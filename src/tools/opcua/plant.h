@@ -67,11 +67,6 @@ void db_opcua_plant_fetch(struct db_opcua_plant *plant, struct db_opcua_item *it
  * none. */
 bool db_opcua_plant_ask_clock(struct db_opcua_plant *plant, char token[DB_OPCUA_TOKEN_MAX]);
 
-/* What the drive says of itself, "VSMD113_025T-1.0.008.170428": its model, and its firmware; "": that is
- * not known, or its family does not say it. Asks as db_opcua_plant_fetch() does, once a second at
- * most. */
-const char *db_opcua_plant_identify(struct db_opcua_plant *plant, struct db_opcua_drive *drive);
-
 /* How the drive was since then, an answer to the service's method Health, waiting as long; NULL: there
  * is none, or it came too late. */
 json_t *db_opcua_plant_ask_health(struct db_opcua_plant *plant, const char *drive, int64_t since_us,

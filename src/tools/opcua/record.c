@@ -60,12 +60,13 @@ static const UA_NodeId *literal_of(const UA_ExtensionObject *operand)
 static bool is_event_type(const UA_ExtensionObject *operand)
 {
 	const UA_SimpleAttributeOperand *field = operand->content.decoded.data;
-	UA_QualifiedName name = { .name = UA_STRING_STATIC("EventType") };
+	UA_String name = db_opcua_string("EventType");
 
 	return operand->encoding == UA_EXTENSIONOBJECT_DECODED &&
 	       operand->content.decoded.type == &UA_TYPES[UA_TYPES_SIMPLEATTRIBUTEOPERAND] &&
 	       field->attributeId == UA_ATTRIBUTEID_VALUE && field->browsePathSize == 1 &&
-	       UA_QualifiedName_equal(&field->browsePath[0], &name);
+	       field->browsePath[0].namespaceIndex == 0 &&
+	       UA_String_equal(&field->browsePath[0].name, &name);
 }
 
 /* Of "EventType is one of these" and "of the type" the index of the first type; SIZE_MAX: it is neither. */
@@ -300,10 +301,10 @@ static UA_StatusCode fill_field(const struct filling *filling,
 		return UA_STATUSCODE_GOOD;
 	for (size_t i = 0; i < sizeof(fields_of_records) / sizeof(fields_of_records[0]); i++) {
 		const struct field *field = &fields_of_records[i];
-		UA_QualifiedName name = { .name = db_opcua_string(field->name) };
+		UA_QualifiedName name = db_opcua_member_name(filling->roster, field->name);
 
-		if (field->own)
-			name.namespaceIndex = filling->roster->types;
+		if (!field->own)
+			name.namespaceIndex = 0;
 		if (!UA_QualifiedName_equal(&wanted->browsePath[0], &name))
 			continue;
 		if (field->fill)

@@ -136,17 +136,9 @@ static bool find_first(struct db_opcua_trail *trail, const json_t *answer, int64
 /* True: nothing of the range is left. */
 static bool end_window(struct db_opcua_trail *trail)
 {
-	struct db_opcua_history_query range = range_of(trail);
-	int64_t first = db_opcua_history_first_bound(&range);
-	int64_t last = db_opcua_history_last_bound(&range);
-
 	for (size_t i = json_array_size(trail->window); i > 0; i--) {
 		json_t *record = json_array_get(trail->window, i - 1);
-		int64_t us = number_of(record, "time_us");
 
-		/* The clock may have been set back: numbers tell the order. */
-		if (us > first || us <= last)
-			continue;
 		(void)json_array_append(trail->found, record);
 		if (json_array_size(trail->found) == trail->query.most) {
 			trail->after = number_of(record, "number");
@@ -164,14 +156,25 @@ static bool end_window(struct db_opcua_trail *trail)
 
 static bool take_window(struct db_opcua_trail *trail, const json_t *answer)
 {
+	struct db_opcua_history_query range = range_of(trail);
+	int64_t first = db_opcua_history_first_bound(&range);
+	int64_t last = db_opcua_history_last_bound(&range);
+	size_t room = trail->query.most - json_array_size(trail->found);
 	size_t i;
 	json_t *record;
 
 	trail->from = number_of(answer, "next");
 	json_array_foreach(json_object_get(answer, "records"), i, record)
 	{
-		if (number_of(record, "number") < trail->high)
-			(void)json_array_append(trail->window, record);
+		int64_t us = number_of(record, "time_us");
+
+		/* The clock may have been set back: numbers tell the order. */
+		if (number_of(record, "number") >= trail->high || us > first || us <= last)
+			continue;
+		/* A window may have thousands, of which the latest ones are wanted. */
+		if (json_array_size(trail->window) == room)
+			(void)json_array_remove(trail->window, 0);
+		(void)json_array_append(trail->window, record);
 	}
 	if (trail->from < trail->high && !json_is_true(json_object_get(answer, "over")))
 		return false;

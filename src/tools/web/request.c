@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/request.h"
+#include "client/lanes.h"
 #include "web/service.h"
 #include "web/tokens.h"
 
@@ -37,6 +38,7 @@ static const struct {
 	{ DB_CLIENT_BAD_ANSWER, "ServiceUnreachable", MHD_HTTP_BAD_GATEWAY },
 	{ DB_CLIENT_TIMEOUT, "NoAnswer", MHD_HTTP_GATEWAY_TIMEOUT },
 	{ DB_CLIENT_NO_MEMORY, "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
+	{ DB_LANES_FULL, "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
 	{ "org.varlink.service.InvalidParameter", "BadRequest", MHD_HTTP_BAD_REQUEST },
 	{ DB_CLIENT_SERVICE "BadValue", "BadValue", MHD_HTTP_BAD_REQUEST },
 	{ DB_CLIENT_SERVICE "NotAllowed", "NotAllowed", MHD_HTTP_FORBIDDEN },
@@ -53,6 +55,7 @@ static const struct {
 	{ DB_CLIENT_SERVICE "EditFailed", "EditFailed", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "TooOld", "TooOld", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "Busy", "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
+	{ DB_LANES_FULL, "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
 };
 
 /* Details of a call that was not carried out because it was too long on its way; NULL: another

@@ -523,7 +523,7 @@ enum db_step vsmd_can_answer(struct db_conversation *talk, const uint8_t *bytes,
 	if (!vsmd_is_command(talk->job))
 		return steps[talk->job->step].answered(talk);
 	vsmd_can_take_read(device, talk->now);
-	return vsmd_answer_command(talk);
+	return vsmd_command_steps[talk->job->step].answered(talk);
 }
 
 enum db_step vsmd_can_lose_answer(struct db_conversation *talk)
@@ -531,7 +531,7 @@ enum db_step vsmd_can_lose_answer(struct db_conversation *talk)
 	if (talk->job->kind == DB_JOB_SETTINGS)
 		axis_of(talk)->plate.doubtful = true;
 	if (vsmd_is_command(talk->job))
-		return vsmd_lose_command(talk);
+		return lose_step(talk, vsmd_command_steps);
 	axis_of(talk)->unanswered = true;
 	return lose_step(talk, steps);
 }

@@ -150,8 +150,6 @@ enum db_result vsmd_check_command(const struct vsmd_link *link, enum db_command 
 
 /* --- what the steps say ----------------------------------------------------------------------- */
 
-static const struct conversation_step steps[VSMD_STEPS]; /* below */
-
 static enum db_step read_drive(struct db_conversation *talk, enum vsmd_read what)
 {
 	return axis_of(talk)->link->read(talk, what);
@@ -256,7 +254,7 @@ static enum db_step send_next_output(struct db_conversation *talk, unsigned port
 	watch->output = port;
 	watch->since = 0;
 	watch->resends = 0;
-	return send_step(talk, steps, VSMD_STEP_OUTPUT);
+	return send_step(talk, vsmd_command_steps, VSMD_STEP_OUTPUT);
 }
 
 /* --- how a command ends ----------------------------------------------------------------------- */
@@ -307,9 +305,9 @@ static enum db_step answer_stop(struct db_conversation *talk)
 		return end_job(talk, DB_RESULT_REFUSED);
 	if (talk->job->step < VSMD_STEP_END_HOMING &&
 	    (motion == VSMD_MOTION_HOMING || (unknown && !(axis->last.status & VSMD_ST_ZERO))))
-		return send_step(talk, steps, VSMD_STEP_END_HOMING);
+		return send_step(talk, vsmd_command_steps, VSMD_STEP_END_HOMING);
 	if (talk->job->step < VSMD_STEP_END_SHAKING && (motion == VSMD_MOTION_SHAKE || unknown))
-		return send_step(talk, steps, VSMD_STEP_END_SHAKING);
+		return send_step(talk, vsmd_command_steps, VSMD_STEP_END_SHAKING);
 	return confirm_command(talk);
 }
 
@@ -331,7 +329,7 @@ static enum db_step answer_off(struct db_conversation *talk)
 		talk->job->step = VSMD_STEP_POWER;
 		return send_order(talk);
 	}
-	return send_step(talk, steps, VSMD_STEP_POWER);
+	return send_step(talk, vsmd_command_steps, VSMD_STEP_POWER);
 }
 
 /* --- other commands --------------------------------------------------------------------------- */
@@ -377,7 +375,7 @@ static enum db_step answer_position(struct db_conversation *talk)
 		return end_job(talk, DB_RESULT_LIMIT);
 	axis->wanted = (int32_t)target;
 	begin_watch(axis);
-	return send_step(talk, steps, VSMD_STEP_ORDER);
+	return send_step(talk, vsmd_command_steps, VSMD_STEP_ORDER);
 }
 
 /* The step's part of a command is done: continue with the next one, or end. */
@@ -388,7 +386,7 @@ static enum db_step complete_step(struct db_conversation *talk)
 	switch (talk->job->step) {
 	case VSMD_STEP_CLEAR_HOMED:
 		begin_watch(axis);
-		return send_step(talk, steps, VSMD_STEP_ORDER);
+		return send_step(talk, vsmd_command_steps, VSMD_STEP_ORDER);
 	case VSMD_STEP_OUTPUT:
 		return send_next_output(talk, axis->watch.output + 1);
 	default:
@@ -406,7 +404,8 @@ static enum db_step send_again(struct db_conversation *talk)
 	watch->resends++;
 	watch->since = 0;
 	watch->speed_next = false;
-	return send_step(talk, steps, step == VSMD_STEP_READ_BACK ? VSMD_STEP_ORDER : step);
+	return send_step(talk, vsmd_command_steps,
+	                 step == VSMD_STEP_READ_BACK ? VSMD_STEP_ORDER : step);
 }
 
 /* True if positions now have another meaning, which the client does not know. */
@@ -572,7 +571,7 @@ static enum db_step lose_order(struct db_conversation *talk)
 	if (command == DB_CMD_MOVE_ABSOLUTE || command == DB_CMD_MOVE_RELATIVE)
 		vsmd_take_target(axis);
 	axis->watch.since = 0;
-	return send_step(talk, steps, VSMD_STEP_READ_BACK);
+	return send_step(talk, vsmd_command_steps, VSMD_STEP_READ_BACK);
 }
 
 static enum db_step lose_read_back(struct db_conversation *talk)
@@ -583,7 +582,7 @@ static enum db_step lose_read_back(struct db_conversation *talk)
 /* --- the table -------------------------------------------------------------------------------- */
 
 /* Without `lost`: nothing was sent that moves anything, or the client may send it again. */
-static const struct conversation_step steps[VSMD_STEPS] = {
+const struct conversation_step vsmd_command_steps[VSMD_STEPS] = {
 	[VSMD_STEP_ORDER] = { .send = send_order, .answered = answer_order, .lost = lose_order },
 	[VSMD_STEP_POSITION] = { .send = send_fixed, .answered = answer_position },
 	[VSMD_STEP_CLEAR_HOMED] = { .send = send_fixed, .answered = answer_order },
@@ -618,9 +617,9 @@ enum db_step vsmd_begin_command(struct db_conversation *talk)
 	switch (request->command) {
 	case DB_CMD_STOP:
 	case DB_CMD_QUICK_STOP:
-		return send_step(talk, steps, VSMD_STEP_STOP);
+		return send_step(talk, vsmd_command_steps, VSMD_STEP_STOP);
 	case DB_CMD_DISABLE:
-		return send_step(talk, steps, VSMD_STEP_OFF);
+		return send_step(talk, vsmd_command_steps, VSMD_STEP_OFF);
 	case DB_CMD_SET_OUTPUTS:
 		return send_next_output(talk, 1);
 	case DB_CMD_SAVE_PARAMETERS:
@@ -632,27 +631,17 @@ enum db_step vsmd_begin_command(struct db_conversation *talk)
 			return end_job(talk, DB_RESULT_RATE_LIMITED);
 		axis->saved = true;
 		axis->last_save = talk->now;
-		return send_step(talk, steps, VSMD_STEP_SAVE);
+		return send_step(talk, vsmd_command_steps, VSMD_STEP_SAVE);
 	case DB_CMD_MOVE_RELATIVE:
-		return send_step(talk, steps, VSMD_STEP_POSITION);
+		return send_step(talk, vsmd_command_steps, VSMD_STEP_POSITION);
 	case DB_CMD_HOME:
-		return send_step(talk, steps, VSMD_STEP_CLEAR_HOMED);
+		return send_step(talk, vsmd_command_steps, VSMD_STEP_CLEAR_HOMED);
 	case DB_CMD_MOVE_ABSOLUTE:
 		axis->wanted = request->args->target_position;
 		/* fall through */
 	default:
-		return send_step(talk, steps, VSMD_STEP_ORDER);
+		return send_step(talk, vsmd_command_steps, VSMD_STEP_ORDER);
 	}
-}
-
-enum db_step vsmd_answer_command(struct db_conversation *talk)
-{
-	return steps[talk->job->step].answered(talk);
-}
-
-enum db_step vsmd_lose_command(struct db_conversation *talk)
-{
-	return lose_step(talk, steps);
 }
 
 /* It must not begin later than the others: a motion that does not show within the reaction time has

@@ -56,9 +56,8 @@ struct vsmd_command vsmd_command_of(enum db_command command, const struct db_arg
 /* True for a command that is carried out here: all but read_parameters, which the links handle. */
 bool vsmd_is_command(const struct db_job *job);
 enum db_step vsmd_begin_command(struct db_conversation *talk);
-/* The status in the exchange's answer was taken. */
-enum db_step vsmd_answer_command(struct db_conversation *talk);
-enum db_step vsmd_lose_command(struct db_conversation *talk);
+/* By enum vsmd_step. `answered` is called when the status in the answer was taken. */
+extern const struct conversation_step vsmd_command_steps[VSMD_STEPS];
 /* The motion of the exchange was started on all drives at once: checks whether it shows. */
 enum db_step vsmd_begun_by_all(struct db_conversation *talk);
 

@@ -276,14 +276,6 @@ static enum db_result compare_settings(const struct vsmd_axis *axis,
 	return result;
 }
 
-static enum db_step answer_probe(struct db_conversation *talk)
-{
-	const struct vsmd_reply *reply = talk->reply;
-
-	vsmd_take_identity(axis_of(talk), reply->text, reply->text_length);
-	return end_job(talk, DB_RESULT_OK);
-}
-
 static enum db_step answer_poll(struct db_conversation *talk)
 {
 	vsmd_follow_motion(axis_of(talk));
@@ -295,6 +287,8 @@ static enum db_step answer_identity(struct db_conversation *talk)
 	const struct vsmd_reply *reply = talk->reply;
 
 	vsmd_take_identity(axis_of(talk), reply->text, reply->text_length);
+	if (talk->job->step == STEP_PROBE)
+		return end_job(talk, DB_RESULT_OK);
 	if (talk->job->kind == DB_JOB_IDENTIFY && !may_identify(axis_of(talk)))
 		return end_job(talk, DB_RESULT_BUSY);
 	return send_step(talk, steps, STEP_PARAMETERS);
@@ -391,7 +385,7 @@ static enum db_step answer_save(struct db_conversation *talk)
 }
 
 static const struct conversation_step steps[STEPS] = {
-	[STEP_PROBE] = { send_read, VSMD_REPLY_IDENTITY, .answered = answer_probe },
+	[STEP_PROBE] = { send_read, VSMD_REPLY_IDENTITY, .answered = answer_identity },
 	[STEP_POLL] = { send_status, VSMD_REPLY_STATUS, .answered = answer_poll },
 	[STEP_IDENTITY] = { send_read, VSMD_REPLY_IDENTITY, .answered = answer_identity },
 	[STEP_PARAMETERS] = { send_read, VSMD_REPLY_PARAMS, .answered = answer_parameters,
@@ -473,7 +467,7 @@ static conversation_fn *follow_reply(const struct db_job *job, const struct vsmd
 
 	if (vsmd_is_command(job))
 		return status || (reply->code == VSMD_REPLY_PARAMS && job->step == VSMD_STEP_SAVE) ?
-		               vsmd_answer_command :
+		               vsmd_command_steps[job->step].answered :
 		               NULL;
 	if (reply->code == steps[job->step].expects)
 		return steps[job->step].answered;
@@ -510,7 +504,7 @@ static enum db_step lose_answer(struct db_conversation *talk)
 	if (talk->job->kind == DB_JOB_SETTINGS)
 		axis_of(talk)->plate.doubtful = true;
 	if (vsmd_is_command(talk->job))
-		return vsmd_lose_command(talk);
+		return lose_step(talk, vsmd_command_steps);
 	/* Some drives do not answer unknown requests. */
 	axis_of(talk)->unanswered = true;
 	return lose_step(talk, steps);

@@ -49,8 +49,9 @@ function updateLine(cells, { description, figures }, record) {
 	cells.load.value = load;
 	setText(cells.loadText, figures ? `${formatFixed(load, 1)} %` : NONE);
 	setText(cells.online, figures ? t("{online} of {count}", { online: figures.online, count: cells.count }) : NONE);
+	/* Where nobody answers, a cycle is as long as the pauses between the attempts. */
 	setText(cells.cycle,
-		figures ? t("{cycle_us} of {period_us} ms", { cycle_us: ms(figures.cycle_us, 1), period_us: ms(figures.period_us, 0) }) : NONE);
+		figures?.online > 0 ? t("{cycle_us} of {period_us} ms", { cycle_us: ms(figures.cycle_us, 1), period_us: ms(figures.period_us, 0) }) : NONE);
 	setText(cells.late, figures ? String(figures.overruns) : NONE);
 	setText(cells.bad, figures ? String(figures.timeouts) : NONE);
 	cells.trouble.hidden = !record;

@@ -1,50 +1,67 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The first drive of a kind, step by step, in the steps of drivebridgectl commission. The server
- * runs the steps (src/tools/web/round.c); this view shows its questions, and sends a keep-alive ten
- * times a second while the motor turns. When these stop, for whatever reason, the server stops the
- * drive, and the commissioning ends.
+ * The path of a new drive, step by step: from the drive that answers to the report on paper. Each step has
+ * an address of its own (#/commission/DRIVE/STEP), and what is known is kept in this browser: a step can
+ * be left and taken up again. What a step is, the modules commission_*.js say.
  */
-import { listCommissionSteps, openStream, sayToCommission } from "./api.js";
-import { createField, element, icon, setText } from "./dom.js";
-import { nameTime, saveFile } from "./file_transfer.js";
-import { asLabel } from "./format.js";
-import { createPasteText } from "./paste_text.js";
-import { inLanguage, t } from "./words.js";
+import { call, getSession } from "./api.js";
+import { createFound } from "./commission_found.js";
+import { createHome } from "./commission_home.js";
+import { createKeys } from "./commission_keys.js";
+import { createLimits } from "./commission_limits.js";
+import { STEPS, TRIALS, createRecord, keepRecord, listOpen, loadRecord, markStep, stateOf } from "./commission_record.js";
+import { createReport } from "./commission_report.js";
+import { createResponse } from "./commission_response.js";
+import { createSaved } from "./commission_saved.js";
+import { createTrial } from "./commission_trial.js";
+import { STATES, STEP_WORDS } from "./commission_words.js";
+import { element, icon, setAttribute, setText } from "./dom.js";
+import { asLabel, createScale, formatFixed, hasBit } from "./format.js";
+import { releaseWithPage } from "./hold_button.js";
+import { nextStep } from "./next_step.js";
+import { readSet } from "./parameter_beside.js";
+import { stateWord } from "./plant.js";
+import { askUser } from "./question.js";
+import { t } from "./words.js";
 
-const BEAT_EVERY_MS = 100;
-/* Further unanswered beats would only take connections from the stop. */
-const BEATS_AT_ONCE = 2;
-const ALIVE_EVERY_MS = 1000;
-/* The worst first. */
-const VERDICTS = ["contradicted", "proven", "not seen", "does not apply"];
-const VERDICT_WORDS = { "contradicted": t("contradicted"), "proven": t("proven"),
-	"not seen": t("not seen"), "does not apply": t("does not apply") };
-const BADGES = { contradicted: "badge error", proven: "badge on" };
+const BADGES = { done: "badge on", wrong: "badge error" };
+const PARTS = { found: createFound, home: createHome, limits: createLimits, response: createResponse,
+	saved: createSaved, report: createReport };
+/* In these the drive is moved from the page, and Space stops it wherever the focus is. */
+const MOVES = ["home", "limits", "response"];
+/* A configuration that was loaded is described again within this. */
+const DESCRIBED_WITHIN_MS = 2000;
 
 let view = null;
 
 export function title(name) { return t("Commission {drive}", { drive: name ?? "" }).trim(); }
 
-export async function show(root, context, name) {
-	const mine = { context, name, stream: null, timer: 0, motion: 0, underWay: 0, verdicts: [], offs: [] };
+const addressOf = (name, step) => `#/commission/${encodeURIComponent(name)}/${step}`;
+
+export async function show(root, context, name, step) {
+	const path = { context, name, record: loadRecord(name), step: "", part: null, closed: false, offs: [] };
 
 	view?.close();
-	view = mine;
-	mine.close = () => {
-		end(mine);
-		mine.offs.forEach((off) => off());
+	view = path;
+	path.close = () => {
+		path.closed = true;
+		path.part?.close?.();
+		path.offs.forEach((off) => off());
 	};
 	if (!context.may("engineer", name)) {
 		root.append(element("p", { class: "empty" }, context.whyNot("engineer", name)));
 		return;
 	}
-	const steps = await listCommissionSteps();
-
-	if (view !== mine)
+	path.step = STEPS.includes(step) ? step : listOpen(path.record)[0] ?? "report";
+	await learn(path);
+	if (path.closed)
 		return;
-	build(mine, root, steps);
-	watchKeys(mine);
+	await build(path, root);
+	if (path.closed) {
+		path.part?.close?.();
+		return;
+	}
+	watch(path);
 }
 
 export function hide() {
@@ -52,256 +69,216 @@ export function hide() {
 	view = null;
 }
 
-/* --- the list of steps
- * ------------------------------------------------------------------------- */
+/* --- what steps share ------------------------------------------------------------------------- */
 
-function createNumber(id, label, hint) {
-	const input = element("input", { id, type: "number", min: 0, step: "any", inputmode: "decimal",
-		placeholder: hint });
+/* What all steps need of the drive, and what they may do with the record. */
+async function learn(path) {
+	const { context, name, record } = path;
+	const [registers, commands] = await Promise.all([context.registers(name), context.commands(name)]);
 
-	return { input, field: createField(label, input) };
-}
+	/* A page that was just opened knows the drive's place only a moment later. */
+	if (!context.plant.drives.has(name))
+		await new Promise((resolve) => context.on("describe", resolve));
+	const known = ["unit_name", "counts_per_unit", "spd", "identity"].filter((one) => registers.has(one));
+	const { values } = await call("Read", { drive: name, names: known });
 
-function build(mine, root, steps) {
-	const { context, name } = mine;
-
-	mine.step = element("select", { id: "commission-step" },
-		element("option", { value: "" }, t("All steps")),
-		steps.map(({ step, description }) =>
-			element("option", { value: step }, `${step}: ${inLanguage(description)}`)));
-	mine.velocity = createNumber("commission-velocity", t("Velocity of trial motions"), "slow");
-	mine.seconds = createNumber("commission-seconds", t("Seconds of one (0.2 to 5)"), "1.5");
-	mine.begin = element("button", { id: "commission-begin", class: "primary", type: "button",
-		onclick: () => begin(mine) }, t("Begin"));
-	mine.now = element("p", { id: "commission-now", role: "status" });
-	mine.question = element("p", { id: "commission-question", class: "commission-question",
-		tabindex: -1 });
-	mine.answers = element("div", { id: "commission-answers", class: "toolbar" });
-	mine.problem = element("p", { class: "problem", role: "alert" });
-	mine.rows = element("tbody");
-	mine.seen = element("section", { id: "commission-verdicts", class: "panel table-frame", hidden: true,
-		"aria-label": t("What was seen"), tabindex: 0 },
-	element("table", {},
-		element("thead", {}, element("tr", {},
-			["", t("Setting"), t("Today"), t("What was seen"), t("What is right")].map((head) =>
-				element("th", { scope: "col" }, head)))),
-		mine.rows));
-	mine.counts = element("p", { id: "commission-counts" });
-	mine.sections = createPasteText(t("For the configuration, then drivebridgectl reload"));
-	mine.save = element("button", { id: "commission-report", type: "button" },
-		t("Save the report"));
-	mine.result = element("section", { id: "commission-result", class: "panel", hidden: true,
-		"aria-label": t("Result") },
-	element("div", { class: "panel-head" }, element("h2", {}, t("Result")),
-		element("span", { class: "push" }), mine.save),
-	mine.counts, mine.sections.node);
-	root.replaceChildren(
-		element("div", { class: "view-head" }, element("h1", {}, title(name)),
-			element("a", { href: `#/drive/${encodeURIComponent(name)}` }, t("Drive {name}", { name })),
-			element("span", { class: "push" }),
-			element("button", { id: "commission-stop", class: "stop", type: "button",
-				"aria-keyshortcuts": "Escape",
-				onclick: () => context.stop(name, "stop") },
-			icon("stop"), t("Stop"), element("kbd", {}, t("Esc")))),
-		element("section", { class: "panel", "aria-label": t("Begin") },
-			element("p", {}, element("strong", {}, t("Uncouple the drive from the machine first. ")),
-				t("The motor is turned, slowly and for moments, and you are asked what you saw. Escape stops it, and so does leaving this page; in the end it has no power.")),
-			element("div", { class: "toolbar filters" }, createField(t("Steps"), mine.step),
-				mine.velocity.field, mine.seconds.field, mine.begin)),
-		element("section", { id: "commission", class: "panel", "aria-label": t("Now") },
-			mine.now, mine.question, mine.answers, mine.problem),
-		mine.seen, mine.result);
-	setText(mine.now, t("Nothing goes on."));
-}
-
-/* --- a running commissioning
- * ------------------------------------------------------------------- */
-
-/* Only the filled fields; the server checks them. */
-function readOrder(mine) {
-	const order = { drive: mine.name };
-
-	if (mine.step.value)
-		order.step = mine.step.value;
-	for (const [key, { input }] of [["velocity", mine.velocity], ["seconds", mine.seconds]]) {
-		if (input.value !== "")
-			order[key] = Number(input.value);
-	}
-	return order;
-}
-
-function begin(mine) {
-	mine.begin.disabled = true;
-	mine.verdicts = [];
-	mine.rows.replaceChildren();
-	mine.seen.hidden = mine.result.hidden = true;
-	setText(mine.problem, "");
-	setText(mine.now, t("Asking the drive …"));
-	mine.stream = openStream("commission", readOrder(mine), {
-		once: true,
-		onEvent: (event, data) => take[event]?.(mine, data),
-		onState(state, error) {
-			if (state === "failed")
-				setText(mine.problem, error.message);
-			if (state === "failed" || state === "ended")
-				finish(mine);
+	Object.assign(path, {
+		registers,
+		commands,
+		identity: values.identity ?? "",
+		countsPerUnit: values.counts_per_unit,
+		preset: values.spd ?? 0,
+		scale: createScale(values.unit_name, values.counts_per_unit),
+		drive: () => context.plant.drives.get(name),
+		keep() {
+			keepRecord(record);
+			showPath(path);
 		},
+		mark(own, state, found) {
+			markStep(record, own, { state, values: found, by: getSession().user ?? "", at: Date.now() });
+			path.keep();
+		},
+		/* After a change of the configuration: when the page knows it. */
+		again: () => new Promise((resolve) => {
+			context.on("describe", resolve);
+			setTimeout(resolve, DESCRIBED_WITHIN_MS);
+		}).then(() => path.closed || context.showAgain()),
 	});
-	mine.timer = setInterval(() => say(mine, {}), ALIVE_EVERY_MS);
+	record.identity ||= path.identity;
+	/* Without parameters that are known there is nothing to compare with, until the next look. */
+	if (!record.before)
+		record.before = (await readSet(context, name).catch(() => null))?.values ?? null;
+	keepRecord(record);
 }
 
-/* Ends it early: closing the stream also ends it on the server. */
-function end(mine) {
-	if (!mine.stream)
-		return;
-	sayToCommission({ end: true }, { keepalive: true }).catch(() => {});
-	mine.stream.close();
-	finish(mine);
+/* Position, state, and what comes next: one line for all steps in which the drive moves. */
+function createNow(path) {
+	const { context, commands, name, registers, scale } = path;
+	const state = element("span", { id: "commission-state", class: "state-word live" });
+	const position = element("strong", { id: "commission-position", class: "live" });
+	const homed = element("span", { id: "commission-homed", class: "badge" });
+	const next = element("button", { id: "commission-next", class: "primary", type: "button", hidden: true,
+		onclick: async () => {
+			try {
+				await call("Run", { drive: name, command: next.dataset.command });
+			} catch (error) {
+				context.report(error);
+			}
+		} });
+
+	return {
+		node: element("section", { class: "panel toolbar", "aria-label": t("Now") }, state, position, homed, next),
+		update({ judgement, values }) {
+			const register = registers.get("position");
+			const isHomed = hasBit(registers.get("status"), values?.status, "homed");
+			const command = nextStep(judgement, commands);
+
+			setText(state, stateWord(judgement.state));
+			setText(position, `${formatFixed(scale.show(register, values?.position), scale.decimals(register))} ` +
+				scale.unit(register));
+			setText(homed, isHomed ? t("homed") : t("not homed"));
+			homed.className = isHomed ? "badge on" : "badge";
+			next.hidden = !["enable", "clear_fault"].includes(command);
+			if (!next.hidden) {
+				next.dataset.command = command;
+				setText(next, asLabel(command));
+			}
+		},
+	};
 }
 
-function finish(mine) {
-	letGo(mine);
-	clearInterval(mine.timer);
-	mine.stream = null;
-	mine.begin.disabled = false;
-	clearQuestion(mine);
-	if (mine.result.hidden)
-		setText(mine.now, t("It has ended."));
+/* --- the view --------------------------------------------------------------------------------- */
+
+function makeHead({ context, name }) {
+	return element("div", { class: "view-head" }, element("h1", {}, title(name)),
+		element("a", { href: `#/drive/${encodeURIComponent(name)}` }, t("Drive {name}", { name })),
+		element("span", { class: "push" }),
+		element("button", { id: "commission-stop", class: "stop", type: "button", "aria-keyshortcuts": "Escape",
+			onclick: () => context.stop(name, "stop") },
+		icon("stop"), t("Stop"), element("kbd", {}, t("Esc"))));
 }
 
-/* Returns whether the server got the message. A failure is not shown: the server ends a
- * commissioning without messages. */
-async function say(mine, what) {
-	try {
-		await sayToCommission(what);
-		return true;
-	} catch (error) {
-		if (mine.stream && what.question)
-			setText(mine.problem, error.message);
-		return false;
+function makePath(path) {
+	path.marks = new Map(STEPS.map((step) => [step, element("span", { class: "badge" })]));
+	path.said = element("p", { id: "commission-open", class: "muted", role: "status" });
+	return element("nav", { id: "commission-path", class: "panel path", "aria-label": t("Steps") },
+		element("ol", {}, STEPS.map((step) => element("li", { "data-step": step },
+			element("a", { href: addressOf(path.name, step), "aria-current": step === path.step ? "step" : null },
+				STEP_WORDS[step]), path.marks.get(step)))), path.said);
+}
+
+/* What is done, and what is not. */
+function showPath({ record, marks, said, more, step: own }) {
+	const open = listOpen(record);
+
+	for (const [step, badge] of marks) {
+		const state = stateOf(record, step);
+
+		badge.className = BADGES[state] ?? "badge";
+		badge.hidden = state === "open";
+		setText(badge, STATES[state]);
+		setAttribute(badge.parentElement, "data-state", state);
 	}
+	setText(said, open.length === 0 ? t("All steps are done or left out.") :
+		t("Not done: {steps}", { steps: open.map((step) => STEP_WORDS[step]).join(", ") }));
+	more.leave.hidden = own === "report" || stateOf(record, own) !== "open";
+	more.next.classList.toggle("primary", own !== "report" && !open.includes(own));
 }
 
-async function beat(mine) {
-	if (mine.underWay >= BEATS_AT_ONCE || document.hidden)
+/* To the next step, out of this one, or to the beginning. */
+function makeMore(path) {
+	const { context, name, step } = path;
+	const next = STEPS[STEPS.indexOf(step) + 1];
+	const go = (to) => { location.hash = addressOf(name, to); };
+	const button = (id, words, onclick, properties = {}) => element("button",
+		{ id: `commission-${id}`, type: "button", onclick, ...properties }, words);
+
+	path.more = {
+		next: button("on", next ? t("Go on: {step}", { step: STEP_WORDS[next] }) : "", () => go(next),
+			{ hidden: !next }),
+		leave: button("leave", t("Leave this step out"), () => {
+			path.mark(step, "left", {});
+			go(next);
+		}),
+	};
+	return element("div", { id: "commission-more", class: "toolbar" }, path.more.next, path.more.leave,
+		element("span", { class: "push" }),
+		button("anew", t("Begin again"), async () => {
+			if (await askUser({ title: t("Begin the commissioning of {drive} again?", { drive: name }),
+				words: [t("What this browser has kept of it is lost. The drive and the configuration stay as they are.")],
+				yes: t("Begin again") })) {
+				keepRecord(createRecord(name, Date.now()));
+				go("found");
+				context.showAgain();
+			}
+		}));
+}
+
+async function build(path, root) {
+	const { step } = path;
+	const head = makeHead(path);
+	const steps = makePath(path);
+	const more = makeMore(path);
+	const keys = step in TRIALS ? createKeys(path) : null;
+
+	path.now = MOVES.includes(step) ? createNow(path) : null;
+	path.part = await (step in TRIALS ? createTrial(path, step, keys.node, () => {
+		keys.update();
+		showPath(path);
+	}) : PARTS[step](path));
+	root.replaceChildren(head, steps, ...[path.now?.node, path.part.node, more].filter(Boolean));
+	showPath(path);
+}
+
+/* --- what goes on ----------------------------------------------------------------------------- */
+
+function update(path) {
+	const drive = path.drive();
+
+	if (!drive)
 		return;
-	mine.underWay++;
-	await say(mine, { motion: mine.motion });
-	mine.underWay--;
+	path.now?.update(drive);
+	path.part.update?.({ judgement: drive.judgement, values: drive.values, old: path.context.sayOld(),
+		gone: ["lost", "down"].includes(path.context.link()) });
 }
 
-function letGo(mine) {
-	clearInterval(mine.beats);
-	mine.beats = 0;
-}
-
-function clearQuestion(mine) {
-	setText(mine.question, "");
-	mine.answers.replaceChildren();
-}
-
-async function answer(mine, question, text) {
-	if (await say(mine, { question, answer: text })) {
-		setText(mine.problem, "");
-		/* Unless the next question is already shown. */
-		if (mine.asked === question)
-			clearQuestion(mine);
-	}
-}
-
-const label = (choice) => asLabel(choice.replace("-", " "));
-
-const take = {
-	step(mine, { step, description }) {
-		setText(mine.now, t("Step {step}: {description}", { step, description: inLanguage(description) }));
-		clearQuestion(mine);
-	},
-	ask(mine, { question, text, choices }) {
-		const input = element("input", { id: "commission-number", type: "text",
-			inputmode: "decimal", "aria-label": t("Measured"), autocomplete: "off" });
-		const make = (choice) => element("button", { type: "button", "data-answer": choice,
-			class: choice === "yes" ? "primary" : null,
-			onclick: () => answer(mine, question, choice) }, label(choice));
-
-		mine.asked = question;
-		setText(mine.question, inLanguage(text));
-		mine.answers.replaceChildren(...(choices ?
-			choices.filter((choice) => choice !== "skip").map(make) :
-			[input, element("button", { type: "button", class: "primary", "data-answer": "number",
-				onclick: () => answer(mine, question, input.value.trim().replace(",", ".")) },
-			t("Answer"))]), make("skip"));
-		mine.question.focus();
-	},
-	moving(mine, { motion, again }) {
-		mine.motion = motion;
-		setText(mine.question, again ?
-			t("The motor turns once more: nothing was heard of the drive for a moment, so its times are doubtful.") :
-			t("The motor turns."));
-		letGo(mine);
-		mine.beats = setInterval(() => beat(mine), BEAT_EVERY_MS);
-		beat(mine);
-	},
-	stood(mine) {
-		letGo(mine);
-		clearQuestion(mine);
-	},
-	verdicts(mine, { verdicts }) {
-		mine.verdicts.push(...verdicts);
-		showVerdicts(mine, mine.verdicts);
-	},
-	failed(mine, { text }) { setText(mine.problem, inLanguage(text)); },
-	result(mine, { verdicts, sections, report, interrupted, late, lost }) {
-		const count = (verdict) => verdicts.filter((one) => one.verdict === verdict).length;
-
-		showVerdicts(mine, verdicts);
-		setText(mine.counts, VERDICTS.slice(0, 3).map((verdict) => `${count(verdict)} ${VERDICT_WORDS[verdict]}`)
-			.join(", "));
-		mine.sections.show(sections);
-		mine.save.onclick = () =>
-			saveFile(`${mine.name}.commissioning-${nameTime()}.txt`, [report]);
-		mine.result.hidden = false;
-		setText(mine.now, lost ? t("The connection to the service was lost; it stops the drive.") :
-			late ? t("Interrupted: this page was not heard in time, and the drive was stopped. What was seen is below.") :
-			interrupted ? t("Interrupted: the drive was stopped. What was seen is below.") :
-			t("Done. The motor has no power."));
-	},
-};
-
-function showVerdicts(mine, verdicts) {
-	const order = [...verdicts].sort((a, b) =>
-		VERDICTS.indexOf(a.verdict) - VERDICTS.indexOf(b.verdict));
-
-	mine.seen.hidden = order.length === 0;
-	mine.rows.replaceChildren(...order.map((one) =>
-		element("tr", { "data-setting": one.setting, "data-verdict": one.verdict },
-			element("td", {}, element("span", { class: BADGES[one.verdict] ?? "badge" },
-				VERDICT_WORDS[one.verdict] ?? one.verdict)),
-			element("th", { scope: "row" }, one.setting), element("td", {}, one.now ?? ""),
-			element("td", {}, inLanguage(one.how)), element("td", {}, one.right ?? ""))));
-}
-
-/* --- keys ------------------------------------------------------------------------------------- */
-
-/* Escape stops it at any time; Space only during a motion, because it also presses buttons. */
-function watchKeys(mine) {
-	const listen = (target, event, listener, capture) => {
-		target.addEventListener(event, listener, capture);
-		mine.offs.push(() => target.removeEventListener(event, listener, capture));
+/*
+ * Escape stops at any time. Space does where the drive is moved from here, and during the motion of a trial:
+ * elsewhere it presses buttons. What takes the eyes or the hand away releases what is held.
+ */
+function watch(path) {
+	const { context, name, step } = path;
+	const release = () => path.part.release?.();
+	const isOurs = ({ key, ctrlKey, altKey, metaKey }) => !ctrlKey && !altKey && !metaKey &&
+		(key === "Escape" || (key === " " && (MOVES.includes(step) || path.part.isMoving?.())));
+	const listen = (event, listener) => {
+		window.addEventListener(event, listener, true);
+		path.offs.push(() => window.removeEventListener(event, listener, true));
 	};
 
-	listen(window, "keydown", (event) => {
-		if (event.ctrlKey || event.altKey || event.metaKey ||
-		    !(event.key === "Escape" || (event.key === " " && mine.beats)))
-			return;
-		event.preventDefault();
-		event.stopPropagation();
-		if (!event.repeat)
-			mine.context.stop(mine.name, "stop");
-	}, true);
-	listen(window, "pagehide", () => end(mine));
-	/* In a hidden page nobody watches the shaft. */
-	listen(document, "visibilitychange", () => {
-		if (document.hidden && mine.beats)
-			end(mine);
+	if (context.may("stop")) {
+		listen("keydown", (event) => {
+			if (!isOurs(event))
+				return;
+			event.preventDefault();
+			event.stopPropagation();
+			release();
+			if (!event.repeat)
+				context.stop(name, "stop");
+		});
+		/* Otherwise the release of the key would still press a button. */
+		listen("keyup", (event) => {
+			if (event.key === " " && MOVES.includes(step))
+				event.preventDefault();
+		});
+	}
+	path.offs.push(releaseWithPage(release));
+	context.on("plant", () => update(path));
+	context.on("link", (link) => {
+		if (link !== "live")
+			release();
+		update(path);
 	});
+	context.on("describe", () => update(path));
+	update(path);
 }

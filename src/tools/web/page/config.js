@@ -4,11 +4,12 @@
  * of it, what loading it would do, and the texts of before.
  */
 import { call } from "./api.js";
+import { loadConfiguration, saveConfiguration } from "./config_change.js";
 import { countLines, describeEffects, findLine, readMessage } from "./config_text.js";
 import { createField, element, setText } from "./dom.js";
 import { writeClock, writeDay } from "./plain.js";
 import { askUser } from "./question.js";
-import { inLanguage, t } from "./words.js";
+import { t } from "./words.js";
 
 export const title = t("Configuration");
 
@@ -169,38 +170,13 @@ async function act(mine, work) {
 		showState(mine);
 }
 
-async function load(mine) {
-	const { messages } = await call("Reload");
-
-	if (messages.length > 0)
-		mine.context.notify(t("It was not loaded: {messages}", { messages: messages.map(inLanguage).join("; ") }), "error");
-	else
-		mine.context.notify(t("The configuration is loaded"), "ok");
-}
-
 /* Saves a text and loads it, when the user has seen what that does. */
 async function apply(mine, text, question) {
-	const checked = await call("CheckConfiguration", { text });
-
-	if (!checked.good)
-		throw new Error(t("It has mistakes: {messages}", { messages: checked.messages.map(inLanguage).join("; ") }));
-	const effects = describeEffects(checked.effects);
-
-	if (!await askUser({
-		title: question,
-		words: [...(effects.length > 0 ? effects : [t("No drive changes.")]),
-			...checked.messages.map((message) => readMessage(message, mine.answer.path).text)],
-		yes: checked.effects.some(({ moves }) => moves) ? t("Save and load, also what moves") :
-			t("Save and load")
-	}))
+	if (!await saveConfiguration({ text, path: mine.answer.path, version: mine.version }, question))
 		return;
-	const written = await call("SetConfiguration", { text, version: mine.version });
-
-	if (!written.good)
-		throw new Error(written.messages.map(inLanguage).join("; "));
 	draft = null;
 	try {
-		await load(mine);
+		await loadConfiguration(mine.context);
 	} finally {
 		await read(mine, false);
 	}
@@ -228,7 +204,7 @@ async function loadFiles(mine) {
 		words: [t("The service reads all files as they are now: also what root has changed in them. Drives whose sections changed are left as their on-exit says.")],
 		yes: t("Load")
 	}))
-		await load(mine);
+		await loadConfiguration(mine.context);
 }
 
 /* --- the view --------------------------------------------------------------------------------- */

@@ -306,11 +306,10 @@ export function parseValue(register, typed, numbers = ofPage) {
 }
 
 function parseNumber(register, typed, named, numbers) {
-	const { text, either } = numbers.read(typed);
+	const { text, problem } = numbers.read(typed);
 
-	if (either)
-		return { problem: t("“{text}” can be read in two ways: write {one} or {other}",
-			{ text: typed, one: either[0], other: either[1] }) };
+	if (problem)
+		return { problem };
 	const whole = !isReal(register);
 	const form = whole ? /^(-?\d+|0x[0-9a-f]+)$/i : /^-?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
 	const value = form.test(text) ? Number(text) : NaN;

@@ -3,7 +3,7 @@
  * Numbers in a language: Intl says what stands between whole and fraction. Thousands are not separated, so that what is
  * shown can be typed again. Files, and what is sent, keep the point. Pure.
  */
-import { languageTag } from "./words.js";
+import { languageTag, t } from "./words.js";
 
 /* Where a comma begins the fraction, this is a thousand to one reader and one to another. */
 const TWO_MEANINGS = /^(-?[1-9]\d{0,2})\.(\d{3})(e.*)?$/i;
@@ -11,7 +11,7 @@ const TWO_MEANINGS = /^(-?[1-9]\d{0,2})\.(\d{3})(e.*)?$/i;
 /*
  * tag: as "de". Returns
  *   write(text)  the text of a number, "-12.5", as it is shown
- *   read(typed)  { text }, which has a point; or { either }: two ways to write what may be meant
+ *   read(typed)  { text }, which has a point; or { problem }: it has two meanings
  */
 export function createNumbers(tag) {
 	const sign = new Intl.NumberFormat(tag).formatToParts(1.5).find(({ type }) => type === "decimal").value;
@@ -25,7 +25,8 @@ export function createNumbers(tag) {
 				return { text: typed.replace(sign, ".") };
 			const [, whole, digits, exponent = ""] = found;
 
-			return { either: [`${whole}${sign}${digits}${exponent}`, `${whole}${digits}${exponent}`] };
+			return { problem: t("“{text}” can be read in two ways: write {one} or {other}", { text: typed,
+				one: `${whole}${sign}${digits}${exponent}`, other: `${whole}${digits}${exponent}` }) };
 		},
 	};
 }

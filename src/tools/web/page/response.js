@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* How a value answers to a step: how far it goes beyond, and when it stays. Pure. */
+import { t } from "./words.js";
 
 /* It has settled where it stays within this part of the step around its end. */
 export const BAND = 0.02;
@@ -44,7 +45,34 @@ export function sayResponse(name, response) {
 	if (!response)
 		return "";
 	const { overshoot, settled } = response;
-	const beyond = overshoot > 0 ? `overshoots by ${(overshoot * 100).toFixed(1)} %` : "does not overshoot";
+	const values = { name, percent: (overshoot * 100).toFixed(1), band: BAND * 100, seconds: settled.toFixed(3) };
 
-	return `${name} ${beyond}, and stays within ${BAND * 100} % of the step after ${settled.toFixed(3)} s.`;
+	return overshoot > 0 ?
+		t("{name} overshoots by {percent} %, and stays within {band} % of the step after {seconds} s.", values) :
+		t("{name} does not overshoot, and stays within {band} % of the step after {seconds} s.", values);
+}
+
+/* Before a motion, of what is shown, as a part of it. */
+const LEAD = 0.1;
+/* A motion has begun when this part of the step is done. */
+const BEGUN = 0.005;
+
+/*
+ * Of a record around a move over `distance`: times in seconds from the begin of the motion on, and the
+ * values, with a bit of the stand before it. samples: [{ time_us, value }], ascending; null: nothing moved.
+ */
+export function cutResponse(samples, distance) {
+	const known = samples.filter(({ value }) => Number.isFinite(value));
+	const first = known.findIndex(({ value }) => Math.abs(value - known[0].value) > BEGUN * Math.abs(distance));
+
+	if (first < 1)
+		return null;
+	const zero = known[first - 1].time_us;
+	const lead = (known.at(-1).time_us - zero) * LEAD;
+	const shown = known.filter(({ time_us: time }) => time >= zero - lead);
+
+	return {
+		times: shown.map(({ time_us: time }) => (time - zero) / 1e6),
+		values: shown.map(({ value }) => value),
+	};
 }

@@ -8,7 +8,8 @@ import { createCapture, writeCsv } from "./capture.js";
 import { CHANNELS_MOST, createCapturePlot } from "./capture_plot.js";
 import { createField, element, icon, newId, setText } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
-import { createScale, formatReal, hasBits, inWords, parseValue } from "./format.js";
+import { createScale, hasBits, inWords, parseValue } from "./format.js";
+import { createNumberField } from "./number_field.js";
 import { t } from "./words.js";
 
 export const title = t("Oscilloscope");
@@ -113,15 +114,8 @@ function fillDrives({ context, drive, none }, wanted) {
 
 /* --- its elements ----------------------------------------------------------------------------- */
 
-/* { input, read() }: read() returns seconds, NaN while what is typed is none. */
 function makeSeconds(id, min, value) {
-	const register = { type: "f32", unit: "s", min, max: SECONDS_MOST };
-	const input = element("input", { id, type: "text", inputmode: "decimal", autocomplete: "off", class: "short",
-		value: formatReal(value) });
-
-	input.addEventListener("input", () =>
-		input.setCustomValidity(parseValue(register, input.value).problem ?? ""));
-	return { input, read: () => parseValue(register, input.value).value ?? NaN };
+	return createNumberField({ id, class: "short", unit: "s", min, max: SECONDS_MOST, value, required: true });
 }
 
 function makeParts() {

@@ -1117,7 +1117,7 @@ static void what_is_written_reads_the_same(void **state)
 		expect_same(first.config, second.config);
 		assert_true(second.config->sources[0].ended);
 		if (i == 0)
-			assert_non_null(strstr(again, "max-velocity = \"50\"\n"));
+			assert_non_null(strstr(again, "max-velocity = 50\n"));
 		free(text);
 		free(again);
 		done(&first);

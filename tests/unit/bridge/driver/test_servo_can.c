@@ -1625,6 +1625,38 @@ static void command_words_are_held(void **unused)
 	drop(f);
 }
 
+/* Nobody knows whether it was taken. What other frames set is known as before. */
+static void a_lost_setting_is_unknown_with_all_of_its_frame(void **unused)
+{
+	static const struct db_setting both[] = { ACCELERATION(1000), DECELERATION(65536) };
+	static const struct db_setting ramp[] = { DECELERATION(2) };
+	static const struct db_setting word[] = { WORD_BIT(6, 1) };
+	struct fixture *f = make_positioner();
+	const struct db_nameplate *plate = driver->nameplate(f->device);
+	uint32_t generation;
+
+	(void)unused;
+	assert_string_equal(set(f, 2, both), "105#000003E800010000");
+	assert_string_equal(answer(f, "006#0A"), "=unproven");
+	set(f, 1, word);
+	assert_string_equal(answer(f, "006#07"), "=unproven");
+	assert_int_equal(plate->valid[0], 0x7FB);
+	generation = plate->generation;
+	assert_string_equal(set(f, 1, ramp), "105#000003E800000002");
+	assert_string_equal(lost(f), "=timeout");
+	assert_int_equal(plate->valid[0], 0x7F8);
+	/* Readers are shown it. */
+	assert_true(plate->generation > generation);
+	generation = plate->generation;
+	assert_string_equal(set(f, 2, both), "105#000003E800010000");
+	assert_string_equal(answer(f, "006#0A"), "=unproven");
+	assert_true(plate->generation > generation);
+	set(f, 1, word);
+	assert_string_equal(lost(f), "=timeout");
+	assert_int_equal(plate->valid[0], 3);
+	drop(f);
+}
+
 static void parameters_have_ranges(void **unused)
 {
 	union db_value value = { .f = 4294967296.0f };
@@ -1807,6 +1839,34 @@ static void a_speed_without_a_sign_has_its_bits(void **unused)
 	report(f, "1E5#012C0000");
 	assert_int_equal(feedback(f).position, 1001);
 	drop(f);
+}
+
+/* The one that it has also tells the other way, by being clear. */
+static void one_bit_tells_both_directions(void **unused)
+{
+	static const struct {
+		const char *missing;
+		uint16_t backwards;
+		uint16_t forwards;
+	} cases[] = {
+		{ "reverse-bit", 0, SERVO_CAN_ST_FORWARD },
+		{ "forward-bit", SERVO_CAN_ST_REVERSE, 0 },
+	};
+
+	(void)unused;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct fixture *f = make();
+
+		option(f, "speed-sign", 1);
+		option(f, cases[i].missing, -1);
+		switch_on(f);
+		poll(f, 1000, 300, ON | cases[i].forwards);
+		assert_true(feedback(f).velocity == 300.0f);
+		/* Whatever the way says, which may be that of a moment ago. */
+		poll(f, 1001, 300, ON | cases[i].backwards);
+		assert_true(feedback(f).velocity == -300.0f);
+		drop(f);
+	}
 }
 
 static void an_older_read_does_not_replace_a_report(void **unused)
@@ -2661,6 +2721,7 @@ int main(void)
 		cmocka_unit_test(ramps_are_known_once_written),
 		cmocka_unit_test(max_speed_goes_with_the_mode),
 		cmocka_unit_test(command_words_are_held),
+		cmocka_unit_test(a_lost_setting_is_unknown_with_all_of_its_frame),
 		cmocka_unit_test(what_a_profile_lacks_comes_later),
 		cmocka_unit_test(a_profile_is_given_each_time_the_drive_comes),
 		cmocka_unit_test(max_speed_comes_before_the_first_motion),
@@ -2672,6 +2733,7 @@ int main(void)
 		cmocka_unit_test(reports_that_come_together_are_shown),
 		cmocka_unit_test(reports_save_reads),
 		cmocka_unit_test(reports_can_be_ignored),
+		cmocka_unit_test(one_bit_tells_both_directions),
 		cmocka_unit_test(an_older_read_does_not_replace_a_report),
 		cmocka_unit_test(faults_have_names),
 		cmocka_unit_test(no_motion_with_a_fault),

@@ -646,6 +646,11 @@ static void where_no_speed_is_told_the_position_tells_the_direction(void **state
 	poll_running(f, 0.0f, 160, RUNS);
 	command(f, DB_CMD_MOVE_ABSOLUTE, behind);
 	assert_string_equal(go_without_speed(f, 160, -10), "=ok");
+	/* Also far from 0: what counts is where it was first seen after the command. */
+	run_at_3000(f);
+	poll_running(f, 0.0f, 60000, RUNS);
+	command(f, DB_CMD_MOVE_VELOCITY, back);
+	assert_string_equal(go_without_speed(f, 60000, -10), "=ok");
 	drop(f);
 }
 
@@ -1015,6 +1020,34 @@ static void the_homing_bit_outlives_the_origin(void **state)
 	poll(f, 0, STANDS | VSMD_ST_ZERO);
 	assert_false(has(f, DB_STATUS_HOMED));
 	assert_true(has(f, DB_STATUS_ORIGIN_LOST));
+	drop(f);
+}
+
+/* When the service starts. Without power the counter went to 0 wherever the motor was. */
+static void a_homing_bit_is_believed_of_a_motor_with_power(void **state)
+{
+	struct fixture *with = make(0, 0);
+	struct fixture *without = make(0, 0);
+
+	(void)state;
+	poll(with, 500, STANDS | VSMD_ST_ZERO);
+	assert_true(has(with, DB_STATUS_HOMED));
+	poll(without, 500, VSMD_ST_STP | VSMD_ST_ZERO);
+	assert_false(has(without, DB_STATUS_HOMED));
+	drop(with);
+	drop(without);
+}
+
+/* Another master homes it. While it still moves, its origin is not known. */
+static void the_homing_bit_of_a_moving_drive_is_no_origin(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	poll_running(f, 800.0f, 100, RUNS);
+	poll_running(f, 800.0f, 200, RUNS | VSMD_ST_ZERO);
+	assert_false(has(f, DB_STATUS_HOMED));
 	drop(f);
 }
 
@@ -1721,6 +1754,8 @@ int main(void)
 		cmocka_unit_test(a_power_cut_while_moving_ends_the_move),
 		cmocka_unit_test(a_drive_that_counts_on_has_not_restarted),
 		cmocka_unit_test(the_homing_bit_outlives_the_origin),
+		cmocka_unit_test(a_homing_bit_is_believed_of_a_motor_with_power),
+		cmocka_unit_test(the_homing_bit_of_a_moving_drive_is_no_origin),
 		cmocka_unit_test(closed_loop_rests_beside_its_place),
 		cmocka_unit_test(a_relative_move_is_counted_from_readings_that_agree),
 		cmocka_unit_test(a_refused_move_changes_no_target),

@@ -421,7 +421,7 @@ static void arguments_are_registers(void **state)
 	(void)state;
 	for (unsigned arg = DB_ARG_NONE + 1; arg < DB_ARG_COUNT; arg++) {
 		size_t offset = offsetof(struct db_drive_image, block.args) +
-		                db_arg_offset((enum db_arg)arg);
+		                db_arg_rows[arg].offset;
 		unsigned rows = 0;
 
 		for (size_t i = 0; db_row_sets[i]; i++) {

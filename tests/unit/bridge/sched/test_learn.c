@@ -95,6 +95,44 @@ static void a_gap_that_goes_too_low_again_and_again_is_tried_ever_less_often(voi
 	assert_int_equal(pause, 3600 * S);
 }
 
+/* Number of requests after such a pause until it is sure that the drive receives them. */
+static unsigned proving(struct learn_gap *gap, db_time pause)
+{
+	unsigned count = 0;
+
+	while (gap->sure > pause) {
+		assert_true(count++ < 100);
+		learn_gap_received(gap, pause, S);
+	}
+	return count;
+}
+
+static void a_pause_is_sure_after_answers_in_a_row(void **state)
+{
+	struct learn_gap gap;
+	unsigned count;
+
+	(void)state;
+	learn_gap_init(&gap, true, 1 * MS, 1 * MS);
+	count = proving(&gap, 1 * MS);
+	assert_true(count > 1);
+	/* Another pause counts from the beginning. */
+	assert_int_equal(proving(&gap, 500 * US), count);
+	/* So does everything after a loss, which may come just before it was proven. */
+	(void)learn_gap_lost(&gap, 1 * MS, S);
+	assert_int_equal(gap.sure, gap.most);
+	for (unsigned i = 1; i < count; i++)
+		learn_gap_received(&gap, 1 * MS, S);
+	assert_int_equal(gap.sure, gap.most);
+	(void)learn_gap_lost(&gap, 1 * MS, S);
+	assert_int_equal(proving(&gap, 1 * MS), count);
+	/* A longer pause before a loss does not make what is proven after it longer. */
+	(void)learn_gap_lost(&gap, 1 * MS, S);
+	learn_gap_received(&gap, 1900 * US, S);
+	(void)learn_gap_lost(&gap, 1 * MS, S);
+	assert_int_equal(proving(&gap, 1 * MS), count);
+}
+
 static void losses_that_a_gap_does_not_mend_leave_it(void **state)
 {
 	struct learn_gap gap;
@@ -168,6 +206,7 @@ int main(void)
 		cmocka_unit_test(a_gap_comes_down_by_a_tenth_a_minute),
 		cmocka_unit_test(a_gap_that_went_too_low_goes_back_at_once),
 		cmocka_unit_test(a_gap_that_goes_too_low_again_and_again_is_tried_ever_less_often),
+		cmocka_unit_test(a_pause_is_sure_after_answers_in_a_row),
 		cmocka_unit_test(losses_that_a_gap_does_not_mend_leave_it),
 		cmocka_unit_test(losses_long_after_a_reply_say_nothing),
 		cmocka_unit_test(what_is_configured_stays_where_nothing_is_to_be_learnt),

@@ -326,10 +326,27 @@ static void a_drive_that_comes_back_is_told_first_and_seen_anew(void **state)
 	assert_int_equal(standing_deadline(&standing, &rules), DB_TIME_NEVER);
 	standing_resume(&standing, T + 5000 * MS);
 	assert_int_equal(standing_send_at(&standing), T + 5000 * MS);
+	/* Nothing is overdue before it was told. */
+	assert_int_equal(standing_deadline(&standing, &rules), DB_TIME_NEVER);
 	assert_int_equal(judge(&standing, 0, false, T + 5001 * MS), STANDING_UNSEEN);
 	standing_stop_sent(&standing, true, 0, T + 5002 * MS);
 	assert_int_equal(judge(&standing, 0, false, T + 5003 * MS), STANDING_OBEYS);
 	assert_int_equal(judge(&standing, 0, false, T + 5110 * MS), STANDING_DONE);
+}
+
+/* Nothing of so short a time is used up before the drive is back. */
+static void a_short_patience_waits_for_a_drive_that_is_away(void **state)
+{
+	static const struct standing_rules hasty = { .patience = 80 * MS };
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	assert_int_equal(standing_deadline(&standing, &hasty), T + 80 * MS);
+	standing_suspend(&standing, &hasty, T + 50 * MS);
+	assert_int_equal(standing_deadline(&standing, &hasty), DB_TIME_NEVER);
+	standing_resume(&standing, T + 1000 * MS);
+	standing_stop_sent(&standing, true, 0, T + 1000 * MS);
+	assert_int_equal(standing_deadline(&standing, &hasty), T + 1080 * MS);
 }
 
 /* It comes and goes; each time its patience goes on where it was. */
@@ -373,8 +390,11 @@ static void a_later_motion_ends_it_when_the_drive_took_it(void **state)
 	struct standing standing = entered(1000, true);
 
 	(void)state;
+	assert_true(standing_deadline(&standing, &rules) < DB_TIME_NEVER);
 	standing_give_way(&standing);
 	assert_int_equal(standing_send_at(&standing), DB_TIME_NEVER);
+	/* While it moves because of that, nothing is overdue. */
+	assert_int_equal(standing_deadline(&standing, &rules), DB_TIME_NEVER);
 	assert_int_equal(judge(&standing, 1000, true, T + 10 * MS), STANDING_UNSEEN);
 	standing_motion_ended(&standing, false, T + 20 * MS);
 	assert_int_equal(standing_send_at(&standing), T + 20 * MS);
@@ -423,6 +443,7 @@ int main(void)
 		cmocka_unit_test(what_is_refused_gives_way_to_the_next_kind),
 		cmocka_unit_test(a_disable_ends_when_the_power_is_known_to_be_off),
 		cmocka_unit_test(a_drive_that_comes_back_is_told_first_and_seen_anew),
+		cmocka_unit_test(a_short_patience_waits_for_a_drive_that_is_away),
 		cmocka_unit_test(coming_and_going_does_not_put_off_the_end),
 		cmocka_unit_test(losses_cost_the_drive_its_own_share),
 		cmocka_unit_test(a_later_motion_ends_it_when_the_drive_took_it),

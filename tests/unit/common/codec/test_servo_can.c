@@ -860,19 +860,17 @@ static void names(void **state)
 
 	(void)state;
 	for (unsigned bit = 0; bit < 40; bit++) {
-		assert_int_equal(servo_can_status_name(bit) != NULL, bit < 16);
-		assert_null(servo_can_word1_name(bit));
 		if (servo_can_word0_name(bit))
 			word0 |= 1u << bit;
 	}
 	assert_int_equal(word0, SERVO_CAN_WORD0_DOCUMENTED);
 	assert_string_equal(servo_can_word0_name(3), "ctrg");
 	assert_string_equal(servo_can_word0_name(8), "pos2");
-	assert_string_equal(servo_can_status_name(0), "servo_started");
-	assert_string_equal(servo_can_status_name(4), "target_position_reached");
-	assert_string_equal(servo_can_status_name(6), "warning");
-	assert_string_equal(servo_can_status_name(11), "command_done");
-	assert_string_equal(servo_can_status_name(15), "forward_output");
+	assert_string_equal(servo_can_status_bits[0].name, "servo_started");
+	assert_string_equal(servo_can_status_bits[4].name, "target_position_reached");
+	assert_string_equal(servo_can_status_bits[6].name, "warning");
+	assert_string_equal(servo_can_status_bits[11].name, "command_done");
+	assert_string_equal(servo_can_status_bits[15].name, "forward_output");
 	assert_string_equal(servo_can_faults[0].name, "undervoltage");
 	assert_string_equal(servo_can_faults[7].name, "drive_overtemperature");
 	assert_string_equal(servo_can_faults[13].name, "absolute_encoder_fault");

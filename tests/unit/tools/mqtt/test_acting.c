@@ -218,6 +218,38 @@ static void the_service_is_told_who_wants_it(void **state)
 	assert_non_null(strstr(calls, "\"stop\""));
 }
 
+/* Whoever commands after another one neither gets what that one controls, nor keeps going what he moves. */
+static void each_has_lanes_of_his_own(void **state)
+{
+	static const char done[] = "{}\0{\"parameters\":{\"result\":\"ok\"}}";
+	struct world *world = *state;
+
+	say_for(world, 1, "move_velocity", "anna");
+	assert_int_equal(write(world->connections[1], done, sizeof(done)), sizeof(done));
+	serve(world);
+	(void)read_calls(world, 1);
+	say_for(world, 1, "home", "otto");
+	assert_int_equal(world->count, 3);
+	assert_string_equal(read_calls(world, 1), "");
+	assert_non_null(strstr(read_calls(world, 2), INTRODUCE("otto")));
+	assert_int_equal(write(world->connections[2], done, sizeof(done)), sizeof(done));
+	serve(world);
+	db_mqtt_acting_feed(world->acting, "d1", "otto", 2 * DB_NS_PER_S);
+	assert_string_equal(read_calls(world, 1), "");
+	assert_non_null(strstr(read_calls(world, 2), "Read"));
+	db_mqtt_acting_feed(world->acting, "d1", "anna", 2 * DB_NS_PER_S);
+	assert_non_null(strstr(read_calls(world, 1), "Read"));
+	assert_string_equal(read_calls(world, 2), "");
+	/* When all are taken, one that is not busy is better than none. */
+	for (unsigned drive = 2; drive < DRIVES_MAX; drive++)
+		say(world, drive, "home");
+	assert_int_equal(world->count, DRIVES_MAX + 1);
+	say_for(world, 1, "home", "olga");
+	assert_int_equal(world->count, DRIVES_MAX + 1);
+	say_for(world, DRIVES_MAX, "home", "olga");
+	assert_string_equal(world->result, "busy");
+}
+
 /* The same id once more: the service is not asked again, and the end is told once for both. */
 static void one_that_is_under_way_is_not_begun_again(void **state)
 {
@@ -268,6 +300,7 @@ int main(void)
 		                                close_world),
 		cmocka_unit_test_setup_teardown(the_service_is_told_who_wants_it, open_world,
 		                                close_world),
+		cmocka_unit_test_setup_teardown(each_has_lanes_of_his_own, open_world, close_world),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

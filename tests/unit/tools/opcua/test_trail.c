@@ -57,6 +57,8 @@ static unsigned search(struct db_opcua_trail *trail, const struct db_opcua_trail
 		json_decref(question);
 		json_decref(answer);
 		assert_true(++questions < 100);
+		/* However long the trail is. */
+		assert_true(json_array_size(trail->window) <= DB_OPCUA_TRAIL_PAGE);
 	}
 	return questions;
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { measureResponse, sayResponse } from "../../../../src/tools/web/page/response.js";
+import { cutResponse, measureResponse, sayResponse } from "../../../../src/tools/web/page/response.js";
 
 const TIMES = Array.from({ length: 401 }, (_, i) => (i - 100) / 100);
 
@@ -52,4 +52,20 @@ test("it is said in a sentence", () => {
 	assert.equal(sayResponse("feeder.position", { from: 0, to: 1, overshoot: 0, settled: 0.41 }),
 		"feeder.position does not overshoot, and stays within 2 % of the step after 0.410 s.");
 	assert.equal(sayResponse("feeder.position", null), "");
+});
+
+test("a record around a move is cut to its begin, and says nothing when nothing moved", () => {
+	const samples = Array.from({ length: 200 }, (_, i) => ({ time_us: 5e6 + i * 20000,
+		value: Math.min(30, Math.max(10, 10 + (i - 100) * 0.5)) }));
+	const { times, values } = cutResponse(samples, 20);
+
+	assert.equal(times[values.findIndex((value) => value > 10) - 1], 0);
+	assert.ok(times[0] > -0.25 && times[0] < -0.1, `${times[0]}`);
+	assert.equal(values.at(-1), 30);
+	const { settled, overshoot } = measureResponse(times, values);
+
+	assert.equal(overshoot, 0);
+	assert.ok(Math.abs(settled - 0.78) < 0.03, `${settled}`);
+	assert.equal(cutResponse(samples.map((one) => ({ ...one, value: 10 })), 20), null);
+	assert.equal(cutResponse([], 20), null);
 });
