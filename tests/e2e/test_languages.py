@@ -15,9 +15,11 @@ from test_browser import VIEWS, chromium, give, make_site, motions, open_drive, 
 TABLET = {"width": 768, "height": 1024}
 SHOWN = {
     "de": {"locale": "de-DE", "tag": "de", "overview": "Übersicht", "stands": "Stillstand", "well": "alles in Ordnung",
-           "advice": "Versorgung, Kabel und Adresse prüfen", "stop": "Alle anhalten", "none": "kein Antrieb heißt „x“"},
+           "advice": "Versorgung, Kabel und Adresse prüfen", "stop": "Alle anhalten", "none": "kein Antrieb heißt „x“",
+           "file": "/nowhere.conf: diese Datei gibt es nicht", "refused": "spd: „x“ ist keine Zahl"},
     "zh_CN": {"locale": "zh-CN", "tag": "zh-CN", "overview": "总览", "stands": "静止", "well": "一切正常",
-              "advice": "检查电源、电缆和从站地址", "stop": "全部停止", "none": "没有名为“x”的驱动器"},
+              "advice": "检查电源、电缆和从站地址", "stop": "全部停止", "none": "没有名为“x”的驱动器",
+              "file": "/nowhere.conf：没有该文件", "refused": "spd: “x”不是数"},
 }
 
 
@@ -113,6 +115,10 @@ def test_people_read_their_language_and_programs_english(bridge):
         assert words["well"] in said.stdout and words["stands"] in said.stdout
         assert said.returncode == english.returncode == 0
         assert words["none"] in run_ctl(bridge, "show", "x", LANG=f"{language}.UTF-8").stderr
+        assert words["refused"] in run_ctl(bridge, "set", "drive1", "spd=x", LANG=f"{language}.UTF-8").stderr
+        wrong = run_ctl(bridge, "check", "/nowhere.conf", LANG=f"{language}.UTF-8")
+        assert words["file"] in wrong.stderr and wrong.returncode == 1
+        assert "there is no such file" in run_ctl(bridge, "check", "/nowhere.conf", "--json", LANG=f"{language}.UTF-8").stdout
         # What programs read is the same, byte for byte where no value changes.
         told = json.loads(run_ctl(bridge, "status", "--json", LANG=f"{language}.UTF-8").stdout)
         plain = json.loads(run_ctl(bridge, "status", "--json", LANG="C").stdout)

@@ -155,7 +155,7 @@ static int read_options(struct db_ctl *ctl, int argc, char **argv, bool *given, 
 
 	while ((found = getopt_long(argc, argv, NEGATIVE, known, &at)) != -1) {
 		if (found == '?' || found == ':')
-			return complain_option(ctl, known, found == ':', argv[optind - 1]);
+			return (int)complain_option(ctl, known, found == ':', argv[optind - 1]);
 		if (found != 0) {
 			argv[++*count] = found == 1 ? optarg : argv[optind - 1];
 			continue;
