@@ -579,7 +579,10 @@ run_side_by_side() {
 		*) first+=("$phase") ;;
 		esac
 	done
-	if [ ${#first[@]} -gt 0 ]; then
+	if [ ${#first[@]} -eq 0 ]; then
+		first=("${watching[@]}")
+		watching=()
+	else
 		# The build that most others need: nothing runs next to it. What is wrong with it is the phase's to say.
 		say "the build of unit and end-to-end tests"
 		PHASE=first
