@@ -848,7 +848,7 @@ def test_a_found_drive_gets_another_address(make_site, visit):
     # Who does not want it after all has changed nothing.
     view.locator("#setup-to").fill("9")
     view.locator("#setup-start").click()
-    expect(question).to_contain_text("the drive at address 2 of line (VSMD")
+    expect(question).to_contain_text("it says that it is VSMD")
     question.get_by_role("button", name="Cancel").click()
     expect(steps).to_contain_text("Nothing was changed")
     view.locator("#setup-start").click()

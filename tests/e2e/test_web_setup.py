@@ -32,7 +32,7 @@ def test_a_drive_gets_another_address(gateway, make_bridge, settles):  # noqa: F
     bridge = make_bridge(drives=1, sim_drives=2, bus=ROOMY, sim_drive={"settles": settles})
     page = make_page(gateway, bridge)
     stream = begin(page)
-    assert "the drive at address 2 of line (VSMD" in answer(page, stream)
+    assert "the drive at address 2 of line gets address 9\n  it says that it is VSMD" in answer(page, stream)
     assert "save_parameters" in answer(page, stream, number=2)
     if settles == "power-up":
         eventually(lambda: heard(bridge, "drive2", "2 sav"))
