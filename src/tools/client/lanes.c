@@ -94,7 +94,8 @@ struct db_lane *db_lanes_open(struct db_lanes *lanes, struct db_client_error *er
 	while (lane < lanes->places + lanes->form.most && lane->link)
 		lane++;
 	if (lane == lanes->places + lanes->form.most) {
-		db_client_error_set(error, DB_LANES_FULL, "all connections for commands are in use");
+		db_client_error_set(error, DB_LANES_FULL,
+		                    "all connections for commands are in use");
 		return NULL;
 	}
 	*lane = (struct db_lane){ .lanes = lanes };
