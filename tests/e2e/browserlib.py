@@ -41,7 +41,8 @@ def find_browsers():
             pid = parents[pid]
         return pid == os.getpid()
 
-    return {pid for pid in browsers if is_ours(pid)}
+    # A child that has not begun its own program yet still has the command line of its parent.
+    return {pid for pid in browsers if is_ours(pid) and parents.get(pid) not in browsers}
 
 
 class Chromium:

@@ -53,15 +53,14 @@ struct stream {
 	size_t choice_count;
 	size_t drive_count;
 	struct followed drives[DRIVES_MAX];
-	/* The names of the drives that were asked for, one after the other in the memory after
-	 * `told`; 0: all drives. */
+	/* The drives that were asked for, by name, one after the other in `told`'s memory; 0: all
+	 * of them. */
 	size_t wanted_count;
 	char *wanted;
 	size_t name_count;
 	char names[NAMES_MAX][DB_ROW_NAME_MAX];
-	bool changes;       /* only changed values are sent */
 	size_t told_places; /* for each drive */
-	size_t told_count;
+	size_t told_count;  /* 0: not only changed values are sent */
 	struct told told[];
 };
 
@@ -107,9 +106,8 @@ static void follow(struct stream *stream, struct db_registers *registers,
                    const struct followed *before, size_t count, uint16_t number)
 {
 	const struct db_name_list *list = db_named_registers(registers, number);
-	size_t room = stream->told_count > 0 ? stream->told_count / stream->told_places :
-	                                       DRIVES_MAX;
-	size_t place = list && stream->drive_count < room ? choose(stream, list) : FAMILIES_MAX;
+	size_t place = list && stream->drive_count < DRIVES_MAX ? choose(stream, list) :
+	                                                          FAMILIES_MAX;
 	db_time cycle;
 
 	if (place == FAMILIES_MAX)
@@ -228,7 +226,6 @@ void db_streams_subscribe(const struct db_call *call)
 	}
 	session->job = stream;
 	stream->interval = interval_ms * DB_NS_PER_MS;
-	stream->changes = changes;
 	stream->told_places = name_count;
 	stream->told_count = told_count;
 	stream->wanted = (char *)&stream->told[told_count];
@@ -289,7 +286,10 @@ static json_t *sample(struct db_session *session, struct stream *stream, size_t 
 	uint16_t number = stream->drives[place].number;
 	struct db_named_moment moment = db_named_moment(registers, number);
 	struct db_client nobody = session->client;
-	struct told *told = stream->changes ? &stream->told[place * stream->told_places] : NULL;
+	/* Of a drive that was added later all values are sent each time: it has no place here. */
+	struct told *told = place < stream->told_count / stream->told_places ?
+	                            &stream->told[place * stream->told_places] :
+	                            NULL;
 	struct collection collection = { .before = told };
 	json_int_t lost;
 
