@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """./demo as somebody sees it who types it in a terminal."""
 
+import contextlib
 import os
 import pty
 import re
@@ -9,6 +10,7 @@ import signal
 import socket
 import subprocess
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -36,7 +38,8 @@ class Demo:
                        "DRIVEBRIDGE_DEMO_WEB_PORT": str(self.web_port), "TERM": "xterm",
                        "DRIVEBRIDGE_BUILD": str(build_directory())}
         self.process = subprocess.Popen(
-            [ROOT / "demo"], stdin=far, stdout=far, stderr=far, env=environment,
+            # Somebody's shell, which is there when the demo has ended.
+            ["sh", "-c", 'trap : INT; "$0"; status=$?; read -r _; exit $status', ROOT / "demo"], stdin=far, stdout=far, stderr=far, env=environment,
             start_new_session=True, preexec_fn=lambda: (
                 go_first(), take_terminal(far),
                 # A shell that started the tests in the background has made this one ignored.
@@ -64,8 +67,27 @@ class Demo:
         assert self.process.poll() is None, self.screen()
         return "Ctrl-C ends the demo." in self.screen()
 
-    def press_ctrl_c(self):
-        os.write(self.terminal, b"\x03")
+    def end(self, terminate=False):
+        """By Ctrl-C, as the user does, or by SIGTERM to it alone, as another program does."""
+        if terminate:
+            children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+            os.kill(int(children.read_text(encoding="ascii").split()[0]), signal.SIGTERM)
+        else:
+            os.write(self.terminal, b"\x03")
+        eventually(lambda: self.screen().replace("\r", "").endswith("\nstopped\n"), 20, "the demo to stop")
+        eventually(lambda: not self.left_over(), 5, "nothing to be left")
+        os.write(self.terminal, b"\n")
+        assert self.process.wait(20) == 0
+
+    def left_over(self):
+        """The names of programs that the demo has started and that run."""
+        mark = f"DRIVEBRIDGE_DEMO_PORT={self.port}".encode()
+        names = []
+        for place in Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                if int(place.name) != self.process.pid and mark in (place / "environ").read_bytes().split(b"\0"):
+                    names.append((place / "comm").read_text(encoding="utf-8").strip())
+        return names
 
     def close(self):
         if self.process.poll() is None:
@@ -94,9 +116,7 @@ def test_drives_move_by_themselves_in_a_table_that_stays(demo):
     eventually(lambda: demo.screen().count(REDRAWN) >= 2, 30, "the table to be drawn over")
     for name in ("feeder", "gripper"):
         eventually(lambda name=name: len(set(demo.positions(name))) > 1, 30, f"{name} to move")
-    demo.press_ctrl_c()
-    assert demo.process.wait(20) == 0
-    assert demo.screen().replace("\r", "").endswith("\nstopped\n")
+    demo.end()
 
 
 def test_who_commands_a_drive_has_it(demo):
@@ -116,8 +136,7 @@ def test_who_commands_a_drive_has_it(demo):
         assert unit.read("position") == target
     finally:
         unit.close()
-    demo.press_ctrl_c()
-    assert demo.process.wait(20) == 0
+    demo.end()
 
 
 def test_its_drives_are_shown_by_their_names(demo):
@@ -128,8 +147,7 @@ def test_its_drives_are_shown_by_their_names(demo):
     assert status.returncode in (0, 1), status
     for name in ("feeder", "conveyor", "lift", "turntable", "gripper"):
         assert re.search(rf"^{name} ", status.stdout, re.M)
-    demo.press_ctrl_c()
-    assert demo.process.wait(20) == 0
+    demo.end(terminate=True)
 
 
 def test_its_page_is_for_who_reads_the_terminal(demo):
@@ -146,5 +164,4 @@ def test_its_page_is_for_who_reads_the_terminal(demo):
     assert len(page.call("Describe")["drives"]) == 5
     assert b"uPlot" in page.request("GET", "/uPlot.iife.min.js")[2]
     page.close()
-    demo.press_ctrl_c()
-    assert demo.process.wait(20) == 0
+    demo.end()
