@@ -152,6 +152,10 @@ async def test_who_did_what(state, make_bridge, make_server, certificate):  # no
         bridge.stop_bridge()
         bridge.start_bridge()
         await until(at(session, "/Drives").get_children, timeout=40, what="drives")
+        # A login is a record when the server is connected to the service; the first one of this test may have been too early.
+        await until(lambda: "is there again" in server.log(), what="the service")
+        async with server.session(certificate, USERS["engineer"][:2]):
+            await until(lambda: any(one["kind"] == "login" for one in records(bridge)), what="the record of a login")
         server_node = session.get_node(ua.ObjectIds.Server)
         for node in (server_node, at(session, "/Drives"), at(session, "drive1")):
             notifier = (await node.read_attribute(ua.AttributeIds.EventNotifier)).Value.Value
