@@ -130,8 +130,8 @@ async def test_opc_ua_goes_on_when_the_clock_is_set_back(link, make_bridge, make
         begun = sessions_of(bridge)
         known = len(follower.of(position))
         await until(lambda: len(follower.of(position)) > known + 15)
-        # The one that is counted with the second look.
-        assert sessions_of(bridge) == begun + 1
+        # Not one for each new value. The second look is one; a machine that stands still may cost others.
+        assert sessions_of(bridge) < begun + 5
         bridge.sim.fault("silence on")
         await until(lambda: event_of(follower, "DriveLost"))
         bridge.sim.fault("silence off")
