@@ -717,7 +717,7 @@ class Format:
 
     def prints(self, line, at=0):
         """Whether the line is the rest of the format, from the part `at` on."""
-        if not line.startswith(self.parts[at]):
+        if not line.startswith(self.parts[at]) or not self.has_parts(line, at):
             return False
         line = line[len(self.parts[at]) :]
         if at == len(self.kinds):
@@ -725,6 +725,17 @@ class Format:
         text = self.kinds[at][-1] == "s"
         return any((is_filled_in(line[:end]) if text else NUMBER.fullmatch(line[:end]))
                    and self.prints(line[end:], at + 1) for end in range(len(line) + 1))
+
+
+    def has_parts(self, line, at):
+        """Whether its own words are in the line, in their order: a quick look before the long one."""
+        place = 0
+        for part in self.parts[at:]:
+            place = line.find(part, place)
+            if place < 0:
+                return False
+            place += len(part)
+        return line.endswith(self.parts[-1])
 
 
 def is_filled_in(text):
