@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from bridgelib import DOCS, MAP, Bridge, load_commands
 
-pytest_plugins = ["collected", "spare", "stalls"]
+pytest_plugins = ["collected", "stalls"]
 
 
 @pytest.fixture(scope="session")

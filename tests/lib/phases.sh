@@ -345,8 +345,7 @@ phase_bench() {
 	step powercut "$VENV/bin/python" tests/powercut --moments 60 --commands 240 --late 10
 }
 
-# start_pytest NAME PRESET [COMMAND-PREFIX...] -- FILE-OR-FOLDER...: runs it; its report and log have this name. Three tests
-# a processor always run; two more when the processors have time to spare (tests/e2e/spare.py).
+# start_pytest NAME PRESET [COMMAND-PREFIX...] -- FILE-OR-FOLDER...: runs it; its report and log have this name.
 start_pytest() {
 	local name=$1 preset=$2 prefix=()
 
@@ -358,9 +357,9 @@ start_pytest() {
 	shift
 	rm -f "build/logs/$name".{xml,collected,failed}
 	DRIVEBRIDGE_BUILD=$PWD/build/$preset DRIVEBRIDGE_COLLECTED=$PWD/build/logs/$name.collected \
-		DRIVEBRIDGE_FAILED=$PWD/build/logs/$name.failed DRIVEBRIDGE_ALWAYS=$((JOBS * 3)) \
+		DRIVEBRIDGE_FAILED=$PWD/build/logs/$name.failed \
 		"${prefix[@]}" "$VENV/bin/python" -m pytest -q \
-		-n "${PYTEST_WORKERS:-$((JOBS * 5))}" --junitxml="build/logs/$name.xml" "$@" \
+		-n "${PYTEST_WORKERS:-$((JOBS * 3))}" --junitxml="build/logs/$name.xml" "$@" \
 		>"build/logs/$name.log" 2>&1 </dev/null || true
 }
 
