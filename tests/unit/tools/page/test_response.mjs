@@ -93,6 +93,7 @@ test("a speed is steady half a second after its ramp, and not on it", () => {
 	assert.equal(steadyAt(speeds((time) => 100 * time, 310), 600), null);
 	assert.equal(steadyAt(speeds((time) => Math.min(500, 1200 * time)), 600), null);
 	assert.equal(steadyAt(speeds(() => 0), 600), null);
+	assert.equal(findSteady(speeds((time) => 10 * time, 3000), 600), 0);
 	assert.equal(findSteady([], 600), 0);
 });
 
