@@ -14,6 +14,8 @@ const BEAT_EVERY_MS = 100;
 /* Further unanswered beats would only take connections from the stop. */
 const BEATS_AT_ONCE = 2;
 const RELEASE_TRIES = 3;
+/* Beats of a press that may find the drive of the press before not stopped yet: 300 ms. */
+const WAIT_BEATS = 3;
 /* Percentages of the maximum, offered as speeds. */
 const SHARES = [1, 5, 10, 25, 50, 100];
 /* The service stops a motion before it crosses a limit: it stands as near to it, as a part of the
@@ -60,7 +62,8 @@ export function createGrips({ send, onChange, timers = globalThis }) {
 			if (mine.over)
 				return;
 			mine.held = answer.held;
-			if (answer.held)
+			/* Its next beat asks again; a hand that lets go sends none. */
+			if (answer.held || (answer.why === "waiting" && mine.beat <= WAIT_BEATS))
 				tell({});
 			else
 				finish(mine, answer.why, answer.text);
