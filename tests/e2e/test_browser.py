@@ -552,6 +552,44 @@ def test_a_long_ramp_is_no_alarm(make_site, visit):
     assert "alarm" not in page.evaluate("window.seen")
 
 
+def test_a_press_waits_for_the_stop_of_the_drive_before_only_while_it_is_held(site, visit):
+    """The server's answer to a press on the next drive while the one before is still being stopped; see test_web.py."""
+    bridge, visitor = site.bridge, visit(site)
+    page = visitor.page
+    open_drive(visitor)
+    page.evaluate("""() => {
+        const ask = window.fetch;
+        Object.assign(window, { beats: [], waits: 2 });
+        window.fetch = (path, options) => {
+            if (path !== "/api/jog")
+                return ask(path, options);
+            const { velocity } = JSON.parse(options.body);
+            window.beats.push(velocity);
+            return velocity === 0 || window.waits-- <= 0 ? ask(path, options) : Promise.resolve(new Response(JSON.stringify(
+                { held: false, why: "waiting", text: "drive2 is still being stopped", result: "" })));
+        };
+    }""")
+    hold(visitor)
+    wait_moving(bridge)
+    page.mouse.up()
+    bridge.wait_standing()
+    told = motions(bridge)
+    page.evaluate("() => Object.assign(window, { beats: [], waits: 100 })")
+    hold(visitor)
+    eventually(lambda: page.evaluate("window.beats.length"), what="the first beat")
+    page.mouse.up()
+    page.evaluate("() => { window.waits = 0; }")
+    eventually(lambda: page.evaluate("window.beats.at(-1)") == 0, what="the release")
+    # The next press is one of its own: nothing of the one before has been sent after the hand let go.
+    hold(visitor, -1)
+    wait_moving(bridge)
+    page.mouse.up()
+    bridge.wait_standing()
+    beats = page.evaluate("window.beats")
+    assert max(beats[beats.index(0):]) == 0, beats
+    assert told and all("spd=-" in what for what in motions(bridge)[len(told):]), motions(bridge)
+
+
 def test_a_stop_that_the_drive_does_not_confirm_can_be_taken_away_by_hand(site, visit):
     bridge, visitor = site.bridge, visit(site)
     page = visitor.page

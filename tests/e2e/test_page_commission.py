@@ -5,6 +5,7 @@ import contextlib
 import re
 import time
 
+import pytest
 from bridgelib import eventually
 from browserlib import DESKTOP, PHONE, expect, findings, picture
 from test_browser import STANDS_WITHIN, chromium, is_moving, make_site, visit, wait_moving, wait_stand  # noqa: F401 (fixtures)
@@ -237,3 +238,76 @@ def test_what_moves_it_on_the_path_stops_as_elsewhere(make_site, visit):  # noqa
     expect(view.locator("#keys textarea")).to_have_value("drive drive1 {\n\tmin-position = 0\n}\n")
     view.locator("#keys-written").click()
     expect(view.locator("#keys")).to_be_hidden()
+
+
+# Drives that are not moved over a way as they are configured, with what changes how they answer.
+SPEEDS = {
+    "xyza": ({"bus": {"protocol": "xyza", "drive-latency-ms": 60}, "sim_bus": {"protocol": "xyza"},
+              "drive": {"axis": "x", "counts-per-unit": 320.0, "unit-name": "mm", "watchdog-ms": 30000},
+              "sim_drive": {"identity": None, "set": ["max_speed=12800", "min_speed=100", "manual_speed=2000",
+                                                      "acceleration_time=2", "brake=15", "enable=15"]}},
+             "20", "acceleration_time", "12", "mm/s"),
+    "servo-can": ({"bus": {"protocol": "servo-can", "transport": "slcan", "bitrate": 1000000, "baud": 3000000, "line": None},
+                   "sim_bus": {"protocol": "servo-can", "transport": "slcan", "bitrate": 1000000, "baud": None, "line": None},
+                   "drive": {"watchdog-ms": 30000, "ramp-acceleration": 6000, "ramp-deceleration": 6000, "max-speed": 3000},
+                   "sim_drive": {"identity": None, "set": None}},
+                  "600", "ramp_acceleration", "1500", "rpm"),
+}
+
+
+def hold_step(visitor, bridge, direction=1):
+    """Holds the button of a step until the page ends it; again where a busy machine has ended it."""
+    page = visitor.page
+    said, problem = page.locator("#response-said"), page.locator("#response > .problem")
+    for _ in range(5):
+        page.locator(f'#response-hold [data-direction="{direction}"]').hover()
+        expect(page.locator(f'#response-hold [data-direction="{direction}"]')).to_be_enabled()
+        page.mouse.down()
+        expect(said).not_to_have_text("The drive moves …", timeout=25000)
+        measured = said.inner_text().startswith("The speed") and problem.inner_text() == ""
+        # The button is still held.
+        bridge.wait_standing()
+        page.mouse.up()
+        if measured:
+            return said.inner_text()
+    raise AssertionError(f"no step was measured: {said.inner_text()} {problem.inner_text()}")
+
+
+def settled(words):
+    return float(re.search(r"after ([0-9.]+) s", words)[1])
+
+
+@pytest.mark.parametrize("family", SPEEDS)
+def test_the_step_of_a_speed(make_site, visit, family):  # noqa: F811
+    """While a button is held: its settling is measured, the drive stops by itself, and as soon as the button is let go."""
+    options, speed, parameter, slower, unit = SPEEDS[family]
+    site = make_site(drives=1, **options)
+    bridge, visitor = site.bridge, visit(site)
+    page = visitor.page
+    view = visitor.go("commission/drive1/response")
+    enable(view)
+    view.locator("#response-speed").fill(speed)
+    assert view.locator("#response-make").is_hidden() and view.locator("#response-distance").is_hidden()
+    expect(view.locator("#response").get_by_text(f"Speed, {unit}")).to_be_visible()
+    # A button that is let go on the way: it stands, and nothing is measured.
+    page.locator('#response-hold [data-direction="1"]').hover()
+    page.mouse.down()
+    eventually(lambda: bridge.drive().read("velocity") != 0, what="it to move")
+    page.mouse.up()
+    bridge.wait_standing()
+    expect(view.locator("#response > .problem")).to_contain_text("Let go before")
+    assert view.locator("#response .response-plot").count() == 0
+    # Computed speeds are wrong on a machine that stands still: the steps of a tenth and of half a second are made again.
+    eventually(lambda: settled(hold_step(visitor, bridge)) < 0.4, timeout=60, what="a quick step")
+    expect(state_of(view, "response")).to_have_attribute("data-state", "done")
+    view.locator(f'[data-parameter="{parameter}"]').fill(slower)
+    view.locator("#response-try").click()
+    expect(view.locator("#response-tried")).to_contain_text(parameter)
+    eventually(lambda: settled(hold_step(visitor, bridge, -1)) > 0.4, timeout=60, what="a slow step")
+    expect(view.locator("#response-said")).to_contain_text("Before: ")
+    expect(view.locator("#response .response-plot path")).to_have_count(2)
+    assert findings(page) == []
+    view.locator("#response-back").click()
+    expect(view.locator("#response-tried")).to_be_hidden()
+    report = visitor.go("commission/drive1/report")
+    expect(report.locator("#report-steps")).to_contain_text("The speed")

@@ -692,6 +692,37 @@ def test_a_stop_waits_for_no_other(gateway):
         one.join(30)
 
 
+def test_a_press_on_the_next_drive_waits_for_the_stop_of_the_one_before(gateway):
+    """And a press that was let go meanwhile moves nothing, whatever of it comes later."""
+    bridge = gateway.make_bridge(drives=2, drive={"watchdog-ms": 0})
+    webd = gateway.webd(bridge)
+    page = gateway.page(webd, OPERATOR)
+    for drive in "drive1", "drive2":
+        page.run(drive, "enable")
+    token = page.newest_token
+    assert page.beat("drive1", 1, 1, SPEED)["held"]
+    eventually(lambda: moving(bridge))
+    bridge.sim.fault("silence on", "drive1")
+    assert page.beat("drive1", 1, 2, 0)["why"] == "released"
+    waits = page.beat("drive2", 2, 1, SPEED)
+    assert (waits["held"], waits["why"], waits["text"]) == (False, "waiting", "drive1 is still being stopped")
+    assert page.beat("drive2", 2, 2, 0)["why"] == "released"
+    assert page.beat("drive2", 3, 1, SPEED)["why"] == "waiting"
+    # A newer press, so the one before is over although its release is lost.
+    assert page.beat("drive2", 4, 1, SPEED)["why"] == "waiting"
+    bridge.sim.fault("silence off", "drive1")
+    numbers = itertools.count(2)
+    eventually(lambda: page.beat("drive2", 4, next(numbers), SPEED)["held"])
+    eventually(lambda: moving(bridge, "drive2"))
+    page.beat("drive2", 4, next(numbers), 0)
+    eventually(lambda: not moving(bridge, "drive2"))
+    told = len(orders(bridge))
+    for grip, beat in (2, 1), (2, 3), (3, 2), (4, 2):
+        assert page.beat("drive2", grip, beat, SPEED, token())["why"] == "released"
+    assert {what for _, what in orders(bridge)[told:]} <= {"stp"}
+    assert not moving(bridge, "drive2")
+
+
 def test_when_programs_end_while_a_button_is_held(gateway):
     """SIGTERM stops the drive first; so does on-exit when the service goes."""
     bridge = gateway.make_bridge(drive={"watchdog-ms": 600})

@@ -24,6 +24,7 @@ struct db_web_jog {
 	sd_event_source *timer; /* fires when the grip is overdue */
 	struct db_web_caller caller;
 	struct db_web_grip grip;
+	uint64_t waits; /* the newest grip that was told to wait: older ones move nothing */
 	char token[DB_WEB_TOKEN_MAX]; /* of its latest accepted beat */
 	char drive[DRIVE_MAX];        /* of the latest grip */
 	double velocity_sent;         /* the last one sent to the drive; 0: stop */
@@ -225,18 +226,26 @@ static bool read_beat(const struct db_web_request *request, db_time now, struct 
 	       json_is_number(velocity);
 }
 
-/* A grip on another drive than before begins only after that drive stands. False: it does not stand
- * yet, and the request is answered. */
+/*
+ * A grip on another drive than before begins only after that drive stands: the page holds one drive at a time, and
+ * its stop is repeated until it is confirmed. False: it does not stand yet, and the request is answered. The page
+ * may go on with its beats meanwhile; the grip is not taken, so its next one asks again.
+ */
 static bool change_drive(struct db_web_jog *jog, struct db_web_request *request,
                          const struct beat *beat, db_time now)
 {
 	db_web_jog_end(jog, DB_WEB_GRIP_RELEASED);
 	if (!db_web_jog_is_over(jog, now)) {
-		/* This grip is over, and the answer says so: later beats of it move nothing. */
-		db_web_grip_take(&jog->grip, beat->grip, beat->number, 0, beat->age, now);
+		bool goes_on = beat->velocity != 0;
+
+		jog->waits = beat->grip;
+		/* Let go: a beat of it that comes later moves nothing. */
+		if (!goes_on)
+			db_web_grip_take(&jog->grip, beat->grip, beat->number, 0, beat->age, now);
 		db_web_request_answer(
 			request, MHD_HTTP_OK,
-			json_pack("{s:b, s:s, s:o, s:s}", "held", 0, "why", "refused", "text",
+			json_pack("{s:b, s:s, s:o, s:s}", "held", 0, "why",
+		                  goes_on ? "waiting" : "released", "text",
 		                  json_sprintf("%s is still being stopped", jog->drive), "result",
 		                  ""));
 		return false;
@@ -284,11 +293,11 @@ bool db_web_jog_take(struct db_web_jog *jog, struct db_web_request *request)
 		return false;
 	}
 	if (beat.grip > jog->grip.number && strcmp(beat.drive, jog->drive) != 0 &&
-	    !change_drive(jog, request, &beat, now))
+	    beat.grip >= jog->waits && !change_drive(jog, request, &beat, now))
 		return true;
 	jog->caller = db_web_request_caller(request);
 	/* A grip cannot change to another drive. */
-	if (strcmp(beat.drive, jog->drive) == 0)
+	if (strcmp(beat.drive, jog->drive) == 0 && beat.grip >= jog->waits)
 		handle_beat(jog, &beat, now);
 	settle(jog);
 	answer(jog, request, beat.grip);

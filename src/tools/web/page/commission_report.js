@@ -7,7 +7,7 @@ import { element } from "./dom.js";
 import { nameTime, saveFile } from "./file_transfer.js";
 import { NONE, formatReal, formatWithUnit, inWords } from "./format.js";
 import { isKept } from "./parameter_set.js";
-import { sayResponse } from "./response.js";
+import { nameResponse, sayResponse } from "./response.js";
 import { drawResponse } from "./response_plot.js";
 import { inLanguage, languageTag, t } from "./words.js";
 
@@ -51,7 +51,7 @@ export function sayOutcome(step, values = {}) {
 	case "limits":
 		return t("{min} to {max} {unit}", { ...values, min: formatReal(values.min), max: formatReal(values.max) });
 	case "response":
-		return values.settled === undefined ? "" : sayResponse(t("The position"), values);
+		return values.settled === undefined ? "" : sayResponse(nameResponse(values.kind), values);
 	case "saved":
 		return values.result ? t("save_parameters: {result}", { result: inWords(values.result) }) : "";
 	default:
@@ -88,7 +88,7 @@ function makeResponses({ responses, steps }) {
 	return responses.length > 0 && steps.response?.state !== "left" ?
 		element("section", {}, element("h2", {}, t("Step response")), drawResponse(responses, responses[0].unit),
 			responses.map((one, i) => element("p", {}, `${i === 0 ? "" : t("Before: ")}${writeWho(one)}: ` +
-				`${one.measured ? sayResponse(t("The position"), one.measured) : t("It did not come to its end, or did not move.")} ` +
+				`${one.measured ? sayResponse(nameResponse(one.kind), one.measured) : t("It did not come to its end, or did not move.")} ` +
 				Object.entries(one.parameters ?? {}).map(([name, value]) => `${name} = ${typeof value === "number" ? formatReal(value) : NONE}`)
 					.join(", ")))) : null;
 }

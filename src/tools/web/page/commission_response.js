@@ -1,14 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * How the drive answers to a step: its overshoot and settling time beside the parameters that change
- * them. Other values are tried, then kept or put back; nothing is kept in the drive before it is saved.
+ * them. Other values are tried, then kept or put back; nothing is kept in the drive before it is saved. The
+ * step is one of the position (a way), or of the speed where the drive has no move over a way, or where
+ * the user wants that.
  */
 import { call, getSession, openStream } from "./api.js";
 import { thin } from "./commission_record.js";
+import { createSpeedStep } from "./commission_speed.js";
 import { createField, element, setText } from "./dom.js";
 import { codeName, formatReal, formatWithUnit, parseValue } from "./format.js";
 import { whyNotNow } from "./next_step.js";
-import { cutResponse, measureResponse, sayResponse } from "./response.js";
+import { BAND, cutResponse, measureResponse, nameResponse, sayResponse } from "./response.js";
 import { drawResponse } from "./response_plot.js";
 import { inLanguage, t } from "./words.js";
 
@@ -25,6 +28,11 @@ const WAY_OFF = 0.1;
 /* The first step, as a part of the way between the limits, or in counts. */
 const PART_FIRST = 0.05;
 const COUNTS_FIRST = 1600;
+/* The first speed without a preset one, as a part of the highest one. */
+const SPEED_PART_FIRST = 0.1;
+
+/* Kinds of steps, with the command that makes each; the first one that the drive has is shown. */
+const KINDS = { way: "move_relative", speed: "move_velocity" };
 
 const isMoving = (state) => ["DiscreteMotion", "Stopping"].includes(state);
 
@@ -87,10 +95,13 @@ function recordMove(path, parameters, signal) {
 export function createResponse(path) {
 	const mine = { path, busy: false, side: 1, abort: new AbortController(), last: {}, inputs: new Map() };
 
-	mine.known = path.commands.has("move_relative");
+	mine.kinds = Object.keys(KINDS).filter((kind) => path.commands.has(KINDS[kind]));
+	mine.kind = path.record.responses[0]?.kind ?? "way";
+	if (!mine.kinds.includes(mine.kind))
+		mine.kind = mine.kinds[0] ?? "";
 	mine.parameters = SHAPING.map((name) => path.registers.get(name)).filter((one) => one?.parameter && one.writable);
 	build(mine);
-	if (mine.known)
+	if (mine.kind)
 		readNow(mine).catch((error) => setText(mine.problem, error.message));
 	return {
 		node: mine.node,
@@ -98,7 +109,11 @@ export function createResponse(path) {
 			mine.last = next;
 			showButtons(mine);
 		},
-		close: () => mine.abort.abort(),
+		release: () => mine.held?.release(),
+		close() {
+			mine.held?.release();
+			mine.abort.abort();
+		},
 	};
 }
 
@@ -112,9 +127,16 @@ function firstDistance({ drive, scale, registers }) {
 	return Number(first.toPrecision(1));
 }
 
+/* 0 in a move over a way: the drive's own speed, which is all that some have for it. */
+function firstSpeed({ registers, scale }, preset) {
+	const velocity = registers.get("target_velocity");
+
+	return preset ? Math.abs(scale.show(velocity, preset)) : Math.abs(scale.typed(velocity).max ?? 0) * SPEED_PART_FIRST;
+}
+
 function build(mine) {
 	const { path } = mine;
-	const { registers, scale, preset } = path;
+	const { registers, preset } = path;
 	const velocity = registers.get("target_velocity");
 	const number = (id, value) => element("input", { id, type: "text", inputmode: "decimal", autocomplete: "off",
 		class: "short", value });
@@ -122,9 +144,9 @@ function build(mine) {
 		{ id: `response-${id}`, type: "button", class: kind, onclick }, words);
 
 	mine.distance = number("response-distance", formatReal(firstDistance(path)));
-	mine.speed = number("response-speed", preset ? formatReal(Math.abs(scale.show(velocity, preset))) : "");
+	mine.speed = number("response-speed", formatReal(firstSpeed(path, preset)));
 	mine.make = button("make", t("Make the step"), () => act(mine, makeStep), "primary");
-	mine.try = button("try", t("Try them: write, and make the step"), () => act(mine, tryValues), "primary");
+	mine.try = button("try", "", () => act(mine, tryValues), "primary");
 	mine.keep = button("keep", t("Keep them"), () => act(mine, keepValues));
 	mine.back = button("back", t("Put the former ones back"), () => act(mine, putBack));
 	mine.said = element("p", { id: "response-said", role: "status" });
@@ -133,19 +155,44 @@ function build(mine) {
 	mine.rows = element("tbody");
 	mine.tried = element("p", { id: "response-tried", class: "need", "data-need": "2", hidden: true });
 	mine.node = element("section", { id: "response", class: "panel", "aria-label": t("Step response") },
-		...(mine.known ? makeBody(mine, velocity) :
-			[element("p", {}, t("This family has no move over a distance. The oscilloscope shows how it answers to a velocity."))]));
+		...(mine.kind ? makeBody(mine, velocity) :
+			[element("p", {}, t("This drive is commanded neither over a way nor at a speed."))]));
+	showKind(mine);
 	showCurves(mine);
+}
+
+/* Which fields and buttons there are for the chosen kind of step. */
+function showKind(mine) {
+	const isSpeed = mine.kind === "speed";
+
+	if (!mine.kind)
+		return;
+	setText(mine.help, isSpeed ?
+		t("Hold a button: the drive runs at the speed until that is steady, and stops by itself; letting go stops it at once. Nobody may be near the machine; Escape and Space stop it.") :
+		t("The drive goes over the distance, and at the next press back. Nobody may be near the machine; Escape and Space stop it."));
+	setText(mine.try, isSpeed ? t("Try them: write, then hold a button") : t("Try them: write, and make the step"));
+	mine.distance.closest("label").hidden = mine.make.hidden = isSpeed;
+	mine.held.node.hidden = !isSpeed;
 }
 
 function makeBody(mine, velocity) {
 	const { registers, scale } = mine.path;
 
+	mine.help = element("p");
+	mine.choice = element("select", { id: "response-kind", onchange: () => chooseKind(mine) },
+		mine.kinds.map((kind) => element("option", { value: kind, selected: kind === mine.kind },
+			kind === "way" ? t("of the position") : t("of the speed"))));
+	mine.held = createSpeedStep({ path: mine.path, readSpeed: () => readField(mine, mine.speed, velocity),
+		onBegin: () => sayOfSpeed(mine, t("The drive moves …"), ""),
+		onCurve: (curve) => takeSpeedCurve(mine, curve),
+		onEnd: (words) => sayOfSpeed(mine, "", words) });
 	return [
-		element("p", {}, t("The drive goes over the distance, and at the next press back. Nobody may be near the machine; Escape and Space stop it.")),
+		mine.help,
 		element("div", { class: "toolbar filters" },
+			mine.kinds.length > 1 ? createField(t("Step"), mine.choice) : null,
 			createField(t("Distance, {unit}", { unit: scale.unit(registers.get("target_position")) }), mine.distance),
 			createField(t("Speed, {unit}", { unit: scale.unit(velocity) }), mine.speed), mine.make),
+		mine.held.node,
 		mine.said, mine.problem, mine.tried,
 		element("div", { class: "response-pair" }, mine.plot,
 			element("div", {},
@@ -173,11 +220,17 @@ async function readNow(mine) {
 
 function showButtons(mine) {
 	const { busy, last, path: { record } } = mine;
-	const why = last.judgement ? whyNotNow("move_relative", last) : t("not known yet");
+
+	if (!mine.kind)
+		return;
+	const why = last.judgement ? whyNotNow(KINDS[mine.kind], last) : t("not known yet");
 	const isTyped = [...mine.inputs.values()].some(({ value }) => value.trim() !== "");
 
-	mine.make.disabled = mine.try.disabled = busy || why !== "" || last.judgement?.state !== "Standstill";
+	const isReady = !busy && why === "" && last.judgement?.state === "Standstill";
+
+	mine.make.disabled = mine.try.disabled = mine.choice.disabled = !isReady;
 	mine.make.title = why;
+	mine.held.update(isReady);
 	mine.try.disabled ||= !isTyped;
 	mine.keep.hidden = mine.back.hidden = mine.tried.hidden = !record.tried;
 	mine.keep.disabled = mine.back.disabled = busy;
@@ -194,7 +247,7 @@ function showCurves({ path: { record }, plot, said }) {
 
 	plot.replaceChildren(...(curves.length > 0 ? [drawResponse(curves, curves[0].unit)] : []));
 	setText(said, curves.map((curve, i) => [i === 0 ? "" : t("Before: "), curve.measured ?
-		sayResponse(t("The position"), curve.measured) : t("It did not come to its end, or did not move.")].join(""))
+		sayResponse(nameResponse(curve.kind), curve.measured) : t("It did not come to its end, or did not move.")].join(""))
 		.join(" "));
 }
 
@@ -234,7 +287,7 @@ function readField({ path: { scale } }, input, register) {
 
 async function makeStep(mine) {
 	const { path } = mine;
-	const { registers, scale, record } = path;
+	const { registers, scale } = path;
 	const position = registers.get("position");
 	const length = readField(mine, mine.distance, registers.get("target_position"));
 	const { position_units: units, position: counts } = mine.last.values ?? {};
@@ -246,22 +299,52 @@ async function makeStep(mine) {
 	const samples = await recordMove(path, { target_position: distance, target_velocity: velocity }, mine.abort.signal);
 
 	mine.side = -side;
+	keepCurve(mine, "way", samples, { register: position, wanted: distance, band: BAND });
+}
+
+/* samples: [{ time_us, value }] in the unit of `register`, as is what was wanted; band: see measureResponse. */
+function keepCurve(mine, kind, samples, { register, wanted, band }) {
+	const { path } = mine;
+	const { scale, record } = path;
+	const step = scale.show(register, wanted);
 	const cut = cutResponse(samples.map(({ time_us: time, value }) =>
-		({ time_us: time, value: scale.show(position, value) })), scale.show(position, distance));
-	const found = cut && measureResponse(cut.times, cut.values);
-	const way = scale.show(position, distance);
+		({ time_us: time, value: scale.show(register, value) })), step);
+	const found = cut && measureResponse(cut.times, cut.values, band);
 	/* One that was stopped has not answered to the step. */
-	const measured = found && Math.abs(found.to - found.from - way) < WAY_OFF * Math.abs(way) ? found : null;
-	/* As a way from the begin, so that curves forth and back can be compared. */
-	const ways = (cut?.values ?? []).map((value) => (value - cut.values[0]) * Math.sign(way));
-	const curve = { ...thin(cut?.times ?? [], ways), measured, to: Math.abs(way), unit: scale.unit(position),
+	const measured = found && Math.abs(found.to - found.from - step) < WAY_OFF * Math.abs(step) ? found : null;
+	/* From its begin on, so that curves forth and back can be compared. */
+	const values = (cut?.values ?? []).map((value) => (value - cut.values[0]) * Math.sign(step));
+	const curve = { ...thin(cut?.times ?? [], values), kind, measured, to: Math.abs(step), unit: scale.unit(register),
 		at: Date.now(), by: getSession().user ?? "", parameters: { ...mine.values } };
 
-	record.responses = [curve, ...record.responses].filter(({ times }) => times.length > 1).slice(0, RESPONSES_MOST);
+	/* A way and a speed cannot be compared, nor can two units. */
+	record.responses = [curve, ...record.responses].filter((one) => one.times.length > 1 &&
+		(one.kind ?? "way") === kind && one.unit === curve.unit).slice(0, RESPONSES_MOST);
 	path.keep();
 	if (measured)
-		path.mark("response", "done", { overshoot: measured.overshoot, settled: measured.settled });
+		path.mark("response", "done", { kind, overshoot: measured.overshoot, settled: measured.settled, band: measured.band });
 	showCurves(mine);
+}
+
+/* --- the speed, while a button is held ---------------------------------------------------------- */
+
+function chooseKind(mine) {
+	mine.kind = mine.choice.value;
+	setText(mine.problem, "");
+	showKind(mine);
+	showButtons(mine);
+}
+
+function sayOfSpeed(mine, said, problem) {
+	if (said)
+		setText(mine.said, said);
+	else
+		showCurves(mine);
+	setText(mine.problem, problem);
+}
+
+function takeSpeedCurve(mine, { samples, wanted, band }) {
+	keepCurve(mine, "speed", samples, { register: mine.path.registers.get("target_velocity"), wanted, band });
 }
 
 async function write(mine, values) {
@@ -295,7 +378,9 @@ async function tryValues(mine) {
 		...record.tried };
 	mine.path.keep();
 	await write(mine, wanted);
-	await makeStep(mine);
+	/* A speed needs a hand on its button. */
+	if (mine.kind === "way")
+		await makeStep(mine);
 }
 
 async function keepValues({ path }) {

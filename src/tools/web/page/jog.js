@@ -5,8 +5,8 @@
  * code.
  */
 import { sendBeat, call } from "./api.js";
-import { element, icon, setAttribute, setText } from "./dom.js";
-import { listenToHold } from "./hold_button.js";
+import { element, setAttribute, setText } from "./dom.js";
+import { createHoldPair, showHolds } from "./hold_button.js";
 import { formatFixed, formatReal, inWords, parseValue } from "./format.js";
 import { t } from "./words.js";
 
@@ -14,6 +14,8 @@ const BEAT_EVERY_MS = 100;
 /* Further unanswered beats would only take connections from the stop. */
 const BEATS_AT_ONCE = 2;
 const RELEASE_TRIES = 3;
+/* Beats of a press that may find the drive of the press before not stopped yet: 300 ms. */
+const WAIT_BEATS = 3;
 /* Percentages of the maximum, offered as speeds. */
 const SHARES = [1, 5, 10, 25, 50, 100];
 /* The service stops a motion before it crosses a limit: it stands as near to it, as a part of the
@@ -60,7 +62,8 @@ export function createGrips({ send, onChange, timers = globalThis }) {
 			if (mine.over)
 				return;
 			mine.held = answer.held;
-			if (answer.held)
+			/* Its next beat asks again; a hand that lets go sends none. */
+			if (answer.held || (answer.why === "waiting" && mine.beat <= WAIT_BEATS))
 				tell({});
 			else
 				finish(mine, answer.why, answer.text);
@@ -155,7 +158,7 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 		onclick: onEnable }, t("Enable"));
 	const said = element("p", { id: "jog-state", class: "jog-state", role: "status" });
 	const problem = element("p", { class: "problem", role: "alert" });
-	const holds = [makeHold(-1), makeHold(1)];
+	const holds = createHoldPair({ press, release: () => grips.release(), isPressed: () => grips.isPressed() });
 	const steps = [makeStep(-1), makeStep(1)];
 	const node = element("section", { id: "jog", class: "panel jog", "aria-label": t("Jog") },
 		element("div", { class: "panel-head" }, element("h2", {}, t("Jog")),
@@ -176,17 +179,6 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 	/* The sign of the last motion in the user's unit; of ends and begins, which one is the newest. */
 	let towards = 0;
 	let ends = 0;
-
-	function makeHold(direction) {
-		const drawing = icon(direction < 0 ? "backward" : "forward");
-		const button = element("button", { class: "hold", type: "button",
-			"aria-label": direction < 0 ? t("Hold to move in negative direction") : t("Hold to move in positive direction"),
-			"data-direction": direction, "aria-keyshortcuts": "ArrowLeft ArrowRight" },
-		direction < 0 ? [drawing, "−"] : ["+", drawing]);
-
-		listenToHold(button, { press: () => press(direction), release: () => grips.release() });
-		return button;
-	}
 
 	function makeStep(direction) {
 		return element("button", { id: `jog-step-${direction < 0 ? "backward" : "forward"}`,
@@ -233,12 +225,7 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 		const began = held && node.dataset.held !== "yes";
 		const decimals = Math.max(1, scale.decimals(velocity));
 
-		for (const button of holds) {
-			const pressed = Number(button.dataset.direction) === Math.sign(moving);
-
-			button.classList.toggle("pressed", pressed);
-			button.classList.toggle("held", pressed && held);
-		}
+		showHolds(holds, { velocity: moving, held });
 		node.dataset.held = moving === 0 ? "no" : held ? "yes" : "asked";
 		if (moving !== 0) {
 			towards = Math.sign(scale.show(velocity, moving));
@@ -293,22 +280,6 @@ export function createJog({ context, drive, registers, commands, scale, preset =
 			return t("What you see is old ({old})", { old });
 		return state === "Disabled" ? t("Enable the drive first") : t("Not now: {why}", { why: why || state });
 	}
-
-	node.addEventListener("keydown", (event) => {
-		const own = event.key === "Enter" ? Number(event.target.dataset.direction) : 0;
-		const direction = { ArrowLeft: -1, ArrowRight: 1 }[event.key] ?? own;
-
-		if (!direction || !holds.includes(event.target) || event.ctrlKey || event.altKey ||
-		    event.metaKey)
-			return;
-		event.preventDefault();
-		if (!event.repeat && !grips.isPressed())
-			press(direction);
-	});
-	node.addEventListener("keyup", (event) => {
-		if (["ArrowLeft", "ArrowRight", "Enter"].includes(event.key))
-			grips.release();
-	});
 
 	return {
 		node,

@@ -48,7 +48,7 @@ export function writePath(times, values, x, y) {
 	return parts.join(" ");
 }
 
-/* curves: [{ times, values, to, words }], the newest first, in seconds and in `unit`. */
+/* curves: [{ kind, times, values, to }], the newest first, in seconds and in `unit`. */
 export function drawResponse(curves, unit) {
 	const times = curves.flatMap((curve) => curve.times);
 	const values = curves.flatMap((curve) => curve.values).filter(Number.isFinite);
@@ -59,7 +59,8 @@ export function drawResponse(curves, unit) {
 	const id = newId("response");
 	const line = (x1, y1, x2, y2, kind) => draw("line", { x1, y1, x2, y2, class: kind });
 	const node = draw("svg", { class: "response-plot", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img",
-		"aria-labelledby": id }, draw("title", { id }, t("Way after the step, in the direction of the step")));
+		"aria-labelledby": id }, draw("title", { id }, curves[0]?.kind === "speed" ?
+			t("Speed after the step, in the direction of the step") : t("Way after the step, in the direction of the step")));
 
 	for (const time of findTicks(early, late))
 		node.append(line(x(time), 10, x(time), HEIGHT - BOTTOM, "grid"),

@@ -143,3 +143,37 @@ test("a beat that is lost does not end the press: the server decides", async () 
 	assert.equal(bench.grips.isPressed(), true);
 	assert.equal(bench.sent.length, 3);
 });
+
+test("a press waits three beats for the stop of another drive, as long as it is held", async () => {
+	const waiting = { held: false, why: "waiting", text: "drive1 is still being stopped" };
+	const answers = [waiting, waiting, waiting, HELD];
+	const bench = makeBench(() => answers.shift() ?? HELD);
+
+	bench.grips.press(40);
+	await bench.settle();
+	assert.deepEqual([bench.states.at(-1).held, bench.states.at(-1).velocity], [false, 40]);
+	await bench.tick();
+	await bench.tick();
+	await bench.tick();
+	assert.equal(bench.states.at(-1).held, true);
+	assert.deepEqual(bench.sent.at(-1), [1, 4, 40]);
+
+	/* Longer than that it is over, and says why. */
+	const slow = makeBench(() => waiting);
+
+	slow.grips.press(40);
+	await slow.settle();
+	for (let beat = 0; beat < 5; beat++)
+		await slow.tick();
+	assert.deepEqual([slow.sent.length, slow.states.at(-1).text, slow.grips.isPressed()], [4, waiting.text, false]);
+
+	/* Let go meanwhile: nothing but the release follows. */
+	const short = makeBench(() => waiting);
+
+	short.grips.press(40);
+	await short.settle();
+	short.grips.release();
+	await short.settle();
+	await short.tick();
+	assert.deepEqual(short.sent, [[1, 1, 40], [1, 2, 0]]);
+});
