@@ -11,12 +11,6 @@
 
 /* --- the same thing used twice ---------------------------------------------------------------- */
 
-static unsigned bus_line(const struct db_load *load, const struct db_bus_config *bus,
-                         const char *key)
-{
-	return db_section_find_line(load, "bus", bus->name, bus->source_line, key);
-}
-
 static unsigned drive_line(const struct db_load *load, const struct db_drive_config *drive,
                            const char *key)
 {
@@ -48,7 +42,9 @@ static void check_devices(struct db_load *load)
 			if (!other->device || !same_device(bus->device, other->device))
 				continue;
 			db_messages_add_error(
-				&load->messages, bus_line(load, bus, "device"),
+				&load->messages,
+				db_section_find_line(load, "bus", bus->name, bus->source_line,
+			                             "device"),
 				"device = %s is used by bus '%s' on %s already; another port, or "
 				"one bus for all its drives",
 				bus->device, other->name,
@@ -341,12 +337,6 @@ static struct filter_list filters_of(const struct db_bus_config *bus)
 	return list;
 }
 
-/* True if an id passes both. */
-static bool filters_overlap(const struct db_can_filter *a, const struct db_can_filter *b)
-{
-	return ((a->id ^ b->id) & a->mask & b->mask) == 0;
-}
-
 /* A bus without filters sees every frame. */
 static bool filters_collide(const struct filter_list *a, const struct filter_list *b)
 {
@@ -354,7 +344,11 @@ static bool filters_collide(const struct filter_list *a, const struct filter_lis
 		return true;
 	for (size_t i = 0; i < a->count; i++) {
 		for (size_t j = 0; j < b->count; j++) {
-			if (filters_overlap(&a->filters[i], &b->filters[j]))
+			const struct db_can_filter *one = &a->filters[i];
+			const struct db_can_filter *other = &b->filters[j];
+
+			/* An id passes both. */
+			if (((one->id ^ other->id) & one->mask & other->mask) == 0)
 				return true;
 		}
 	}
@@ -414,23 +408,6 @@ struct complaints {
 	const struct db_bus_config *bus;
 };
 
-/* A message that begins with a key of the section is about that key's line. */
-static unsigned line_of(const struct complaints *complaints, const struct db_drive_config *drive,
-                        const char *text)
-{
-	const char *section = drive ? "drive" : "bus";
-	const char *title = drive ? drive->name : complaints->bus->name;
-	unsigned head = drive ? drive->source_line : complaints->bus->source_line;
-	size_t length = strcspn(text, " ");
-	char key[KEY_LENGTH_MAX + 1];
-
-	if (length > KEY_LENGTH_MAX)
-		return head;
-	memcpy(key, text, length);
-	key[length] = '\0';
-	return db_section_find_line(complaints->load, section, title, head, key);
-}
-
 static void add_complaint(void *context, const struct db_drive_config *drive, bool error,
                           const char *format, ...) __attribute__((format(printf, 4, 5)));
 
@@ -439,6 +416,9 @@ static void add_complaint(void *context, const struct db_drive_config *drive, bo
 {
 	struct complaints *complaints = context;
 	struct db_messages *messages = &complaints->load->messages;
+	unsigned line = drive ? drive->source_line : complaints->bus->source_line;
+	char key[KEY_LENGTH_MAX + 1];
+	size_t key_length;
 	va_list arguments;
 	char *text;
 	int length;
@@ -450,10 +430,18 @@ static void add_complaint(void *context, const struct db_drive_config *drive, bo
 		db_messages_add_error(messages, 0, "out of memory; free some and try again");
 		return;
 	}
+	/* A message that begins with a key of the section is about that key's line. */
+	key_length = strcspn(text, " ");
+	if (key_length <= KEY_LENGTH_MAX) {
+		memcpy(key, text, key_length);
+		key[key_length] = '\0';
+		line = db_section_find_line(complaints->load, drive ? "drive" : "bus",
+		                            drive ? drive->name : complaints->bus->name, line, key);
+	}
 	if (error)
-		db_messages_add_error(messages, line_of(complaints, drive, text), "%s", text);
+		db_messages_add_error(messages, line, "%s", text);
 	else
-		db_messages_add_warning(messages, line_of(complaints, drive, text), "%s", text);
+		db_messages_add_warning(messages, line, "%s", text);
 	free(text);
 }
 

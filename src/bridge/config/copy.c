@@ -23,25 +23,20 @@ static uint64_t sum_of(const char *text)
 	return sum;
 }
 
-static bool put_parts(const struct db_source *sources, size_t count, FILE *out)
-{
-	for (size_t i = 0; i < count; i++) {
-		if (strchr(sources[i].path, '\n'))
-			return false;
-		fprintf(out, sources[i].profile ? PROFILE_PART "%s\n" : PART "%s\n",
-		        strlen(sources[i].text), sources[i].path, sources[i].text);
-	}
-	return true;
-}
-
 char *db_copy_write(const struct db_source *sources, size_t count)
 {
 	char *parts = NULL;
 	char *copy = NULL;
 	size_t size = 0;
 	FILE *out = open_memstream(&parts, &size);
-	bool good = out && put_parts(sources, count, out);
+	bool good = out != NULL;
 
+	for (size_t i = 0; good && i < count; i++) {
+		good = !strchr(sources[i].path, '\n');
+		if (good)
+			fprintf(out, sources[i].profile ? PROFILE_PART "%s\n" : PART "%s\n",
+			        strlen(sources[i].text), sources[i].path, sources[i].text);
+	}
 	if (out &&
 	    (fclose(out) != 0 || !good || asprintf(&copy, HEAD "%s", sum_of(parts), parts) < 0))
 		copy = NULL;

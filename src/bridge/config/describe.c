@@ -11,17 +11,10 @@
 #include <math.h>
 #include <string.h>
 
-static void put_nth(FILE *out, const char *words, unsigned position)
-{
-	const char *word = db_text_nth_word(words, position);
-
-	fprintf(out, "%.*s", (int)strcspn(word, " "), word);
-}
-
 /* The word at a position of a key's list, as it is written in a file. */
 static void put_word(FILE *out, const char *section, const char *key, unsigned position)
 {
-	put_nth(out, db_keys_find(section, key)->words, position);
+	db_text_put_word(out, db_keys_find(section, key)->words, position);
 }
 
 static void put_log(FILE *out, const char *section, enum db_log_level level)
@@ -89,25 +82,6 @@ static void put_limit(FILE *out, unsigned limit)
 		fprintf(out, "any number of");
 }
 
-/* What prevents one client from using the resources of others. */
-static void describe_access(const struct db_modbus_config *modbus, FILE *out)
-{
-	fprintf(out, "  %-14s%u clients (%u of them only writers), %u requests of each at once\n",
-	        "limits", modbus->max_clients, modbus->reserved_writers, modbus->max_pipelined);
-	fprintf(out, "  %-14s", "per address");
-	put_limit(out, modbus->max_clients_per_address);
-	fprintf(out, " clients, ");
-	put_limit(out, modbus->max_requests_per_second);
-	fprintf(out, " requests per second\n");
-	fprintf(out, "  %-14sone memory per ", "command_id");
-	put_word(out, "modbus", "command-id-scope", modbus->command_id_scope);
-	fprintf(out, "\n  %-14s", "control");
-	put_word(out, "modbus", "control", modbus->control);
-	if (modbus->control != DB_CONTROL_OFF)
-		fprintf(out, ", lost after %u ms of silence", modbus->control_timeout_ms);
-	fprintf(out, "\n");
-}
-
 static void describe_modbus(const struct db_config *config, FILE *out)
 {
 	const struct db_modbus_config *modbus = &config->modbus;
@@ -135,7 +109,21 @@ static void describe_modbus(const struct db_config *config, FILE *out)
 	fprintf(out, "  %-14s", "stale data");
 	put_word(out, "modbus", "stale", modbus->stale_values);
 	fprintf(out, "\n");
-	describe_access(modbus, out);
+	/* What prevents one client from using the resources of others. */
+	fprintf(out, "  %-14s%u clients (%u of them only writers), %u requests of each at once\n",
+	        "limits", modbus->max_clients, modbus->reserved_writers, modbus->max_pipelined);
+	fprintf(out, "  %-14s", "per address");
+	put_limit(out, modbus->max_clients_per_address);
+	fprintf(out, " clients, ");
+	put_limit(out, modbus->max_requests_per_second);
+	fprintf(out, " requests per second\n");
+	fprintf(out, "  %-14sone memory per ", "command_id");
+	put_word(out, "modbus", "command-id-scope", modbus->command_id_scope);
+	fprintf(out, "\n  %-14s", "control");
+	put_word(out, "modbus", "control", modbus->control);
+	if (modbus->control != DB_CONTROL_OFF)
+		fprintf(out, ", lost after %u ms of silence", modbus->control_timeout_ms);
+	fprintf(out, "\n");
 	put_log(out, "modbus", modbus->log);
 	fprintf(out, "  %-14sunfinished frame %u ms, idle ", "timeouts", modbus->frame_timeout_ms);
 	if (modbus->idle_timeout_s > 0)
@@ -158,19 +146,6 @@ static void describe_endpoint(const struct db_endpoint_config *endpoint, FILE *o
 	        endpoint->max_clients, endpoint->reserved_writers);
 }
 
-static void put_option(FILE *out, const struct db_option *option, double value)
-{
-	fprintf(out, "%s ", option->name);
-	if (isnan(value))
-		fprintf(out, "not set");
-	else if (option->words[0] != '\0')
-		put_nth(out, option->words, (unsigned)value);
-	else if (option->whole && db_text_is_hex(option->preset))
-		fprintf(out, "0x%X", (unsigned)value);
-	else
-		fprintf(out, "%.10g%s%s", value, option->unit[0] ? " " : "", option->unit);
-}
-
 /* The family's own settings of this kind of section, separated by commas. `before` comes first. */
 static bool put_options(FILE *out, const char *section, const struct db_driver *driver,
                         const void *options, const char *before)
@@ -178,11 +153,22 @@ static bool put_options(FILE *out, const char *section, const struct db_driver *
 	bool any = false;
 
 	for (size_t i = 0; i < driver->option_count; i++) {
-		if (strcmp(driver->options[i].section, section) != 0)
+		const struct db_option *option = &driver->options[i];
+		double value;
+
+		if (strcmp(option->section, section) != 0)
 			continue;
-		fprintf(out, "%s", any ? ", " : before);
-		put_option(out, &driver->options[i], db_option_value(&driver->options[i], options));
+		value = db_option_value(option, options);
+		fprintf(out, "%s%s ", any ? ", " : before, option->name);
 		any = true;
+		if (isnan(value))
+			fprintf(out, "not set");
+		else if (option->words[0] != '\0')
+			db_text_put_word(out, option->words, (unsigned)value);
+		else if (option->whole && db_text_is_hex(option->preset))
+			fprintf(out, "0x%X", (unsigned)value);
+		else
+			fprintf(out, "%.10g%s%s", value, option->unit[0] ? " " : "", option->unit);
 	}
 	return any;
 }
@@ -246,19 +232,6 @@ static void describe_forbidden(const struct db_bus_config *bus, const struct db_
 	fprintf(out, "\n");
 }
 
-static void describe_vendor_view(const struct db_drive_config *drive, FILE *out)
-{
-	if (drive->vendor_layout)
-		fprintf(out, ", layout ");
-	else if (drive->vendor_unit != 0)
-		fprintf(out, ", vendor-unit %u with layout ", drive->vendor_unit);
-	else
-		return;
-	put_word(out, "drive", "layout", true);
-	fprintf(out, ", ");
-	put_word(out, "drive", "vendor-word-order", drive->vendor_high_first);
-}
-
 static void describe_drive(const struct db_config *config, size_t index, FILE *out)
 {
 	const struct db_drive_config *drive = &config->drives[index];
@@ -275,7 +248,15 @@ static void describe_drive(const struct db_config *config, size_t index, FILE *o
 		fprintf(out, ", axis ");
 		put_word(out, "drive", "axis", drive->axis);
 	}
-	describe_vendor_view(drive, out);
+	if (drive->vendor_layout || drive->vendor_unit != 0) {
+		if (drive->vendor_layout)
+			fprintf(out, ", layout ");
+		else
+			fprintf(out, ", vendor-unit %u with layout ", drive->vendor_unit);
+		put_word(out, "drive", "layout", true);
+		fprintf(out, ", ");
+		put_word(out, "drive", "vendor-word-order", drive->vendor_high_first);
+	}
 	if (bus->driver->scale_unit && !drive->counts_given)
 		fprintf(out, ", counts per %s from the drive, on-client-loss ",
 		        db_scale_unit(bus->driver, drive));

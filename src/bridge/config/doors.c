@@ -10,24 +10,13 @@
 /* All addresses of IPv4, as they are written in IPv6. */
 #define V4_BITS 96
 
-static bool is_everybody(const struct db_network *network)
+static bool has_everybody(const struct db_network *networks, size_t count)
 {
 	static const uint8_t v4[12] = { [10] = 0xFF, [11] = 0xFF };
 
-	return network->prefix == 0 ||
-	       (network->prefix == V4_BITS && memcmp(network->address, v4, sizeof(v4)) == 0);
-}
-
-static bool is_loopback(const char *listen)
-{
-	return strncmp(listen, "127.", 4) == 0 || strncmp(listen, "[::1]", 5) == 0 ||
-	       strncmp(listen, "localhost:", 10) == 0;
-}
-
-static bool has_everybody(const struct db_network *networks, size_t count)
-{
 	for (size_t i = 0; i < count; i++) {
-		if (is_everybody(&networks[i]))
+		if (networks[i].prefix == 0 || (networks[i].prefix == V4_BITS &&
+		                                memcmp(networks[i].address, v4, sizeof(v4)) == 0))
 			return true;
 	}
 	return false;
@@ -37,28 +26,15 @@ static bool has_everybody(const struct db_network *networks, size_t count)
 static void warn_of_everybody(struct db_load *load, const char *section, const char *title,
                               unsigned head, const char *listen)
 {
-	if (listen && !is_loopback(listen))
+	/* Nobody reaches the loopback interface from elsewhere. */
+	if (listen && strncmp(listen, "127.", 4) != 0 && strncmp(listen, "[::1]", 5) != 0 &&
+	    strncmp(listen, "localhost:", 10) != 0)
 		db_messages_add_warning(
 			&load->messages,
 			db_section_find_line(load, section, title, head, "allow-write"),
 			"allow-write has everybody: whoever reaches %s moves the drives; give the "
 			"addresses of the PLCs",
 			listen);
-}
-
-static void check_writers(struct db_load *load)
-{
-	const struct db_modbus_config *modbus = &load->config->modbus;
-
-	if (has_everybody(modbus->allow_write, modbus->allow_write_count))
-		warn_of_everybody(load, "modbus", "", 0, modbus->listen);
-	for (size_t i = 0; i < modbus->endpoint_count; i++) {
-		const struct db_endpoint_config *endpoint = &modbus->endpoints[i];
-
-		if (has_everybody(endpoint->allow_write, endpoint->allow_write_count))
-			warn_of_everybody(load, "endpoint", endpoint->name, endpoint->source_line,
-			                  endpoint->listen);
-	}
 }
 
 static void check_file(struct db_load *load, const char *path)
@@ -75,11 +51,25 @@ static void check_file(struct db_load *load, const char *path)
 		path);
 }
 
-static void check_files(struct db_load *load)
+void db_doors_check(struct db_load *load)
 {
-	const char *slash = strrchr(load->path, '/');
-	char *folder = slash ? strndup(load->path, (size_t)(slash - load->path) + 1) : strdup(".");
+	const struct db_modbus_config *modbus = &load->config->modbus;
+	const char *slash = load->path ? strrchr(load->path, '/') : NULL;
+	char *folder;
 
+	if (has_everybody(modbus->allow_write, modbus->allow_write_count))
+		warn_of_everybody(load, "modbus", "", 0, modbus->listen);
+	for (size_t i = 0; i < modbus->endpoint_count; i++) {
+		const struct db_endpoint_config *endpoint = &modbus->endpoints[i];
+
+		if (has_everybody(endpoint->allow_write, endpoint->allow_write_count))
+			warn_of_everybody(load, "endpoint", endpoint->name, endpoint->source_line,
+			                  endpoint->listen);
+	}
+	if (!load->path)
+		return;
+	/* The files, and the folder in which each could be replaced. */
+	folder = slash ? strndup(load->path, (size_t)(slash - load->path) + 1) : strdup(".");
 	if (folder)
 		check_file(load, folder);
 	free(folder);
@@ -87,11 +77,4 @@ static void check_files(struct db_load *load)
 		check_file(load, load->messages.sources[i].path);
 	for (const char *at = load->profiles; at && *at; at += strlen(at) + 1)
 		check_file(load, at);
-}
-
-void db_doors_check(struct db_load *load)
-{
-	check_writers(load);
-	if (load->path)
-		check_files(load);
 }

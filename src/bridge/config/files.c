@@ -58,18 +58,6 @@ char *db_config_edited_path(const char *path)
 	return name_beside(path, EDITED);
 }
 
-static bool read_entry(const char *folder, const char *name, FILE *errors, struct db_source *source)
-{
-	char *path;
-	bool good;
-
-	if (asprintf(&path, "%s/%s", folder, name) < 0)
-		return false;
-	good = read_source(path, errors, source);
-	free(path);
-	return good;
-}
-
 /* Appends to the one source already there. */
 static bool read_folder(const char *path, FILE *errors, struct db_source **sources, size_t *count)
 {
@@ -89,9 +77,14 @@ static bool read_folder(const char *path, FILE *errors, struct db_source **sourc
 		good = false;
 	for (int i = 0; i < found; i++) {
 		if (more) {
-			more[*count] = (struct db_source){ 0 };
-			if (!read_entry(folder, entries[i]->d_name, errors, &more[(*count)++]))
-				good = false;
+			struct db_source *source = &more[(*count)++];
+			char *entry = NULL;
+
+			*source = (struct db_source){ 0 };
+			if (asprintf(&entry, "%s/%s", folder, entries[i]->d_name) < 0)
+				entry = NULL;
+			good = entry && read_source(entry, errors, source) && good;
+			free(entry);
 		}
 		free(entries[i]);
 	}

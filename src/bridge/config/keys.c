@@ -430,12 +430,6 @@ bool db_keys_fit(const struct db_config_key *key, const struct db_driver *driver
 	return true;
 }
 
-bool db_keys_is_reference(const struct db_config_key *key)
-{
-	return key->kind == DB_KEY_PROTOCOL || key->kind == DB_KEY_TRANSPORT ||
-	       key->kind == DB_KEY_BUS || key->kind == DB_KEY_PROFILE;
-}
-
 void db_keys_put_word(const struct db_config_key *key, void *member, unsigned position)
 {
 	unsigned value = key->first + position;
@@ -457,19 +451,14 @@ unsigned db_keys_get_word(const struct db_config_key *key, const void *member)
 	return value - key->first;
 }
 
-static enum db_config_kind kind_of(const struct db_option *option)
-{
-	if (option->words[0] != '\0')
-		return DB_KEY_WORD;
-	return option->whole ? DB_KEY_INTEGER : DB_KEY_REAL;
-}
-
 struct db_config_key db_keys_of_option(const struct db_option *option)
 {
 	return (struct db_config_key){
 		.section = option->section,
 		.name = option->name,
-		.kind = kind_of(option),
+		.kind = option->words[0] != '\0' ? DB_KEY_WORD :
+		        option->whole            ? DB_KEY_INTEGER :
+		                                   DB_KEY_REAL,
 		.preset = option->preset,
 		.min = option->min,
 		.max = option->max,

@@ -74,10 +74,6 @@ bool db_keys_is_retired(const char *section, const char *name);
 /* True if it is for drives of this family. */
 bool db_keys_fit(const struct db_config_key *key, const struct db_driver *driver);
 
-/* True if its text is the name of something else in the program or file, which is stored
- * instead. */
-bool db_keys_is_reference(const struct db_config_key *key);
-
 /* Converts a word's position in the list to and from the member that holds its value. */
 void db_keys_put_word(const struct db_config_key *key, void *member, unsigned position);
 unsigned db_keys_get_word(const struct db_config_key *key, const void *member);

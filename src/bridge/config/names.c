@@ -53,20 +53,17 @@ static void families_of_key(const struct db_driver *const *drivers, const struct
 
 /* --- the walk -------------------------------------------------------------------------------- */
 
-static bool same_option(const struct db_option *a, const struct db_option *b)
-{
-	return strcmp(a->words, b->words) == 0 && strcmp(a->preset, b->preset) == 0 &&
-	       !(a->min < b->min) && !(a->min > b->min) && !(a->max < b->max) &&
-	       !(a->max > b->max) && a->whole == b->whole && strcmp(a->unit, b->unit) == 0 &&
-	       strcmp(a->description, b->description) == 0;
-}
-
 /* True if a driver has an equal option. */
 static bool declares_option(const struct db_driver *driver, const struct db_option *option)
 {
 	const struct db_option *own = db_keys_find_option(driver, option->section, option->name);
 
-	return own && same_option(own, option);
+	return own && strcmp(own->words, option->words) == 0 &&
+	       strcmp(own->preset, option->preset) == 0 && !(own->min < option->min) &&
+	       !(own->min > option->min) && !(own->max < option->max) &&
+	       !(own->max > option->max) && own->whole == option->whole &&
+	       strcmp(own->unit, option->unit) == 0 &&
+	       strcmp(own->description, option->description) == 0;
 }
 
 /* The option of the driver at this index of the list, unless an earlier one has an equal option. */
@@ -142,13 +139,6 @@ static bool is_known_key(const struct db_driver *const *drivers, const char *sec
 	return false;
 }
 
-static unsigned least(unsigned a, unsigned b, unsigned c)
-{
-	unsigned ab = a < b ? a : b;
-
-	return ab < c ? ab : c;
-}
-
 /* Levenshtein's distance: letters to insert, delete or replace. */
 static unsigned edit_distance(const char *a, const char *b)
 {
@@ -163,8 +153,10 @@ static unsigned edit_distance(const char *a, const char *b)
 		row[0]++;
 		for (size_t j = 0; j < length; j++) {
 			unsigned above = row[j + 1];
+			unsigned best = diagonal + (a[i] != b[j]);
 
-			row[j + 1] = least(above + 1, row[j] + 1, diagonal + (a[i] != b[j]));
+			best = above + 1 < best ? above + 1 : best;
+			row[j + 1] = row[j] + 1 < best ? row[j] + 1 : best;
 			diagonal = above;
 		}
 	}

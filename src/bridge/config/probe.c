@@ -53,22 +53,6 @@ static void add_good(struct probe *probe, const struct db_bus_config *bus, const
 
 /* --- the user --------------------------------------------------------------------------------- */
 
-/* Root may open everything: then the service's user is checked, if there is one. */
-static void find_user(struct probe *probe)
-{
-	struct passwd *user = geteuid() == 0 ? getpwnam(SERVICE_USER) : NULL;
-
-	if (!user)
-		user = getpwuid(geteuid());
-	probe->uid = user ? user->pw_uid : geteuid();
-	snprintf(probe->user, sizeof(probe->user), "%s", user ? user->pw_name : "this user");
-	probe->group_count = GROUPS_MAX;
-	if (user && probe->uid != geteuid())
-		(void)getgrouplist(user->pw_name, user->pw_gid, probe->groups, &probe->group_count);
-	else
-		probe->group_count = getgroups(GROUPS_MAX, probe->groups);
-}
-
 static bool is_member(const struct probe *probe, gid_t group)
 {
 	for (int i = 0; i < probe->group_count && i < GROUPS_MAX; i++) {
@@ -199,8 +183,18 @@ static void probe_interface(struct probe *probe, const struct db_bus_config *bus
 void db_config_probe(const struct db_config *config, FILE *out, FILE *errors)
 {
 	struct probe probe = { .out = out, .errors = errors, .kind = "bus" };
+	/* Root may open everything: then the service's user is checked, if there is one. */
+	struct passwd *user = geteuid() == 0 ? getpwnam(SERVICE_USER) : NULL;
 
-	find_user(&probe);
+	if (!user)
+		user = getpwuid(geteuid());
+	probe.uid = user ? user->pw_uid : geteuid();
+	snprintf(probe.user, sizeof(probe.user), "%s", user ? user->pw_name : "this user");
+	probe.group_count = GROUPS_MAX;
+	if (user && probe.uid != geteuid())
+		(void)getgrouplist(user->pw_name, user->pw_gid, probe.groups, &probe.group_count);
+	else
+		probe.group_count = getgroups(GROUPS_MAX, probe.groups);
 	for (size_t i = 0; i < config->bus_count; i++) {
 		const struct db_bus_config *bus = &config->buses[i];
 

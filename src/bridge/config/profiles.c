@@ -167,12 +167,6 @@ static size_t add_profile(struct profiles *profiles, char *path, unsigned line)
 	return profiles->count++;
 }
 
-static bool can_name(const struct db_reader_section *section)
-{
-	return !section->refused &&
-	       (strcmp(section->name, "bus") == 0 || strcmp(section->name, "drive") == 0);
-}
-
 /* False when out of memory. */
 static bool list_profiles(struct profiles *profiles, size_t *of)
 {
@@ -180,11 +174,13 @@ static bool list_profiles(struct profiles *profiles, size_t *of)
 	const struct db_reader *reader = &load->reader;
 
 	for (size_t i = 0; i < reader->section_count; i++) {
+		const struct db_reader_section *section = &reader->sections[i];
 		const struct db_reader_key *key = find_own(reader, i, "profile");
 		char *path;
 
 		of[i] = PROFILE_NONE;
-		if (!key || !can_name(&reader->sections[i]))
+		if (!key || section->refused ||
+		    (strcmp(section->name, "bus") != 0 && strcmp(section->name, "drive") != 0))
 			continue;
 		if (strlen(key->values) < 1 || strlen(key->values) > 255) {
 			db_messages_add_error(&load->messages, key->line,

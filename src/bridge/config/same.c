@@ -8,6 +8,7 @@
 #include "drivebridge/driver.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 /* Two sections of the same kind. */
@@ -15,11 +16,6 @@ struct pair {
 	const void *a;
 	const void *b;
 };
-
-static const void *find_member(const void *section, const struct db_config_key *key)
-{
-	return (const char *)section + key->offset;
-}
 
 static bool same_text(const char *a, const char *b)
 {
@@ -47,17 +43,17 @@ static bool has_networks(const struct db_network *a, size_t count_a, const struc
 }
 
 /* Lists are equal in any order. */
-static bool same_networks_of(const struct pair *pair, const struct db_config_key *key)
+static bool same_networks(const void *member_a, const void *member_b)
 {
 	struct db_network *a;
 	struct db_network *b;
 	size_t count_a;
 	size_t count_b;
 
-	memcpy(&a, find_member(pair->a, key), sizeof(a));
-	memcpy(&b, find_member(pair->b, key), sizeof(b));
-	memcpy(&count_a, (const char *)find_member(pair->a, key) + sizeof(a), sizeof(count_a));
-	memcpy(&count_b, (const char *)find_member(pair->b, key) + sizeof(b), sizeof(count_b));
+	memcpy(&a, member_a, sizeof(a));
+	memcpy(&b, member_b, sizeof(b));
+	memcpy(&count_a, (const char *)member_a + sizeof(a), sizeof(count_a));
+	memcpy(&count_b, (const char *)member_b + sizeof(b), sizeof(count_b));
 	return has_networks(a, count_a, b, count_b) && has_networks(b, count_b, a, count_a);
 }
 
@@ -75,8 +71,8 @@ static bool has_drives(const struct db_drive_set *a, const struct db_drive_set *
 
 static bool same_value(const struct pair *pair, const struct db_config_key *key)
 {
-	const void *a = find_member(pair->a, key);
-	const void *b = find_member(pair->b, key);
+	const void *a = (const char *)pair->a + key->offset;
+	const void *b = (const char *)pair->b + key->offset;
 	const char *text_a;
 	const char *text_b;
 	double real_a;
@@ -93,7 +89,7 @@ static bool same_value(const struct pair *pair, const struct db_config_key *key)
 		memcpy(&real_b, b, sizeof(real_b));
 		return same_real(real_a, real_b);
 	case DB_KEY_NETWORKS:
-		return same_networks_of(pair, key);
+		return same_networks(a, b);
 	case DB_KEY_DRIVES:
 		return has_drives(a, b) && has_drives(b, a);
 	case DB_KEY_PROFILE:
@@ -135,58 +131,53 @@ static bool same_options(const char *section, const struct db_driver *driver, co
 	return true;
 }
 
-/* In any order: lists of the same length without two of one name. */
-static bool same_endpoints(const struct db_modbus_config *a, const struct db_modbus_config *b)
+/* Sections of one kind, in any order: lists of the same length without two of one name. */
+struct list {
+	const void *first;
+	size_t count;
+	size_t size; /* of one */
+	size_t name; /* offset of its name */
+};
+
+static bool same_list(const char *section, const struct list *a, const struct list *b)
 {
 	size_t same = 0;
 
-	for (size_t i = 0; i < a->endpoint_count; i++) {
-		for (size_t j = 0; j < b->endpoint_count; j++) {
-			const struct pair pair = { .a = &a->endpoints[i], .b = &b->endpoints[j] };
+	for (size_t i = 0; i < a->count; i++) {
+		for (size_t j = 0; j < b->count; j++) {
+			const struct pair pair = { .a = (const char *)a->first + i * a->size,
+				                   .b = (const char *)b->first + j * b->size };
+			const char *name_a;
+			const char *name_b;
 
-			same += same_text(a->endpoints[i].name, b->endpoints[j].name) &&
-			        same_section("endpoint", &pair);
+			memcpy(&name_a, (const char *)pair.a + a->name, sizeof(name_a));
+			memcpy(&name_b, (const char *)pair.b + b->name, sizeof(name_b));
+			same += same_text(name_a, name_b) && same_section(section, &pair);
 		}
 	}
-	return a->endpoint_count == b->endpoint_count && same == a->endpoint_count;
-}
-
-static bool same_line(const struct db_rtu_config *a, const struct db_rtu_config *b)
-{
-	const struct pair pair = { .a = a, .b = b };
-
-	return same_text(a->name, b->name) && same_section("modbus-rtu", &pair);
-}
-
-/* In any order: lists of the same length without two of one name. */
-static bool same_lines(const struct db_modbus_config *a, const struct db_modbus_config *b)
-{
-	size_t same = 0;
-
-	for (size_t i = 0; i < a->line_count; i++) {
-		for (size_t j = 0; j < b->line_count; j++)
-			same += same_line(&a->lines[i], &b->lines[j]);
-	}
-	return a->line_count == b->line_count && same == a->line_count;
+	return a->count == b->count && same == a->count;
 }
 
 bool db_config_same_modbus(const struct db_config *a, const struct db_config *b)
 {
 	const struct pair pair = { .a = &a->modbus, .b = &b->modbus };
-	size_t same = 0;
+	const struct db_modbus_config *const of[] = { &a->modbus, &b->modbus };
+	struct list roles[2];
+	struct list lines[2];
+	struct list endpoints[2];
 
-	for (size_t i = 0; i < a->modbus.role_count; i++) {
-		for (size_t j = 0; j < b->modbus.role_count; j++) {
-			const struct pair roles = { .a = &a->modbus.roles[i],
-				                    .b = &b->modbus.roles[j] };
-
-			same += strcmp(a->modbus.roles[i].name, b->modbus.roles[j].name) == 0 &&
-			        same_section("role", &roles);
-		}
+	for (int i = 0; i < 2; i++) {
+		roles[i] = (struct list){ of[i]->roles, of[i]->role_count, sizeof(*of[i]->roles),
+			                  offsetof(struct db_role_config, name) };
+		lines[i] = (struct list){ of[i]->lines, of[i]->line_count, sizeof(*of[i]->lines),
+			                  offsetof(struct db_rtu_config, name) };
+		endpoints[i] = (struct list){ of[i]->endpoints, of[i]->endpoint_count,
+			                      sizeof(*of[i]->endpoints),
+			                      offsetof(struct db_endpoint_config, name) };
 	}
-	return a->modbus.role_count == b->modbus.role_count && same == a->modbus.role_count &&
-	       same_lines(&a->modbus, &b->modbus) && same_endpoints(&a->modbus, &b->modbus) &&
-	       same_section("modbus", &pair);
+	return same_list("role", &roles[0], &roles[1]) &&
+	       same_list("modbus-rtu", &lines[0], &lines[1]) &&
+	       same_list("endpoint", &endpoints[0], &endpoints[1]) && same_section("modbus", &pair);
 }
 
 bool db_config_same_control(const struct db_config *a, const struct db_config *b)

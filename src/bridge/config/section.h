@@ -67,7 +67,7 @@ bool db_section_word(const struct db_section *section, const char *name, unsigne
 /*
  * Reads all keys into the section's struct (db_modbus_config, db_control_config,
  * db_endpoint_config, db_role_config, db_rtu_config, db_bus_config or db_drive_config), except
- * those that name something else (db_keys_is_reference()). Keys that are not in the file, or are
+ * those that name something else in the program or the files. Keys that are not in the file, or are
  * for families of another kind, have their preset, without one 0, null or NAN. Invalid ones are
  * errors, and 0 or null.
  */

@@ -91,13 +91,13 @@ bool db_text_word(const char *text, const char *words, unsigned *position)
 	return false;
 }
 
-const char *db_text_nth_word(const char *words, unsigned position)
+void db_text_put_word(FILE *out, const char *words, unsigned position)
 {
 	while (position-- > 0) {
 		words += strcspn(words, " ");
 		words += *words == ' ';
 	}
-	return words;
+	fprintf(out, "%.*s", (int)strcspn(words, " "), words);
 }
 
 bool db_text_listen(const char *text)
@@ -125,48 +125,37 @@ bool db_text_listen(const char *text)
 	return inet_pton(bracket ? AF_INET6 : AF_INET, address, &ignored) == 1;
 }
 
-static bool parse_address(const char *text, struct db_network *network, unsigned *bits)
-{
-	if (inet_pton(AF_INET, text, network->address + sizeof(V4_MAPPED)) == 1) {
-		memcpy(network->address, V4_MAPPED, sizeof(V4_MAPPED));
-		*bits = 32;
-		return true;
-	}
-	*bits = 128;
-	return inet_pton(AF_INET6, text, network->address) == 1;
-}
-
-static bool clear_host_bits(struct db_network *network)
-{
-	bool cleared = false;
-
-	for (unsigned bit = network->prefix; bit < 128; bit++) {
-		uint8_t mask = (uint8_t)(0x80u >> (bit % 8));
-
-		cleared |= (network->address[bit / 8] & mask) != 0;
-		network->address[bit / 8] &= (uint8_t)~mask;
-	}
-	return cleared;
-}
-
 enum db_network_error db_text_network(const char *text, struct db_network *network)
 {
 	const char *slash = strchr(text, '/');
 	size_t length = slash ? (size_t)(slash - text) : strlen(text);
 	char address[INET6_ADDRSTRLEN + 1];
 	unsigned bits, prefix;
+	bool host_bits = false;
 
 	if (length >= sizeof(address))
 		return DB_NETWORK_NO_ADDRESS;
 	memcpy(address, text, length);
 	address[length] = '\0';
-	if (!parse_address(address, network, &bits))
+	if (inet_pton(AF_INET, address, network->address + sizeof(V4_MAPPED)) == 1) {
+		memcpy(network->address, V4_MAPPED, sizeof(V4_MAPPED));
+		bits = 32;
+	} else if (inet_pton(AF_INET6, address, network->address) == 1) {
+		bits = 128;
+	} else {
 		return DB_NETWORK_NO_ADDRESS;
+	}
 	prefix = bits;
 	if (slash && (!db_text_number(slash + 1, &prefix) || prefix > bits))
 		return DB_NETWORK_PREFIX;
 	network->prefix = (uint8_t)(128 - bits + prefix);
-	return clear_host_bits(network) ? DB_NETWORK_HOST_BITS : DB_NETWORK_OK;
+	for (unsigned bit = network->prefix; bit < 128; bit++) {
+		uint8_t mask = (uint8_t)(0x80u >> (bit % 8));
+
+		host_bits |= (network->address[bit / 8] & mask) != 0;
+		network->address[bit / 8] &= (uint8_t)~mask;
+	}
+	return host_bits ? DB_NETWORK_HOST_BITS : DB_NETWORK_OK;
 }
 
 void db_text_of_network(const struct db_network *network, char text[DB_NETWORK_TEXT_MAX])

@@ -8,6 +8,7 @@
 #include "drivebridge/config.h"
 
 #include <stdbool.h>
+#include <stdio.h>
 
 /* Digits only, at most 4294967295. */
 bool db_text_number(const char *text, unsigned *number);
@@ -24,8 +25,8 @@ bool db_text_real(const char *text, double *number);
 /* Position of the text in a list of words separated by spaces. */
 bool db_text_word(const char *text, const char *words, unsigned *position);
 
-/* The word at a position of such a list; it ends with a space or the list. */
-const char *db_text_nth_word(const char *words, unsigned position);
+/* Writes the word at a position of such a list. */
+void db_text_put_word(FILE *out, const char *words, unsigned position);
 
 /* "192.168.1.5:502" or "[::1]:502", numeric addresses only, port 0..65535. */
 bool db_text_listen(const char *text);

@@ -17,11 +17,6 @@ struct written {
 	FILE *out;
 };
 
-static void put_key(const struct written *written, const char *name)
-{
-	fprintf(written->out, "\t%s = ", name);
-}
-
 static void put_quoted(FILE *out, const char *text)
 {
 	fputc('"', out);
@@ -45,13 +40,6 @@ static void put_real(FILE *out, double value)
 		fputs(text, out);
 	else
 		put_quoted(out, text);
-}
-
-static void put_word(FILE *out, const char *words, unsigned position)
-{
-	const char *word = db_text_nth_word(words, position);
-
-	fprintf(out, "%.*s", (int)strcspn(word, " "), word);
 }
 
 static void put_networks(FILE *out, const void *member)
@@ -134,7 +122,7 @@ static void write_value(const struct written *written, const struct db_config_ke
 
 	if (is_unset(key, member))
 		return;
-	put_key(written, key->name);
+	fprintf(out, "\t%s = ", key->name);
 	switch (key->kind) {
 	case DB_KEY_NUMBER:
 	case DB_KEY_INTEGER:
@@ -146,7 +134,7 @@ static void write_value(const struct written *written, const struct db_config_ke
 		put_real(out, real);
 		break;
 	case DB_KEY_WORD:
-		put_word(out, key->words, db_keys_get_word(key, member));
+		db_text_put_word(out, key->words, db_keys_get_word(key, member));
 		break;
 	case DB_KEY_TEXT:
 	case DB_KEY_LISTEN:
@@ -191,9 +179,9 @@ static void write_option(const struct written *written, const struct db_option *
 {
 	if (isnan(value))
 		return;
-	put_key(written, option->name);
+	fprintf(written->out, "\t%s = ", option->name);
 	if (option->words[0] != '\0')
-		put_word(written->out, option->words, (unsigned)value);
+		db_text_put_word(written->out, option->words, (unsigned)value);
 	else if (option->whole && db_text_is_hex(option->preset))
 		fprintf(written->out, "0x%X", (unsigned)value);
 	else if (option->whole)

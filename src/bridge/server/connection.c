@@ -15,7 +15,7 @@
 
 /* A request whose answer has to wait: the request itself, or one before it, is an unfinished
  * write. */
-struct entry {
+struct db_connection_entry {
 	/* data is invalid: a write has been handed over already */
 	struct db_modbus_request request;
 	bool unfinished;   /* the backend owes an answer */
@@ -27,44 +27,6 @@ struct entry {
 
 /* What happened to the next request in the buffer. */
 enum taken { TAKEN, NOTHING_TO_TAKE, MUST_WAIT, BROKEN };
-
-struct db_connection {
-	struct db_connection_shared *shared;
-	struct db_client client;
-	struct db_peer *peer;
-	uint64_t requests;
-	struct db_diagnostics diagnostics;
-	db_time since;
-	db_time frame_since;  /* when the unfinished frame in `in` began */
-	db_time active_since; /* last byte in either direction */
-	db_time turn;         /* time of the next request, when it came too early; else 0 */
-	int fd;
-	uint32_t events; /* events that epoll waits for */
-
-	/* Ring of `room` entries, allocated only while not empty. */
-	struct entry *queue;
-	unsigned room;
-	uint32_t sequence; /* number of the first entry; the others follow without gaps */
-	unsigned first, queued, unfinished;
-
-	/* Answers that the socket did not take; allocated only while not empty. */
-	uint8_t *out;
-	size_t out_sent, out_used;
-
-	/* Arrival times of received bytes, see note_arrival(); client.arrived is for the bytes in
-	 * `in`. */
-	bool behind;       /* the socket contains, or may contain, bytes older than now */
-	size_t marked;     /* bytes that were there at mark_time and are not read yet */
-	db_time mark_time; /* later bytes arrived after this time */
-
-	char *role;   /* of its certificate, "": none; null: it came without */
-	bool barred;  /* every request is answered 01 */
-	bool closing; /* the client has closed its side, and its last bytes are being read */
-	bool ended;   /* the client will send nothing more */
-	bool waiting; /* a request in `in` may not be taken yet */
-	uint16_t in_used;
-	uint8_t in[DB_ADU_MAX];
-};
 
 void db_connection_count_refusal(struct db_connection_shared *shared, struct db_peer *peer,
                                  enum db_refusal kind, db_time now)
@@ -151,63 +113,6 @@ void db_connection_free(struct db_connection *c)
 	free(c);
 }
 
-const struct db_client *db_connection_client(const struct db_connection *c)
-{
-	return &c->client;
-}
-
-const uint8_t *db_connection_address(const struct db_connection *c)
-{
-	return c->peer->address;
-}
-
-void db_connection_describe(const struct db_connection *c, struct db_server_client *description,
-                            db_time now)
-{
-	*description = (struct db_server_client){
-		.client = c->client,
-		.requests = c->requests,
-		.idle = now > c->active_since ? now - c->active_since : 0,
-		.connected = now > c->since ? now - c->since : 0,
-	};
-}
-
-void db_connection_rehome(struct db_connection *c, struct db_peer *peer)
-{
-	c->peer = peer;
-}
-
-void db_connection_adapt(struct db_connection *c, bool may_write, const struct db_role_config *role,
-                         bool barred)
-{
-	c->client.may_write = may_write;
-	c->client.role = role;
-	c->barred = barred;
-}
-
-bool db_connection_is_barred(const struct db_connection *c)
-{
-	return c->barred;
-}
-
-const char *db_connection_role(const struct db_connection *c)
-{
-	return c->role;
-}
-
-void db_connection_take_turn(struct db_connection *c, db_time now)
-{
-	if (c->turn == 0)
-		return;
-	c->turn = 0;
-	c->active_since = now;
-}
-
-void db_connection_refused(struct db_connection *c, enum db_refusal kind, db_time now)
-{
-	db_connection_count_refusal(c->shared, c->peer, kind, now);
-}
-
 /* Output. */
 
 /* Sends bytes; returns how many the socket took, or -1 when the connection is broken. */
@@ -249,26 +154,6 @@ static bool flush_batch(struct db_connection *c, db_time now)
 	return true;
 }
 
-/* Sends the bytes that were kept. */
-static bool flush_kept(struct db_connection *c, db_time now)
-{
-	ssize_t sent;
-
-	if (!c->out)
-		return true;
-	sent = send_bytes(c, c->out + c->out_sent, c->out_used - c->out_sent);
-	if (sent < 0)
-		return false;
-	if (sent > 0)
-		c->active_since = now;
-	c->out_sent += (size_t)sent;
-	if (c->out_sent == c->out_used) {
-		free(c->out);
-		c->out = NULL;
-	}
-	return true;
-}
-
 /* Requests. */
 
 /* Adds the answer to a finished request to the batch, which has room for it. */
@@ -292,7 +177,7 @@ static void add_answer(struct db_connection *c, const struct db_modbus_request *
 	}
 }
 
-static struct entry *entry_at(const struct db_connection *c, unsigned index)
+static struct db_connection_entry *entry_at(const struct db_connection *c, unsigned index)
 {
 	return &c->queue[(c->first + index) % c->room];
 }
@@ -300,7 +185,7 @@ static struct entry *entry_at(const struct db_connection *c, unsigned index)
 /* Answers the first request in the queue, if its turn has come. */
 static bool answer_queued(struct db_connection *c)
 {
-	struct entry *entry = c->queued > 0 ? entry_at(c, 0) : NULL;
+	struct db_connection_entry *entry = c->queued > 0 ? entry_at(c, 0) : NULL;
 
 	if (!entry || entry->unfinished)
 		return false;
@@ -376,7 +261,7 @@ static int start_request(struct db_connection *c, const struct db_modbus_request
 	if (exception || request->write_count == 0)
 		return exception;
 	if (!c->client.may_write) {
-		db_connection_refused(c, find_write_refusal(c), now);
+		db_connection_count_refusal(c->shared, c->peer, find_write_refusal(c), now);
 		if (executor->backend->denied)
 			executor->backend->denied(executor->context, &c->client, request->unit,
 			                          request->write_address);
@@ -392,7 +277,7 @@ static int start_request(struct db_connection *c, const struct db_modbus_request
 static bool queue_or_answer(struct db_connection *c, const struct db_modbus_request *request,
                             int result)
 {
-	struct entry *entry;
+	struct db_connection_entry *entry;
 
 	if (result == DB_WRITE_LATER || c->queued > 0) {
 		if (!ensure_queue(c))
@@ -425,7 +310,7 @@ static bool take_turn(struct db_connection *c, db_time now)
 	if (c->turn == 0) {
 		c->turn = db_rate_take(&c->peer->rate, per_second, now);
 		if (c->turn > now)
-			db_connection_refused(c, DB_REFUSED_PACE, now);
+			db_connection_count_refusal(c->shared, c->peer, DB_REFUSED_PACE, now);
 	}
 	if (c->turn > now)
 		return false;
@@ -459,7 +344,7 @@ static enum taken take_request(struct db_connection *c, size_t *offset, db_time 
 	if (!take_turn(c, now))
 		return MUST_WAIT;
 	if (c->barred)
-		db_connection_refused(c, DB_REFUSED_NO_ROLE, now);
+		db_connection_count_refusal(c->shared, c->peer, DB_REFUSED_NO_ROLE, now);
 	*offset += (size_t)length;
 	c->shared->stats.requests++;
 	c->requests++;
@@ -520,17 +405,6 @@ static void note_arrival(struct db_connection *c, size_t got, bool all, db_time 
 	c->behind = c->marked > 0;
 }
 
-/* Reading stops for a while, or continues. */
-static void note_pause(struct db_connection *c, bool reading, db_time now)
-{
-	if (!reading && !c->behind) {
-		mark_arrived(c, now);
-		c->behind = true;
-	} else if (reading && c->behind && c->marked == 0) {
-		c->behind = count_unread(c) > 0;
-	}
-}
-
 /* Tells epoll what this connection waits for now. */
 static bool update_events(struct db_connection *c, db_time now)
 {
@@ -542,8 +416,17 @@ static bool update_events(struct db_connection *c, db_time now)
 		event.events |= EPOLLOUT;
 	if (event.events == c->events)
 		return true;
-	if ((event.events ^ c->events) & EPOLLIN)
-		note_pause(c, event.events & EPOLLIN, now);
+	if ((event.events ^ c->events) & EPOLLIN) {
+		bool reading = event.events & EPOLLIN;
+
+		/* Reading stops for a while, or continues. */
+		if (!reading && !c->behind) {
+			mark_arrived(c, now);
+			c->behind = true;
+		} else if (reading && c->behind && c->marked == 0) {
+			c->behind = count_unread(c) > 0;
+		}
+	}
 	c->events = event.events;
 	return epoll_ctl(c->shared->epoll, EPOLL_CTL_MOD, c->fd, &event) == 0;
 }
@@ -552,9 +435,21 @@ bool db_connection_advance(struct db_connection *c, db_time now)
 {
 	bool held = c->waiting || c->out;
 	size_t offset = 0;
+	ssize_t sent;
 
-	if (!flush_kept(c, now))
-		return false;
+	/* First the bytes that were kept. */
+	if (c->out) {
+		sent = send_bytes(c, c->out + c->out_sent, c->out_used - c->out_sent);
+		if (sent < 0)
+			return false;
+		if (sent > 0)
+			c->active_since = now;
+		c->out_sent += (size_t)sent;
+		if (c->out_sent == c->out_used) {
+			free(c->out);
+			c->out = NULL;
+		}
+	}
 	if (!c->out && !handle_requests(c, &offset, now))
 		return false;
 	if (offset > 0) {
@@ -601,21 +496,14 @@ bool db_connection_ready(struct db_connection *c, uint32_t events, db_time now)
 	return db_connection_advance(c, now);
 }
 
-/* True if it waits for its turn and for nothing else. */
-static bool is_held_back(const struct db_connection *c)
-{
-	return c->turn != 0 && !c->out;
-}
-
-/* When it is closed because its client has not completed something. */
-static db_time find_time_limit(const struct db_connection *c)
+db_time db_connection_time_limit(const struct db_connection *c)
 {
 	const struct db_modbus_config *config = c->shared->config;
 	db_time limit = DB_TIME_NEVER, idle;
 
 	if (c->in_used > 0 && !c->waiting && !c->out && !c->ended)
 		limit = c->frame_since + config->frame_timeout_ms * DB_NS_PER_MS;
-	if (config->idle_timeout_s > 0 && c->unfinished == 0 && !is_held_back(c)) {
+	if (config->idle_timeout_s > 0 && c->unfinished == 0 && (c->turn == 0 || c->out)) {
 		idle = c->active_since + config->idle_timeout_s * DB_NS_PER_S;
 		if (idle < limit)
 			limit = idle;
@@ -623,27 +511,17 @@ static db_time find_time_limit(const struct db_connection *c)
 	return limit;
 }
 
-bool db_connection_in_time(const struct db_connection *c, db_time now)
-{
-	return now < find_time_limit(c);
-}
-
-bool db_connection_has_turn(const struct db_connection *c, db_time now)
-{
-	return is_held_back(c) && c->turn <= now;
-}
-
 db_time db_connection_deadline(const struct db_connection *c)
 {
-	db_time limit = find_time_limit(c);
+	db_time limit = db_connection_time_limit(c);
 
-	return is_held_back(c) && c->turn < limit ? c->turn : limit;
+	return c->turn != 0 && !c->out && c->turn < limit ? c->turn : limit;
 }
 
 bool db_connection_answer(struct db_connection *c, uint32_t sequence, uint8_t exception)
 {
 	uint32_t index = sequence - c->sequence;
-	struct entry *entry;
+	struct db_connection_entry *entry;
 
 	if (index >= c->queued)
 		return false;

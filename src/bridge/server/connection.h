@@ -17,7 +17,7 @@
 /* The longest answers to one full input buffer: 32 requests of 8 bytes. */
 #define DB_BATCH_SIZE (DB_ADU_MAX / 8 * DB_ADU_MAX)
 
-struct db_connection;
+struct db_connection_entry;
 
 /* Data shared by all connections of a server. */
 struct db_connection_shared {
@@ -29,6 +29,47 @@ struct db_connection_shared {
 	size_t batch_used;
 	/* Answers of the one connection that is being served; empty between calls. */
 	uint8_t batch[DB_BATCH_SIZE];
+};
+
+/* Only connection.c changes it, but for what is said of the server. */
+struct db_connection {
+	struct db_connection_shared *shared;
+	/* The server changes the rights of the client: then db_connection_advance() is due. */
+	struct db_client client;
+	struct db_peer *peer; /* has its address in the network; set anew when the record moves */
+	uint64_t requests;
+	struct db_diagnostics diagnostics;
+	db_time since;
+	db_time frame_since;  /* when the unfinished frame in `in` began */
+	db_time active_since; /* last byte in either direction */
+	db_time turn;         /* time of the next request, when it came too early; else 0. The
+	                         server ends the wait when the limit is another one */
+	int fd;
+	uint32_t events; /* events that epoll waits for */
+
+	/* Ring of `room` entries, allocated only while not empty. */
+	struct db_connection_entry *queue;
+	unsigned room;
+	uint32_t sequence; /* number of the first entry; the others follow without gaps */
+	unsigned first, queued, unfinished;
+
+	/* Answers that the socket did not take; allocated only while not empty. */
+	uint8_t *out;
+	size_t out_sent, out_used;
+
+	/* Arrival times of received bytes, see note_arrival(); client.arrived is for the bytes in
+	 * `in`. */
+	bool behind;       /* the socket contains, or may contain, bytes older than now */
+	size_t marked;     /* bytes that were there at mark_time and are not read yet */
+	db_time mark_time; /* later bytes arrived after this time */
+
+	char *role;   /* of its certificate, "": none; null: it came without */
+	bool barred;  /* every request is answered 01 */
+	bool closing; /* the client has closed its side, and its last bytes are being read */
+	bool ended;   /* the client will send nothing more */
+	bool waiting; /* a request in `in` may not be taken yet */
+	uint16_t in_used;
+	uint8_t in[DB_ADU_MAX];
 };
 
 /* Counts a refusal to an address, and logs it where due. */
@@ -46,32 +87,7 @@ struct db_connection *db_connection_new(struct db_connection_shared *shared, int
 /* Closes the socket. Later answers are dropped. */
 void db_connection_free(struct db_connection *connection);
 
-const struct db_client *db_connection_client(const struct db_connection *connection);
-/* Its address in the network, which is not that of its client where that has a user of this
- * machine. */
-const uint8_t *db_connection_address(const struct db_connection *connection);
-void db_connection_describe(const struct db_connection *connection,
-                            struct db_server_client *description, db_time now);
-
-/* The record of its address has moved, and counts this connection already. */
-void db_connection_rehome(struct db_connection *connection, struct db_peer *peer);
-
-/* The client's rights, from now on. Then call db_connection_advance(). `barred`: its certificate
- * has no role of the configuration, and every request is answered 01. */
-void db_connection_adapt(struct db_connection *connection, bool may_write,
-                         const struct db_role_config *role, bool barred);
-
-bool db_connection_is_barred(const struct db_connection *connection);
-/* The role that its certificate has; null: it came without. */
-const char *db_connection_role(const struct db_connection *connection);
-
-/* A request that waits for its turn need not wait any longer. */
-void db_connection_take_turn(struct db_connection *connection, db_time now);
-
-/* Counts a refusal to its client, and logs it where due. */
-void db_connection_refused(struct db_connection *connection, enum db_refusal kind, db_time now);
-
-/* The next three return false when the connection is over and to be freed. */
+/* The next two return false when the connection is over and to be freed. */
 
 /* Its socket is ready (EPOLLIN and so on). */
 bool db_connection_ready(struct db_connection *connection, uint32_t events, db_time now);
@@ -79,14 +95,12 @@ bool db_connection_ready(struct db_connection *connection, uint32_t events, db_t
 /* Sends the answers that are ready and continues with requests that had to wait. */
 bool db_connection_advance(struct db_connection *connection, db_time now);
 
-/* True if it is within its time limits; otherwise the connection counts as timed out. */
-bool db_connection_in_time(const struct db_connection *connection, db_time now);
+/* When it is closed because its client has not completed something; DB_TIME_NEVER: nothing is
+ * running. */
+db_time db_connection_time_limit(const struct db_connection *connection);
 
-/* True if it waited for its turn, which has come: call db_connection_advance(). */
-bool db_connection_has_turn(const struct db_connection *connection, db_time now);
-
-/* When db_connection_in_time() may become false or db_connection_has_turn() true: DB_TIME_NEVER if
- * nothing is running. */
+/* The same, or the earlier time at which its next request has its turn: then
+ * db_connection_advance() is due. */
 db_time db_connection_deadline(const struct db_connection *connection);
 
 /*

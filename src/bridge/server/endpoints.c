@@ -31,14 +31,6 @@ struct db_endpoints_change {
 	struct db_endpoint **all; /* room for them */
 };
 
-static db_time loop_time(const struct db_endpoints *endpoints)
-{
-	uint64_t usec = 0;
-
-	(void)sd_event_now(endpoints->host.loop, CLOCK_MONOTONIC, &usec);
-	return (db_time)usec * DB_NS_PER_US;
-}
-
 struct db_endpoints *db_endpoints_new(const struct db_endpoints_host *host)
 {
 	struct db_endpoints *endpoints = calloc(1, sizeof(*endpoints));
@@ -128,6 +120,7 @@ static void open_secure(struct db_endpoint *endpoint)
 	const struct db_endpoints *endpoints = endpoint->endpoints;
 	const char *path = secure_path(endpoints->config, endpoint->number);
 	const char *name = db_modbus_endpoint_name(endpoints->config, endpoint->number);
+	uint64_t now_us = 0;
 	const char *why;
 	int error;
 
@@ -135,11 +128,13 @@ static void open_secure(struct db_endpoint *endpoint)
 		return;
 	error = db_secure_new(endpoints->host.loop, path, endpoints->host.log, admit_secure,
 	                      endpoint, &endpoint->secure, &why);
-	if (error < 0)
-		db_log(endpoints->host.log, loop_time(endpoints), DB_EVENT_SECURE_FAILED, NULL,
-		       "no secure socket for drivebridge-tls: %s: %s; correct secure-socket in the "
-		       "section %s%s, or set it to off",
-		       path, why ? why : strerror(-error), name[0] ? "endpoint " : "modbus", name);
+	if (error >= 0)
+		return;
+	(void)sd_event_now(endpoints->host.loop, CLOCK_MONOTONIC, &now_us);
+	db_log(endpoints->host.log, (db_time)now_us * DB_NS_PER_US, DB_EVENT_SECURE_FAILED, NULL,
+	       "no secure socket for drivebridge-tls: %s: %s; correct secure-socket in the "
+	       "section %s%s, or set it to off",
+	       path, why ? why : strerror(-error), name[0] ? "endpoint " : "modbus", name);
 }
 
 /* The earlier of two dates, of which 0 is none. */
@@ -174,21 +169,11 @@ bool db_endpoints_secure_status(const struct db_endpoints *endpoints,
 
 /* --- another configuration -------------------------------------------------------------------- */
 
-/* The address on which it listens now; null: on none. */
-static const char *present_address(const struct db_endpoints *endpoints, uint32_t number)
-{
-	struct db_endpoint_config at;
-
-	if (!endpoints->config || !db_modbus_endpoint_find(endpoints->config, number, &at))
-		return NULL;
-	return at.listen;
-}
-
 static int plan_endpoint(struct db_endpoints *endpoints, const struct db_endpoint_config *config,
                          struct plan *plan)
 {
 	struct epoll_event event = { .events = 0 };
-	const char *present = present_address(endpoints, config->number);
+	struct db_endpoint_config present = { .listen = NULL };
 	int listeners[DB_ENDPOINTS_MAX + 1];
 	size_t count = 0;
 
@@ -203,11 +188,14 @@ static int plan_endpoint(struct db_endpoints *endpoints, const struct db_endpoin
 		plan->endpoint->number = config->number;
 		plan->endpoint->listener = -1;
 	}
-	if (present && strcmp(present, config->listen) == 0)
+	/* Where it listens now, it goes on. */
+	if (endpoints->config &&
+	    db_modbus_endpoint_find(endpoints->config, config->number, &present) &&
+	    present.listen && strcmp(present.listen, config->listen) == 0)
 		return 0;
 	for (size_t i = 0; i < endpoints->count && count < DB_ENDPOINTS_MAX + 1; i++)
 		listeners[count++] = endpoints->all[i]->listener;
-	plan->listener = db_listener_open_beside(listeners, count, config->listen);
+	plan->listener = db_listener_open(listeners, count, config->listen);
 	/* The plan has the endpoint, and frees it; gcc's analyzer does not see that. */
 	if (plan->listener < 0)
 		return plan->listener;
@@ -263,29 +251,6 @@ void db_endpoints_change_free(struct db_endpoints_change *change)
 	free(change);
 }
 
-static bool is_planned(const struct db_endpoints_change *change, const struct db_endpoint *endpoint)
-{
-	for (size_t i = 0; i < change->count; i++) {
-		if (change->plans[i].endpoint == endpoint)
-			return true;
-	}
-	return false;
-}
-
-static void take_listener(struct db_endpoints *endpoints, struct plan *plan)
-{
-	struct db_endpoint *endpoint = plan->endpoint;
-
-	if (plan->listener < 0)
-		return;
-	/* Clients that connected to the old address in time are accepted. */
-	if (endpoint->listener >= 0) {
-		endpoints->host.accept(endpoints->host.context, endpoint);
-		close(endpoint->listener);
-	}
-	endpoint->listener = plan->listener;
-}
-
 void db_endpoints_apply(struct db_endpoints *endpoints, struct db_endpoints_change *change)
 {
 	const struct db_modbus_config *before = endpoints->config;
@@ -296,7 +261,13 @@ void db_endpoints_apply(struct db_endpoints *endpoints, struct db_endpoints_chan
 		struct plan *plan = &change->plans[i];
 		struct db_endpoint *endpoint = plan->endpoint;
 
-		take_listener(endpoints, plan);
+		/* Clients that connected to the old address in time are accepted. */
+		if (plan->listener >= 0 && endpoint->listener >= 0) {
+			endpoints->host.accept(endpoints->host.context, endpoint);
+			close(endpoint->listener);
+		}
+		if (plan->listener >= 0)
+			endpoint->listener = plan->listener;
 		/* A path may pass from one endpoint to another: all are closed before any is
 		 * opened. */
 		plan->opens = strcmp(secure_path(before, endpoint->number),
@@ -308,7 +279,11 @@ void db_endpoints_apply(struct db_endpoints *endpoints, struct db_endpoints_chan
 		change->all[i] = endpoint;
 	}
 	for (size_t i = 0; i < old_count; i++) {
-		if (!is_planned(change, old[i]))
+		bool stays = false;
+
+		for (size_t j = 0; j < change->count; j++)
+			stays = stays || change->all[j] == old[i];
+		if (!stays)
 			free_endpoint(old[i]);
 	}
 	endpoints->config = change->config;

@@ -38,61 +38,45 @@ int db_execute_write(const struct db_executor *executor, const struct db_client 
 	                      request->write_count, values, token);
 }
 
-static size_t answer_read(const struct db_executor *executor, const struct db_client *client,
-                          const struct db_modbus_request *request, uint8_t *adu, uint8_t *exception)
-{
-	uint16_t values[MODBUS_MAX_READ_BITS];
-	enum db_table table = DB_TABLE_HOLDING;
-
-	if (request->function == MODBUS_FC_READ_COILS)
-		table = DB_TABLE_COILS;
-	else if (request->function == MODBUS_FC_READ_DISCRETE_INPUTS)
-		table = DB_TABLE_DISCRETE;
-	else if (request->function == MODBUS_FC_READ_INPUT_REGISTERS)
-		table = DB_TABLE_INPUT;
-	*exception = executor->backend->read(executor->context, client, request->unit, table,
-	                                     request->read_address, request->read_count, values);
-	return *exception ? db_pdu_exception(request, *exception, adu) :
-	                    db_pdu_read(request, values, adu);
-}
-
-static size_t answer_server_id(const struct db_executor *executor, const struct db_client *client,
-                               const struct db_modbus_request *request, uint8_t *adu)
-{
-	char text[MODBUS_MAX_PDU_LENGTH];
-	bool running = false;
-	size_t length = executor->backend->server_id(executor->context, client, request->unit, text,
-	                                             sizeof(text), &running);
-
-	return db_pdu_server_id(request, text, length, running, adu);
-}
-
-static size_t answer_device_id(const struct db_executor *executor, const struct db_client *client,
-                               const struct db_modbus_request *request, uint8_t *adu,
-                               uint8_t *exception)
-{
-	const char *objects[DB_DEVICE_ID_OBJECTS];
-	size_t length;
-
-	for (unsigned i = 0; i < DB_DEVICE_ID_OBJECTS; i++)
-		objects[i] = executor->backend->device_id(executor->context, client, request->unit,
-		                                          (uint8_t)i);
-	length = db_pdu_device_id(request, objects, adu, exception);
-	return *exception ? db_pdu_exception(request, *exception, adu) : length;
-}
-
 size_t db_execute_answer(const struct db_executor *executor, const struct db_client *client,
                          const struct db_modbus_request *request, uint8_t *adu, uint8_t *exception)
 {
+	const struct db_backend *backend = executor->backend;
+	uint16_t values[MODBUS_MAX_READ_BITS];
+	const char *objects[DB_DEVICE_ID_OBJECTS];
+	char text[MODBUS_MAX_PDU_LENGTH];
+	enum db_table table = DB_TABLE_HOLDING;
+	bool running = false;
+	size_t length;
+
 	*exception = 0;
 	switch (request->function) {
 	case MODBUS_FC_REPORT_SLAVE_ID:
-		return answer_server_id(executor, client, request, adu);
+		length = backend->server_id(executor->context, client, request->unit, text,
+		                            sizeof(text), &running);
+		return db_pdu_server_id(request, text, length, running, adu);
 	case DB_FC_DEVICE_ID:
-		return answer_device_id(executor, client, request, adu, exception);
+		for (unsigned i = 0; i < DB_DEVICE_ID_OBJECTS; i++)
+			objects[i] = backend->device_id(executor->context, client, request->unit,
+			                                (uint8_t)i);
+		length = db_pdu_device_id(request, objects, adu, exception);
+		return *exception ? db_pdu_exception(request, *exception, adu) : length;
+	case MODBUS_FC_READ_COILS:
+		table = DB_TABLE_COILS;
+		break;
+	case MODBUS_FC_READ_DISCRETE_INPUTS:
+		table = DB_TABLE_DISCRETE;
+		break;
+	case MODBUS_FC_READ_INPUT_REGISTERS:
+		table = DB_TABLE_INPUT;
+		break;
 	default:
-		return request->read_count > 0 ?
-		               answer_read(executor, client, request, adu, exception) :
-		               db_pdu_written(request, adu);
+		break;
 	}
+	if (request->read_count == 0)
+		return db_pdu_written(request, adu);
+	*exception = backend->read(executor->context, client, request->unit, table,
+	                           request->read_address, request->read_count, values);
+	return *exception ? db_pdu_exception(request, *exception, adu) :
+	                    db_pdu_read(request, values, adu);
 }

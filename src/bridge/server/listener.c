@@ -57,22 +57,9 @@ static int resolve_address(const char *text, struct addrinfo **found)
 	return getaddrinfo(host, colon + 1, &hints, found) == 0 ? 0 : -EINVAL;
 }
 
-/* Also binds to an address that the machine does not have yet: the switch or the DHCP server may
- * start later than this machine, and clients reach the socket as soon as the address is there. */
-static int bind_socket(int fd, const struct addrinfo *info)
-{
-	bool v6 = info->ai_family == AF_INET6;
-
-	if (bind(fd, info->ai_addr, info->ai_addrlen) == 0)
-		return 0;
-	if (errno != EADDRNOTAVAIL)
-		return -errno;
-	set_option(fd, v6 ? IPPROTO_IPV6 : IPPROTO_IP, v6 ? IPV6_FREEBIND : IP_FREEBIND, 1);
-	return bind(fd, info->ai_addr, info->ai_addrlen) == 0 ? 0 : -errno;
-}
-
 static int open_socket(const struct addrinfo *info, bool shared)
 {
+	bool v6 = info->ai_family == AF_INET6;
 	int fd = socket(info->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
 	int error;
 
@@ -83,9 +70,16 @@ static int open_socket(const struct addrinfo *info, bool shared)
 	/* Accepted sockets inherit these two; the window is settled before accept() returns. */
 	set_option(fd, SOL_SOCKET, SO_RCVBUF, SOCKET_BUFFER);
 	set_option(fd, SOL_SOCKET, SO_SNDBUF, SOCKET_BUFFER);
-	if (info->ai_family == AF_INET6)
+	if (v6)
 		set_option(fd, IPPROTO_IPV6, IPV6_V6ONLY, 0);
-	error = bind_socket(fd, info);
+	error = bind(fd, info->ai_addr, info->ai_addrlen) == 0 ? 0 : -errno;
+	/* Also binds to an address that the machine does not have yet: the switch or the DHCP
+	 * server may start later than this machine, and clients reach the socket as soon as the
+	 * address is there. */
+	if (error == -EADDRNOTAVAIL) {
+		set_option(fd, v6 ? IPPROTO_IPV6 : IPPROTO_IP, v6 ? IPV6_FREEBIND : IP_FREEBIND, 1);
+		error = bind(fd, info->ai_addr, info->ai_addrlen) == 0 ? 0 : -errno;
+	}
 	if (error == 0 && listen(fd, DB_LISTENER_BACKLOG) < 0)
 		error = -errno;
 	if (error != 0) {
@@ -96,7 +90,7 @@ static int open_socket(const struct addrinfo *info, bool shared)
 	return fd;
 }
 
-int db_listener_open_beside(const int *others, size_t count, const char *address)
+int db_listener_open(const int *others, size_t count, const char *address)
 {
 	struct addrinfo *info;
 	int fd = resolve_address(address, &info);
@@ -110,11 +104,6 @@ int db_listener_open_beside(const int *others, size_t count, const char *address
 		set_option(others[i], SOL_SOCKET, SO_REUSEPORT, 0);
 	freeaddrinfo(info);
 	return fd;
-}
-
-int db_listener_open(const char *address)
-{
-	return db_listener_open_beside(NULL, 0, address);
 }
 
 uint16_t db_listener_port(int fd)

@@ -18,15 +18,12 @@
  * free one; "[::]" takes IPv4 clients too). An address that the machine does not have yet is
  * accepted: clients reach the socket when the address is there. The descriptor, or a negative
  * errno; EINVAL for text that cannot be read.
+ *
+ * `others` are listening meanwhile, perhaps with the same port at another, or at every, address of
+ * the machine. The kernel allows that for two sockets of one user only if both agree, which they do
+ * during this call: afterwards each of them excludes others as before.
  */
-int db_listener_open(const char *address);
-
-/*
- * The same while other sockets are listening, perhaps with the same port at another, or at every,
- * address of the machine. The kernel allows that for two sockets of one user only if both agree,
- * which they do during this call: afterwards each of them excludes others as before.
- */
-int db_listener_open_beside(const int *others, size_t count, const char *address);
+int db_listener_open(const int *others, size_t count, const char *address);
 
 /* True if the machine did not have the address when the socket was opened. */
 bool db_listener_is_early(int fd);

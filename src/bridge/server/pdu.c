@@ -319,19 +319,6 @@ size_t db_pdu_server_id(const struct db_modbus_request *request, const char *tex
 	return finish_frame(request, 4 + length, adu);
 }
 
-/* Appends one object if it fits; returns the new length of the PDU, or 0. */
-static size_t add_object(uint8_t *pdu, size_t used, uint8_t id, const char *text)
-{
-	size_t length = strnlen(text, PDU_MAX - ID_HEADER - 2);
-
-	if (used + 2 + length > PDU_MAX)
-		return 0;
-	pdu[used] = id;
-	pdu[used + 1] = (uint8_t)length;
-	memcpy(pdu + used + 2, text, length);
-	return used + 2 + length;
-}
-
 size_t db_pdu_device_id(const struct db_modbus_request *request,
                         const char *const objects[DB_DEVICE_ID_OBJECTS], uint8_t *adu,
                         uint8_t *exception)
@@ -341,7 +328,7 @@ size_t db_pdu_device_id(const struct db_modbus_request *request,
 	unsigned first = request->object;
 	bool known = first < end && objects[first];
 	uint8_t *pdu = adu + HEADER;
-	size_t used = ID_HEADER, next;
+	size_t used = ID_HEADER, length;
 
 	*exception = 0;
 	if (single && !known) {
@@ -361,13 +348,16 @@ size_t db_pdu_device_id(const struct db_modbus_request *request,
 	for (unsigned id = known ? first : 0; id < end; id++) {
 		if (!objects[id])
 			continue;
-		next = add_object(pdu, used, (uint8_t)id, objects[id]);
-		if (next == 0) {
+		length = strnlen(objects[id], PDU_MAX - ID_HEADER - 2);
+		if (used + 2 + length > PDU_MAX) {
 			pdu[4] = 0xFF;
 			pdu[5] = (uint8_t)id;
 			break;
 		}
-		used = next;
+		pdu[used] = (uint8_t)id;
+		pdu[used + 1] = (uint8_t)length;
+		memcpy(pdu + used + 2, objects[id], length);
+		used += 2 + length;
 		pdu[6]++;
 	}
 	if (pdu[6] == 0) {

@@ -47,28 +47,19 @@ struct db_peers *db_peers_new(size_t connections, db_peers_log_fn *log, void *co
 	return peers;
 }
 
-void db_peers_free(struct db_peers *peers)
-{
-	free(peers);
-}
-
-static void copy_some(struct db_peers *peers, const struct db_peers *from, bool connected,
-                      size_t *used)
-{
-	for (size_t i = 0; i < from->count && *used < peers->count; i++) {
-		const struct db_peer *peer = &from->peers[i];
-
-		if (peer->seen != 0 && (peer->connections > 0) == connected)
-			peers->peers[(*used)++] = *peer;
-	}
-}
-
 void db_peers_copy(struct db_peers *peers, const struct db_peers *from)
 {
 	size_t used = 0;
 
-	copy_some(peers, from, true, &used);
-	copy_some(peers, from, false, &used);
+	/* Those with connections first. */
+	for (int idle = 0; idle < 2; idle++) {
+		for (size_t i = 0; i < from->count && used < peers->count; i++) {
+			const struct db_peer *peer = &from->peers[i];
+
+			if (peer->seen != 0 && (peer->connections == 0) == idle)
+				peers->peers[used++] = *peer;
+		}
+	}
 	peers->deadline = from->deadline;
 	peers->period = from->period;
 	peers->messages = from->messages;

@@ -57,9 +57,8 @@ typedef void db_peers_log_fn(void *context, const uint8_t address[16], enum db_r
 
 struct db_peers;
 
-/* `connections`: their maximum number. Null when out of memory. */
+/* `connections`: their maximum number. To be freed with free(). Null when out of memory. */
 struct db_peers *db_peers_new(size_t connections, db_peers_log_fn *log, void *context);
-void db_peers_free(struct db_peers *peers);
 
 /* Copies another object's records, as far as there is room: those with connections first, for which
  * there must be. Pointers of connections must then be looked up again. */

@@ -73,13 +73,27 @@ static void announce(const struct line *line, bool connected)
 		executor->backend->client(executor->context, &line->client, connected);
 }
 
-static void log_state(const struct line *line, const struct db_rtu_figures *figures)
+/* The port was opened, or is lost: whoever was there is gone. */
+static void follow_port(struct line *line, const struct db_rtu_figures *figures)
 {
 	struct db_log_source source = *line->lines->host.log;
 	char text[DB_CLIENT_ADDRESS_MAX];
 	const struct db_log_about about = { .client = text };
 	db_time now = loop_time(line->lines);
 
+	if (line->up && (!figures->up || figures->openings != line->seen.openings)) {
+		line->up = false;
+		line->pending = false;
+		announce(line, false);
+	}
+	if (figures->up && !line->up) {
+		line->up = true;
+		line->since = now;
+		line->active = line->since;
+		line->client.id = line->lines->host.number(line->lines->host.context);
+		line->frame.length = 0;
+		announce(line, true);
+	}
 	source.level = line->config->log;
 	db_client_address(line->client.address, text);
 	if (figures->up)
@@ -91,25 +105,6 @@ static void log_state(const struct line *line, const struct db_rtu_figures *figu
 		       "%s: %s, so its PLC cannot be heard; it is tried again: check device, "
 		       "plug and adapter",
 		       line->config->device, strerror(figures->error));
-}
-
-/* The port was opened, or is lost: whoever was there is gone. */
-static void follow_port(struct line *line, const struct db_rtu_figures *figures)
-{
-	if (line->up && (!figures->up || figures->openings != line->seen.openings)) {
-		line->up = false;
-		line->pending = false;
-		announce(line, false);
-	}
-	if (figures->up && !line->up) {
-		line->up = true;
-		line->since = loop_time(line->lines);
-		line->active = line->since;
-		line->client.id = line->lines->host.number(line->lines->host.context);
-		line->frame.length = 0;
-		announce(line, true);
-	}
-	log_state(line, figures);
 }
 
 static void refuse(const struct line *line, enum db_refusal kind)
@@ -420,15 +415,6 @@ static bool same_port(const struct db_rtu_config *a, const struct db_rtu_config 
 	       a->answer_timeout_ms == b->answer_timeout_ms;
 }
 
-static struct line *find_same(const struct db_plc_lines *lines, const struct db_rtu_config *config)
-{
-	for (size_t i = 0; i < lines->count; i++) {
-		if (same_port(lines->lines[i]->config, config))
-			return lines->lines[i];
-	}
-	return NULL;
-}
-
 int db_plc_lines_prepare(struct db_plc_lines *lines, const struct db_modbus_config *config,
                          struct db_plc_lines_change **change)
 {
@@ -444,8 +430,12 @@ int db_plc_lines_prepare(struct db_plc_lines *lines, const struct db_modbus_conf
 	if (!made->lines || !made->made)
 		error = -ENOMEM;
 	for (size_t i = 0; error == 0 && i < config->line_count; i++) {
-		struct line *same = find_same(lines, &config->lines[i]);
+		struct line *same = NULL;
 
+		for (size_t j = 0; !same && j < lines->count; j++) {
+			if (same_port(lines->lines[j]->config, &config->lines[i]))
+				same = lines->lines[j];
+		}
 		made->made[i] = !same;
 		made->lines[i] = same;
 		if (!same)
@@ -473,23 +463,9 @@ void db_plc_lines_change_free(struct db_plc_lines_change *change)
 	free(change);
 }
 
-/* The rights of a line that goes on may be others. */
-static void adapt(struct line *line, const struct db_rtu_config *config)
-{
-	const struct db_executor *executor = line->lines->host.executor;
-	bool could_write = line->client.may_write;
-
-	set_rights(line, config);
-	if (!line->up || !could_write)
-		return;
-	if (!line->client.may_write && executor->backend->restricted)
-		executor->backend->restricted(executor->context, &line->client);
-	else if (line->client.role && executor->backend->reassigned)
-		executor->backend->reassigned(executor->context, &line->client);
-}
-
 void db_plc_lines_apply(struct db_plc_lines *lines, struct db_plc_lines_change *change)
 {
+	const struct db_executor *executor = lines->host.executor;
 	struct line **before = lines->lines;
 	size_t count = lines->count;
 
@@ -504,10 +480,21 @@ void db_plc_lines_apply(struct db_plc_lines *lines, struct db_plc_lines_change *
 			free_line(before[i]);
 	}
 	for (size_t i = 0; i < lines->count; i++) {
-		if (change->made[i])
-			db_rtu_port_begin(lines->lines[i]->port);
-		else
-			adapt(lines->lines[i], &change->config->lines[i]);
+		struct line *line = lines->lines[i];
+		bool could_write = line->client.may_write;
+
+		if (change->made[i]) {
+			db_rtu_port_begin(line->port);
+			continue;
+		}
+		/* The rights of a line that goes on may be others. */
+		set_rights(line, &change->config->lines[i]);
+		if (!line->up || !could_write)
+			continue;
+		if (!line->client.may_write && executor->backend->restricted)
+			executor->backend->restricted(executor->context, &line->client);
+		else if (line->client.role && executor->backend->reassigned)
+			executor->backend->reassigned(executor->context, &line->client);
 	}
 	free(before);
 	free(change->made);

@@ -297,26 +297,25 @@ static void close_port(struct db_rtu_port *port, int error)
 		note_state(port, error);
 }
 
-/* When poll() has to return, for what was received so far. */
-static db_time find_deadline(const struct db_rtu_port *port, db_time now)
+/* Waits for bytes, for the network thread, or for what was received so far to be looked at. */
+static void wait_for_work(struct db_rtu_port *port, bool *readable, bool *lost)
 {
-	if (!port->serial)
-		return now + RETRY;
-	if (port->burst.used == 0)
-		return DB_TIME_NEVER;
-	return port->burst.last +
-	       (now - port->burst.last < port->silence ? port->silence : PATIENCE);
-}
-
-static void wait_until(struct db_rtu_port *port, db_time deadline, bool *readable, bool *lost)
-{
+	bool begun = atomic_load(&port->begun);
+	db_time now = db_clock_now();
+	db_time deadline = DB_TIME_NEVER;
 	struct pollfd fds[] = {
 		{ .fd = port->wake_fd, .events = POLLIN },
 		{ .fd = port->serial ? db_serial_fd(port->serial) : -1, .events = POLLIN },
 	};
-	db_time left = deadline == DB_TIME_NEVER ? 0 : deadline - db_clock_now();
 	struct timespec time = { 0 };
+	db_time left;
 
+	if (begun && !port->serial)
+		deadline = now + RETRY;
+	else if (begun && port->burst.used > 0)
+		deadline = port->burst.last +
+		           (now - port->burst.last < port->silence ? port->silence : PATIENCE);
+	left = deadline == DB_TIME_NEVER ? 0 : deadline - now;
 	if (left > 0)
 		time = (struct timespec){ .tv_sec = left / DB_NS_PER_S,
 			                  .tv_nsec = left % DB_NS_PER_S };
@@ -347,10 +346,7 @@ static void *run_thread(void *context)
 
 		if (!port->serial && atomic_load(&port->begun))
 			open_port(port);
-		wait_until(port,
-		           atomic_load(&port->begun) ? find_deadline(port, db_clock_now()) :
-		                                       DB_TIME_NEVER,
-		           &readable, &lost);
+		wait_for_work(port, &readable, &lost);
 		if (!port->serial)
 			continue;
 		if (((readable || lost) && !receive_bytes(port, lost, &error)) ||

@@ -124,18 +124,6 @@ static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data
 	return 0;
 }
 
-static bool is_believed(int fd)
-{
-	char name[DB_CLIENT_PROCESS_USER_MAX];
-	struct ucred peer;
-	socklen_t size = sizeof(peer);
-
-	if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0)
-		return false;
-	db_rights_name(peer.uid, name);
-	return peer.uid == 0 || peer.uid == geteuid() || strcmp(name, USER) == 0;
-}
-
 /* A free place, or one whose time is over. */
 static struct visitor *find_place(struct db_secure *secure)
 {
@@ -154,8 +142,16 @@ static struct visitor *find_place(struct db_secure *secure)
 
 static void receive_visitor(struct db_secure *secure, int fd)
 {
-	struct visitor *visitor = is_believed(fd) ? find_place(secure) : NULL;
+	char name[DB_CLIENT_PROCESS_USER_MAX];
+	struct visitor *visitor = NULL;
+	struct ucred peer;
+	socklen_t size = sizeof(peer);
 
+	if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0) {
+		db_rights_name(peer.uid, name);
+		if (peer.uid == 0 || peer.uid == geteuid() || strcmp(name, USER) == 0)
+			visitor = find_place(secure);
+	}
 	if (!visitor ||
 	    sd_event_add_io(secure->loop, &visitor->io, fd, EPOLLIN, on_bytes, visitor) < 0) {
 		close(fd);

@@ -103,7 +103,7 @@ static void announce_client(const struct db_server *server, const struct db_conn
                             bool connected)
 {
 	const struct db_executor *executor = &server->shared.executor;
-	const struct db_client *client = db_connection_client(connection);
+	const struct db_client *client = &connection->client;
 	struct db_client_words words;
 	struct db_log_about about = { .client = words.address };
 	const char *endpoint = db_modbus_endpoint_name(server->shared.config, client->endpoint);
@@ -111,16 +111,16 @@ static void announce_client(const struct db_server *server, const struct db_conn
 
 	describe(server, client, &words);
 	/* An IPv6 address and a certificate are too much for what stands before it. */
-	if (db_connection_role(connection) && db_client_ipv4(client->address) == DB_CLIENT_IPV6)
-		db_client_address(db_connection_address(connection), network);
+	if (connection->role && db_client_ipv4(client->address) == DB_CLIENT_IPV6)
+		db_client_address(connection->peer->address, network);
 	db_log(&server->log, loop_time(server),
 	       connected ? DB_EVENT_CLIENT_CONNECTED : DB_EVENT_CLIENT_GONE, &about,
 	       "%s (%s%sport %u, %s%s%s%s)", connected ? "connected" : "disconnected", network,
 	       network[0] != '\0' ? " " : "", (unsigned)client->port,
 	       endpoint[0] != '\0' ? "endpoint " : "", endpoint, endpoint[0] != '\0' ? ", " : "",
-	       client->may_write                   ? "may read and write" :
-	       db_connection_is_barred(connection) ? "has no role, so every request is refused" :
-	                                             "may only read");
+	       client->may_write  ? "may read and write" :
+	       connection->barred ? "has no role, so every request is refused" :
+	                            "may only read");
 	if (executor->backend->client)
 		executor->backend->client(executor->context, client, connected);
 }
@@ -128,7 +128,7 @@ static void announce_client(const struct db_server *server, const struct db_conn
 /* Adds one to its endpoint's clients, or takes one from them. */
 static void count_client(struct db_server *server, const struct db_connection *connection, int one)
 {
-	const struct db_client *client = db_connection_client(connection);
+	const struct db_client *client = &connection->client;
 	struct db_endpoint *endpoint = db_endpoints_find(server->endpoints, client->endpoint);
 
 	endpoint->clients += (size_t)one;
@@ -145,7 +145,7 @@ static void drop_connection(struct db_server *server, size_t index)
 	count_client(server, connection, -1);
 	server->shared.stats.clients = (uint32_t)server->count;
 	announce_client(server, connection, false);
-	db_certificates_let_go(server->certificates, db_connection_client(connection)->address);
+	db_certificates_let_go(server->certificates, connection->client.address);
 	db_connection_free(connection);
 }
 
@@ -166,7 +166,7 @@ static void keep_or_drop(struct db_server *server, struct db_connection *connect
 static struct db_connection *find_connection(const struct db_server *server, uint32_t id)
 {
 	for (size_t i = 0; i < server->count; i++)
-		if (db_connection_client(server->connections[i])->id == id)
+		if (server->connections[i]->client.id == id)
 			return server->connections[i];
 	return NULL;
 }
@@ -250,7 +250,7 @@ static void admit_client(struct db_server *server, int fd, struct db_client *cli
 		db_certificates_let_go(server->certificates, client->address);
 		return;
 	}
-	db_connection_adapt(connection, client->may_write, client->role, role && !client->role);
+	connection->barred = role && !client->role;
 	server->connections[server->count++] = connection;
 	count_client(server, connection, 1);
 	stats->accepted++;
@@ -396,15 +396,17 @@ static int on_timer(sd_event_source *source, uint64_t usec, void *userdata)
 	server->busy = true;
 	for (size_t i = server->count; i-- > 0;) {
 		struct db_connection *connection = server->connections[i];
+		bool has_turn;
 
-		if (!db_connection_in_time(connection, now)) {
+		if (now >= db_connection_time_limit(connection)) {
 			server->shared.stats.timeouts++;
 			drop_connection(server, i);
 			continue;
 		}
+		/* One that waits for its turn and for nothing else goes on when that has come. */
+		has_turn = connection->turn != 0 && !connection->out && connection->turn <= now;
 		keep_or_drop(server, connection,
-		             !db_connection_has_turn(connection, now) ||
-		                     db_connection_advance(connection, now));
+		             !has_turn || db_connection_advance(connection, now));
 	}
 	db_peers_log(server->shared.peers, now);
 	if (server->accept_again <= now)
@@ -615,7 +617,7 @@ void db_server_free(struct db_server *server)
 	sd_event_source_disable_unref(server->io);
 	if (server->shared.epoll >= 0)
 		close(server->shared.epoll);
-	db_peers_free(server->shared.peers);
+	free(server->shared.peers);
 	db_certificates_free(server->certificates);
 	sd_event_unref(server->loop);
 	free(server->connections);
@@ -668,7 +670,7 @@ void db_server_change_free(struct db_server_change *change)
 		return;
 	db_endpoints_change_free(change->endpoints);
 	db_plc_lines_change_free(change->lines);
-	db_peers_free(change->peers);
+	free(change->peers);
 	free(change->connections);
 	free(change);
 }
@@ -691,19 +693,19 @@ static void take_room(struct db_server *server, struct db_server_change *change,
 	change->peers = peers;
 	for (size_t i = 0; i < server->count; i++) {
 		struct db_connection *connection = server->connections[i];
-		const uint8_t *network = db_connection_address(connection);
 
-		db_connection_rehome(connection, db_peers_find(server->shared.peers, network, now));
+		connection->peer = db_peers_find(server->shared.peers, connection->peer->address,
+		                                 now);
 	}
 }
 
 static void adapt_connection(struct db_server *server, size_t index)
 {
 	struct db_connection *connection = server->connections[index];
-	const struct db_client *client = db_connection_client(connection);
+	const struct db_client *client = &connection->client;
 	const struct db_executor *executor = &server->shared.executor;
-	const char *name = db_connection_role(connection);
-	const uint8_t *network = db_connection_address(connection);
+	const char *name = connection->role;
+	const uint8_t *network = connection->peer->address;
 	const struct db_role_config *role = NULL;
 	uint32_t endpoint = client->endpoint;
 	enum db_access access = name ? db_acl_of_certificate(server->shared.config, endpoint,
@@ -725,7 +727,9 @@ static void adapt_connection(struct db_server *server, size_t index)
 		return;
 	}
 	count_client(server, connection, -1);
-	db_connection_adapt(connection, access == DB_ACCESS_WRITE, role, name && !role);
+	connection->client.may_write = access == DB_ACCESS_WRITE;
+	connection->client.role = role;
+	connection->barred = name && !role;
 	count_client(server, connection, 1);
 	/* The connection has changed it. */
 	// cppcheck-suppress knownConditionTrueFalse
@@ -751,8 +755,14 @@ void db_server_apply(struct db_server *server, struct db_server_change *change)
 	/* The rate used so far belongs to the former limit. */
 	if (change->config->max_requests_per_second != pace) {
 		db_peers_reset_rates(server->shared.peers);
-		for (size_t i = 0; i < server->count; i++)
-			db_connection_take_turn(server->connections[i], now);
+		/* A request that waits for its turn need not wait any longer. */
+		for (size_t i = 0; i < server->count; i++) {
+			struct db_connection *connection = server->connections[i];
+
+			if (connection->turn != 0)
+				connection->active_since = now;
+			connection->turn = 0;
+		}
 	}
 	db_endpoints_apply(server->endpoints, change->endpoints);
 	change->endpoints = NULL;
@@ -832,8 +842,16 @@ size_t db_server_clients(const struct db_server *server, struct db_server_client
 	db_time now = loop_time(server);
 	size_t count = db_plc_lines_list(server->lines, clients, max, now);
 
-	for (size_t i = 0; i < server->count && count < max; i++)
-		db_connection_describe(server->connections[i], &clients[count++], now);
+	for (size_t i = 0; i < server->count && count < max; i++) {
+		const struct db_connection *c = server->connections[i];
+
+		clients[count++] = (struct db_server_client){
+			.client = c->client,
+			.requests = c->requests,
+			.idle = now > c->active_since ? now - c->active_since : 0,
+			.connected = now > c->since ? now - c->since : 0,
+		};
+	}
 	return count;
 }
 
@@ -848,7 +866,8 @@ void db_server_refused(struct db_server *server, const struct db_client *client,
 	struct db_connection *connection = find_connection(server, client->id);
 
 	if (connection)
-		db_connection_refused(connection, kind, loop_time(server));
+		db_connection_count_refusal(&server->shared, connection->peer, kind,
+		                            loop_time(server));
 	else if (db_plc_lines_has(server->lines, client->id))
 		count_line_refusal(server, client->address, kind);
 }

@@ -18,27 +18,21 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-/* FNV-1a. A socket's name has no room for every path. */
-static uint64_t hash_of(const char *text)
-{
-	uint64_t hash = UINT64_C(14695981039346656037);
-
-	for (; *text; text++)
-		hash = (hash ^ (uint8_t)*text) * UINT64_C(1099511628211);
-	return hash;
-}
-
 /* The socket's name, and its length. */
 static socklen_t name_of(const char *path, struct sockaddr_un *name)
 {
+	uint64_t hash = UINT64_C(14695981039346656037);
 	char real[PATH_MAX];
 	int length;
 
 	if (!realpath(path, real))
 		snprintf(real, sizeof(real), "%s", path);
+	/* FNV-1a. A socket's name has no room for every path. */
+	for (const char *at = real; *at; at++)
+		hash = (hash ^ (uint8_t)*at) * UINT64_C(1099511628211);
 	*name = (struct sockaddr_un){ .sun_family = AF_UNIX };
 	length = snprintf(name->sun_path + 1, sizeof(name->sun_path) - 1, "drivebridge-%016" PRIx64,
-	                  hash_of(real));
+	                  hash);
 	return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)length);
 }
 

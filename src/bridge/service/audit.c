@@ -17,9 +17,10 @@
 
 /* --- records ---------------------------------------------------------------------------------- */
 
-uint32_t audit_post(struct service *service, const struct db_client *client,
+uint32_t audit_post(void *context, const struct db_client *client,
                     const struct db_audit_entry *entry)
 {
+	const struct service *service = context;
 	struct db_audit_entry complete = *entry;
 	struct db_control_socket_names names = { 0 };
 	const char *certificate;
@@ -44,21 +45,12 @@ uint32_t audit_post(struct service *service, const struct db_client *client,
 	return db_audit_post(service->audit, &complete, service_now(service));
 }
 
-void audit_post_end(struct service *service, uint32_t record, const char *drive,
-                    enum db_result result, db_time took)
+void audit_post_end(void *context, uint32_t record, const char *drive, enum db_result result,
+                    db_time took)
 {
-	db_audit_end(service->audit, record, drive, result, db_time_us32(took), db_clock_wall_us());
-}
+	const struct service *service = context;
 
-void audit_post_reload(struct service *service, const char *errors)
-{
-	(void)audit_post(service, NULL,
-	                 &(struct db_audit_entry){
-				 .kind = DB_AUDIT_RELOAD,
-				 .what = "ended",
-				 .text = errors,
-				 .result = errors ? DB_RESULT_REFUSED : DB_RESULT_OK,
-			 });
+	db_audit_end(service->audit, record, drive, result, db_time_us32(took), db_clock_wall_us());
 }
 
 /* --- histories -------------------------------------------------------------------------------- */
@@ -152,22 +144,6 @@ static void recall(void *context, const struct db_audit_entry *entry)
 	}
 }
 
-static void fill_histories(const struct recollection *past)
-{
-	for (size_t i = 0; i < past->count; i++) {
-		struct recalled *place = &past->places[i];
-
-		/* The service ended before its end was known. */
-		if (place->recalled.entry.result == DB_RESULT_PENDING)
-			place->recalled.entry.result = DB_RESULT_INDETERMINATE;
-		/* The places have moved as they grew. */
-		place->recalled.drive = place->drive;
-		place->recalled.bus = place->bus;
-		place->recalled.param = place->param[0] ? place->param : NULL;
-		db_registers_recall(past->service->registers, &place->recalled);
-	}
-}
-
 /* --- beginning and end ------------------------------------------------------------------------ */
 
 static void post_service(struct service *service, const char *what)
@@ -183,7 +159,6 @@ static void post_service(struct service *service, const char *what)
 int audit_begin(struct service *service)
 {
 	const struct db_control_config *config = &service->plant->edition->config->control;
-	const char *folders = getenv("STATE_DIRECTORY");
 	struct recollection past = { .service = service };
 	char *folder = NULL;
 	struct db_audit_setup setup = {
@@ -195,24 +170,26 @@ int audit_begin(struct service *service)
 	};
 	int error;
 
-	/* There may be several, of which the first one is ours. */
-	if (folders && folders[0] == '/' &&
-	    asprintf(&folder, "%.*s/" FOLDER_NAME, (int)strcspn(folders, ":"), folders) < 0)
-		folder = NULL;
+	(void)service_state_path(FOLDER_NAME, &folder);
 	setup.folder = folder;
 	error = db_audit_new(&setup, service_now(service), &service->audit);
 	free(folder);
-	if (error == 0) {
-		fill_histories(&past);
-		post_service(service, "begins");
+	for (size_t i = 0; error == 0 && i < past.count; i++) {
+		struct recalled *place = &past.places[i];
+
+		/* The service ended before its end was known. */
+		if (place->recalled.entry.result == DB_RESULT_PENDING)
+			place->recalled.entry.result = DB_RESULT_INDETERMINATE;
+		/* The places have moved as they grew. */
+		place->recalled.drive = place->drive;
+		place->recalled.bus = place->bus;
+		place->recalled.param = place->param[0] ? place->param : NULL;
+		db_registers_recall(service->registers, &place->recalled);
 	}
+	if (error == 0)
+		post_service(service, "begins");
 	free(past.places);
 	return error;
-}
-
-void audit_change(struct service *service, const struct db_control_config *config)
-{
-	db_audit_change(service->audit, !config->audit_off, config->audit_mib);
 }
 
 void audit_end(struct service *service)

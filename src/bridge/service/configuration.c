@@ -28,19 +28,6 @@ struct configuration {
 
 /* --- the start -------------------------------------------------------------------------------- */
 
-/* The path of the last good configuration, to be freed: in systemd's StateDirectory. Null: none. */
-static char *configuration_copy_path(void)
-{
-	const char *folders = getenv("STATE_DIRECTORY");
-	char *path;
-
-	/* There may be several, of which the first one is ours. */
-	if (!folders || folders[0] != '/' ||
-	    asprintf(&path, "%.*s/" COPY_NAME, (int)strcspn(folders, ":"), folders) < 0)
-		return NULL;
-	return path;
-}
-
 bool configuration_load(const char *path, bool last_good, struct configuration_start *start)
 {
 	struct db_config_reading reading;
@@ -64,9 +51,10 @@ bool configuration_load(const char *path, bool last_good, struct configuration_s
 		start->why = NULL;
 	} else if (last_good) {
 		/* To be freed by the caller; null when there is none that can be used. */
-		char *copy = configuration_copy_path();
 		struct db_config *config = NULL;
+		char *copy;
 
+		(void)service_state_path(COPY_NAME, &copy);
 		if (copy && db_config_load_copy(copy, path, stderr, &config) != 0)
 			config = NULL;
 		free(copy);
@@ -233,8 +221,9 @@ bool configuration_work(struct service *service, struct disk_job *job)
 	return service->configuration && disk_do(service->configuration->disk, job);
 }
 
-struct db_configuration_report configuration_report(const struct service *service)
+struct db_configuration_report configuration_report(void *context)
 {
+	const struct service *service = context;
 	const struct configuration *known = service->configuration;
 
 	if (!known)
@@ -249,30 +238,14 @@ struct db_configuration_report configuration_report(const struct service *servic
 
 /* --- beginning and end ------------------------------------------------------------------------ */
 
-static void take_start(struct service *service, struct configuration_start *start)
-{
-	struct configuration *known = service->configuration;
-
-	if (start->why) {
-		set_state(known, DB_CONFIGURATION_LAST_GOOD, start->why);
-		log_lines(service, DB_EVENT_CONFIG_LAST_GOOD, start->why);
-		db_log(&service->log, service_now(service), DB_EVENT_CONFIG_LAST_GOOD, NULL,
-		       "%s has an error, so the LAST GOOD configuration is loaded instead: correct "
-		       "the "
-		       "file, check it with drivebridged --config %s --check, then reload",
-		       service->path, service->path);
-	} else if (start->copy) {
-		disk_keep(known->disk, start->copy);
-		start->copy = NULL;
-	}
-}
-
 int configuration_begin(struct service *service, struct configuration_start *start)
 {
 	struct configuration *known = calloc(1, sizeof(*known));
-	char *path = configuration_copy_path();
+	char *path;
 	int error;
 
+	/* The last good configuration is in systemd's StateDirectory. */
+	(void)service_state_path(COPY_NAME, &path);
 	service->configuration = known;
 	error = known ? disk_new(service->path, path, start->signature, &known->disk) : -ENOMEM;
 	if (error == 0) {
@@ -281,8 +254,18 @@ int configuration_begin(struct service *service, struct configuration_start *sta
 		error = sd_event_add_io(service->loop, &known->news, disk_fd(known->disk), EPOLLIN,
 		                        on_news, service);
 	}
-	if (error >= 0)
-		take_start(service, start);
+	if (error >= 0 && start->why) {
+		set_state(known, DB_CONFIGURATION_LAST_GOOD, start->why);
+		log_lines(service, DB_EVENT_CONFIG_LAST_GOOD, start->why);
+		db_log(&service->log, service_now(service), DB_EVENT_CONFIG_LAST_GOOD, NULL,
+		       "%s has an error, so the LAST GOOD configuration is loaded instead: correct "
+		       "the "
+		       "file, check it with drivebridged --config %s --check, then reload",
+		       service->path, service->path);
+	} else if (error >= 0 && start->copy) {
+		disk_keep(known->disk, start->copy);
+		start->copy = NULL;
+	}
 	free(path);
 	return error < 0 ? error : 0;
 }

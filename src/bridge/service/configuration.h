@@ -43,7 +43,7 @@ void configuration_refused(struct service *service, uint64_t signature, const ch
  * loop. False: it has no place. */
 bool configuration_work(struct service *service, struct disk_job *job);
 
-/* The present report; messages are valid until the next turn of the loop. */
-struct db_configuration_report configuration_report(const struct service *service);
+/* The present report, of a struct service; messages are valid until the next turn of the loop. */
+struct db_configuration_report configuration_report(void *context);
 
 #endif

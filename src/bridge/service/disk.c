@@ -77,28 +77,12 @@ static bool write_all(int fd, const char *text, size_t length)
 	return fchmod(fd, S_IRUSR | S_IWUSR | S_IRGRP) == 0 && fsync(fd) == 0;
 }
 
-/* Ensures that the name outlives a loss of power, too. */
-static int sync_folder_of(const char *path)
-{
-	const char *slash = strrchr(path, '/');
-	char folder[PATH_MAX];
-	int error = 0;
-	int fd;
-
-	snprintf(folder, sizeof(folder), "%.*s", slash ? (int)(slash - path + 1) : 1,
-	         slash ? path : ".");
-	fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-	if (fd < 0 || fsync(fd) != 0)
-		error = errno;
-	if (fd >= 0)
-		close(fd);
-	return error;
-}
-
 /* The old file stays until the new one is complete. */
 int disk_replace_file(const char *path, const char *written_to, const char *text)
 {
+	const char *slash = strrchr(path, '/');
 	size_t length = strlen(text);
+	char folder[PATH_MAX];
 	int error;
 	int fd;
 
@@ -113,7 +97,17 @@ int disk_replace_file(const char *path, const char *written_to, const char *text
 		error = errno;
 	if (error == 0 && rename(written_to, path) != 0)
 		error = errno;
-	return error != 0 ? error : sync_folder_of(path);
+	if (error != 0)
+		return error;
+	/* Ensures that the name outlives a loss of power, too. */
+	snprintf(folder, sizeof(folder), "%.*s", slash ? (int)(slash - path + 1) : 1,
+	         slash ? path : ".");
+	fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+	if (fd < 0 || fsync(fd) != 0)
+		error = errno;
+	if (fd >= 0)
+		close(fd);
+	return error;
 }
 
 /* --- the thread ------------------------------------------------------------------------------- */
@@ -248,17 +242,6 @@ static void *run(void *context)
 
 /* --- its owner -------------------------------------------------------------------------------- */
 
-static int init_paths(struct disk *disk, const char *path, const char *copy)
-{
-	disk->path = strdup(path);
-	if (copy) {
-		disk->copy_path = strdup(copy);
-		if (asprintf(&disk->written_to, "%s.new", copy) < 0)
-			disk->written_to = NULL;
-	}
-	return disk->path && (!copy || (disk->copy_path && disk->written_to)) ? 0 : -ENOMEM;
-}
-
 static void free_parts(struct disk *disk)
 {
 	if (disk->fd >= 0)
@@ -300,7 +283,15 @@ int disk_new(const char *path, const char *copy, uint64_t signature, struct disk
 	made->expected = signature;
 	made->seen = signature;
 	made->fd = eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC);
-	error = made->fd < 0 ? -errno : init_paths(made, path, copy);
+	error = made->fd < 0 ? -errno : 0;
+	made->path = strdup(path);
+	if (copy) {
+		made->copy_path = strdup(copy);
+		if (asprintf(&made->written_to, "%s.new", copy) < 0)
+			made->written_to = NULL;
+	}
+	if (error == 0 && (!made->path || (copy && (!made->copy_path || !made->written_to))))
+		error = -ENOMEM;
 	if (error == 0)
 		error = start_thread(made);
 	if (error == 0)

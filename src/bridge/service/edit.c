@@ -72,16 +72,6 @@ static char *former_path(const struct edit *edit, uint32_t number)
 	               path;
 }
 
-static void remove_former(const struct edit *edit, uint32_t number)
-{
-	char *path = former_path(edit, number);
-
-	/* One that cannot be removed takes room, and nothing else. */
-	if (path)
-		(void)unlink(path);
-	free(path);
-}
-
 /* Puts one into the list of the newest ones; returns the number that has no place, or 0. */
 static uint32_t list_former(struct edit *edit, uint32_t number)
 {
@@ -110,8 +100,14 @@ static void list_formers(struct edit *edit, bool removes)
 		uint32_t number = number_of(entry->d_name);
 		uint32_t left = number != 0 ? list_former(edit, number) : 0;
 
-		if (removes && left != 0)
-			remove_former(edit, left);
+		if (removes && left != 0) {
+			char *path = former_path(edit, left);
+
+			/* One that cannot be removed takes room, and nothing else. */
+			if (path)
+				(void)unlink(path);
+			free(path);
+		}
 	}
 	if (folder)
 		closedir(folder);
@@ -154,18 +150,6 @@ static char *read_text(const char *path, bool optional)
 		errno = error;
 	}
 	return text;
-}
-
-static void read_for_client(struct edit *edit)
-{
-	char *path = edit->former != 0 ? former_path(edit, edit->former) : strdup(edit->path);
-
-	list_formers(edit, false);
-	errno = ENOMEM;
-	edit->text = path ? read_text(path, edit->former == 0) : NULL;
-	if (!edit->text)
-		fail(edit, errno);
-	free(path);
 }
 
 static void check_text(struct edit *edit)
@@ -250,9 +234,17 @@ static void work(struct disk_job *job)
 	edit->version = db_config_signature(edit->service->path, NULL);
 	if (edit->kind == DB_EDIT_SET && edit->version != edit->given)
 		edit->end = DB_EDIT_CHANGED;
-	else if (edit->kind == DB_EDIT_READ)
-		read_for_client(edit);
-	else if (edit->writes)
+	else if (edit->kind == DB_EDIT_READ) {
+		char *path = edit->former != 0 ? former_path(edit, edit->former) :
+		                                 strdup(edit->path);
+
+		list_formers(edit, false);
+		errno = ENOMEM;
+		edit->text = path ? read_text(path, edit->former == 0) : NULL;
+		if (!edit->text)
+			fail(edit, errno);
+		free(path);
+	} else if (edit->writes)
 		write_text(edit);
 	else
 		check_text(edit);
@@ -260,17 +252,7 @@ static void work(struct disk_job *job)
 
 /* --- the answer ------------------------------------------------------------------------------- */
 
-/* Length of the common lines at the beginning. */
-static size_t same_before(const char *a, const char *b)
-{
-	size_t lines = 0;
-
-	for (size_t i = 0; a[i] && a[i] == b[i]; i++)
-		lines = a[i] == '\n' ? i + 1 : lines;
-	return lines;
-}
-
-/* Length of the common lines at the end, of texts of which `first` bytes are not looked at. */
+/* Length of the common lines at the end of texts of which `first` bytes are not looked at. */
 static size_t same_behind(const char *a, const char *b, size_t first)
 {
 	size_t length_a = strlen(a), length_b = strlen(b);
@@ -299,31 +281,32 @@ static void put_lines(FILE *out, char sign, const char *text, size_t length)
 	}
 }
 
-/* To be freed; null: no memory. */
-static char *describe_change(const char *before, const char *after)
+/* For a READ the running configuration, for a SET the lines that it has changed. To be freed; null:
+ * there is nothing to show, or no memory. */
+static char *describe(const struct edit *edit)
 {
-	size_t first = same_before(before, after);
-	size_t last = same_behind(before, after, first);
+	const char *before = edit->before;
+	const char *after = edit->text;
 	char *text = NULL;
+	size_t first = 0; /* length of the common lines at the beginning */
 	size_t size = 0;
-	FILE *out = open_memstream(&text, &size);
+	size_t last;
+	FILE *out;
 
+	if (edit->kind != DB_EDIT_READ && (!before || edit->end != DB_EDIT_DONE))
+		return NULL;
+	out = open_memstream(&text, &size);
 	if (!out)
 		return NULL;
-	put_lines(out, '-', before + first, strlen(before) - first - last);
-	put_lines(out, '+', after + first, strlen(after) - first - last);
-	return fclose(out) == 0 ? text : (free(text), NULL);
-}
-
-static char *describe_running(const struct service *service)
-{
-	char *text = NULL;
-	size_t size = 0;
-	FILE *out = open_memstream(&text, &size);
-
-	if (!out)
-		return NULL;
-	db_config_write(service->plant->edition->config, out);
+	if (edit->kind == DB_EDIT_READ) {
+		db_config_write(edit->service->plant->edition->config, out);
+	} else {
+		for (size_t i = 0; before[i] && before[i] == after[i]; i++)
+			first = before[i] == '\n' ? i + 1 : first;
+		last = same_behind(before, after, first);
+		put_lines(out, '-', before + first, strlen(before) - first - last);
+		put_lines(out, '+', after + first, strlen(after) - first - last);
+	}
 	return fclose(out) == 0 ? text : (free(text), NULL);
 }
 
@@ -358,7 +341,6 @@ static void add_effect(void *context, const struct db_bus_config *bus,
 
 static void answer(struct edit *edit, struct effects *effects)
 {
-	struct service *service = edit->service;
 	struct db_edit_answer answer = {
 		.kind = edit->kind,
 		.end = edit->end,
@@ -371,30 +353,15 @@ static void answer(struct edit *edit, struct effects *effects)
 		.effects = effects->list,
 		.effect_count = effects->count,
 	};
-	char *running = edit->kind == DB_EDIT_READ ? describe_running(service) : NULL;
-	char *change = edit->before && edit->end == DB_EDIT_DONE ?
-	                       describe_change(edit->before, edit->text) :
-	                       NULL;
+	char *text = describe(edit);
 
-	answer.running = running;
-	answer.change = change;
+	answer.running = edit->kind == DB_EDIT_READ ? text : NULL;
+	answer.change = edit->kind == DB_EDIT_READ ? NULL : text;
 	for (size_t i = 0; i < edit->former_count; i++)
 		answer.formers[i] = (struct db_edit_former){ .number = edit->numbers[i],
 			                                     .time_us = edit->times_us[i] };
-	db_control_socket_edited(service->control, &answer);
-	free(running);
-	free(change);
-}
-
-static void add_message(struct edit *edit, const char *text)
-{
-	char *all;
-
-	edit->end = DB_EDIT_WRONG;
-	if (asprintf(&all, "%s%s\n", edit->messages ? edit->messages : "", text) < 0)
-		return;
-	free(edit->messages);
-	edit->messages = all;
+	db_control_socket_edited(edit->service->control, &answer);
+	free(text);
 }
 
 /* Compares what was read with what runs. False: the client gets the answer now. */
@@ -402,12 +369,19 @@ static bool judge(struct edit *edit)
 {
 	const struct db_config *running = edit->service->plant->edition->config;
 	char *why = NULL;
+	char *all;
 
 	if (edit->end != DB_EDIT_DONE || !edit->config)
 		return false;
 	/* A reload would refuse it. */
-	if (db_config_is_cut(running, edit->config, &why))
-		add_message(edit, why ? why : strerror(ENOMEM));
+	if (db_config_is_cut(running, edit->config, &why)) {
+		edit->end = DB_EDIT_WRONG;
+		if (asprintf(&all, "%s%s\n", edit->messages ? edit->messages : "",
+		             why ? why : strerror(ENOMEM)) >= 0) {
+			free(edit->messages);
+			edit->messages = all;
+		}
+	}
 	free(why);
 	return edit->end == DB_EDIT_DONE && edit->kind == DB_EDIT_SET && !edit->writes;
 }
@@ -447,8 +421,9 @@ static void done(struct disk_job *job)
 
 /* --- beginning and end ------------------------------------------------------------------------ */
 
-int edit_begin(struct service *service, const struct db_edit_request *request)
+int edit_begin(void *context, const struct db_edit_request *request)
 {
+	struct service *service = context;
 	struct edit *edit;
 	char *slash;
 

@@ -11,9 +11,10 @@
 
 struct service;
 
-/* 0: db_control_socket_edited() gets the answer later. -EBUSY: another one, or a reload, is in
- * progress; -EPERM: the configuration does not allow to change it; or another negative errno. */
-int edit_begin(struct service *service, const struct db_edit_request *request);
+/* See struct db_control_socket_ops; of a struct service. 0: db_control_socket_edited() gets the
+ * answer later. -EBUSY: another one, or a reload, is in progress; -EPERM: the configuration does
+ * not allow to change it; or another negative errno. */
+int edit_begin(void *context, const struct db_edit_request *request);
 
 /* After the disk's thread has ended. */
 void edit_end(struct service *service);

@@ -38,28 +38,7 @@ void health_set_drives(struct service *service)
 		       "no memory to take health values of the drives");
 }
 
-static void sample_drives(struct service *service, db_time now)
-{
-	const struct plant *plant = service->plant;
-
-	for (size_t i = 0; i < plant->drive_count; i++) {
-		const struct plant_drive *drive = plant->drives[i];
-		unsigned measures = drive->bus->config->driver->measures;
-		struct db_snapshot snapshot;
-
-		db_axis_read(drive->axis, &snapshot);
-		db_health_sample(service->health, i, &snapshot,
-		                 (measures & DB_MEASURE_TEMPERATURE) != 0, now);
-	}
-}
-
 /* --- alarms ----------------------------------------------------------------------------------- */
-
-/* True if somebody has to look. */
-static bool is_alarm(enum db_trouble_cause cause)
-{
-	return db_trouble_need(cause) > DB_NEED_HINT;
-}
 
 static uint64_t wall_us_of(db_time moment, db_time now, uint64_t wall)
 {
@@ -78,7 +57,8 @@ static void see_buses(struct service *service, db_time now, uint64_t wall)
 
 		db_named_bus_stats(service->registers, i, &stats);
 		cause = db_trouble_of_bus(stats.up && stats.port.up, stats.aside);
-		if (!is_alarm(cause))
+		/* A hint is no alarm: nobody has to look. */
+		if (db_trouble_need(cause) <= DB_NEED_HINT)
 			continue;
 		db_health_see(service->health,
 		              &(struct db_alarm_seen){
@@ -106,7 +86,8 @@ static void see_drives(struct service *service, db_time now, uint64_t wall)
 			continue;
 		cause = (enum db_trouble_cause)trouble.cause;
 		/* The alarm of the bus is about all of its drives. */
-		if (!is_alarm(cause) || cause == DB_TROUBLE_PORT || cause == DB_TROUBLE_ASIDE)
+		if (db_trouble_need(cause) <= DB_NEED_HINT || cause == DB_TROUBLE_PORT ||
+		    cause == DB_TROUBLE_ASIDE)
 			continue;
 		db_health_see(service->health,
 		              &(struct db_alarm_seen){
@@ -146,7 +127,15 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 	uint64_t wall = db_clock_wall_us();
 
 	(void)us;
-	sample_drives(service, now);
+	for (size_t i = 0; i < service->plant->drive_count; i++) {
+		const struct plant_drive *drive = service->plant->drives[i];
+		unsigned measures = drive->bus->config->driver->measures;
+		struct db_snapshot snapshot;
+
+		db_axis_read(drive->axis, &snapshot);
+		db_health_sample(service->health, i, &snapshot,
+		                 (measures & DB_MEASURE_TEMPERATURE) != 0, now);
+	}
 	if (now >= service->alarms_from) {
 		see_buses(service, now, wall);
 		see_drives(service, now, wall);
@@ -161,15 +150,11 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 int health_begin(struct service *service)
 {
 	const struct db_control_config *config = &service->plant->edition->config->control;
-	const char *folders = getenv("STATE_DIRECTORY");
 	struct db_health_setup setup = { .log = service->log, .on = !config->health_off };
 	char *folder = NULL;
 	int error;
 
-	/* There may be several, of which the first one is ours. */
-	if (folders && folders[0] == '/' &&
-	    asprintf(&folder, "%.*s/" FOLDER_NAME, (int)strcspn(folders, ":"), folders) < 0)
-		folder = NULL;
+	(void)service_state_path(FOLDER_NAME, &folder);
 	setup.folder = folder;
 	error = db_health_new(&setup, service_now(service), &service->health);
 	free(folder);
@@ -179,11 +164,6 @@ int health_begin(struct service *service)
 	health_set_drives(service);
 	return sd_event_add_time_relative(service->loop, &service->health_timer, CLOCK_MONOTONIC,
 	                                  LOOK_EVERY_US, LOOK_EVERY_US / 4, on_timer, service);
-}
-
-void health_change(struct service *service, const struct db_control_config *config)
-{
-	db_health_change(service->health, !config->health_off);
 }
 
 void health_end(struct service *service)

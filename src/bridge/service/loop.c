@@ -13,22 +13,6 @@
  * process was stopped. */
 #define LATE (2 * DB_NS_PER_MS)
 
-/* Sets the timer to the first deadline of a client. */
-static void arm_deadline(struct service *service)
-{
-	db_time first = db_registers_next_deadline(service->registers);
-
-	if (first == service->armed)
-		return;
-	service->armed = first;
-	if (first == DB_TIME_NEVER) {
-		sd_event_source_set_enabled(service->deadline, SD_EVENT_OFF);
-		return;
-	}
-	sd_event_source_set_time(service->deadline, (uint64_t)(first / DB_NS_PER_US));
-	sd_event_source_set_enabled(service->deadline, SD_EVENT_ONESHOT);
-}
-
 static int on_signal(sd_event_source *source, const struct signalfd_siginfo *info, void *context)
 {
 	struct service *service = context;
@@ -110,9 +94,22 @@ static int on_deadline(sd_event_source *source, uint64_t us, void *context)
 /* Writes begin and end inside every turn of the loop; the timer is set once, before it sleeps. */
 static int on_prepare(sd_event_source *source, void *context)
 {
+	struct service *service = context;
+	db_time first;
+
 	(void)source;
-	reload_step(context);
-	arm_deadline(context);
+	reload_step(service);
+	/* The timer waits for the first deadline of a client. */
+	first = db_registers_next_deadline(service->registers);
+	if (first == service->armed)
+		return 0;
+	service->armed = first;
+	if (first == DB_TIME_NEVER) {
+		sd_event_source_set_enabled(service->deadline, SD_EVENT_OFF);
+		return 0;
+	}
+	sd_event_source_set_time(service->deadline, (uint64_t)(first / DB_NS_PER_US));
+	sd_event_source_set_enabled(service->deadline, SD_EVENT_ONESHOT);
 	return 0;
 }
 

@@ -39,15 +39,6 @@ struct must_stand {
 	size_t count;
 };
 
-/* The loop's time: when this turn of it began. */
-static db_time time_of(const struct service *service)
-{
-	uint64_t us = 0;
-
-	sd_event_now(service->loop, CLOCK_MONOTONIC, &us);
-	return (db_time)us * DB_NS_PER_US;
-}
-
 /* --- the file --------------------------------------------------------------------------------- */
 
 static void log_failure(struct service *service, const char *what, int error)
@@ -55,7 +46,7 @@ static void log_failure(struct service *service, const char *what, int error)
 	struct must_stand *known = service->must_stand;
 
 	if (!known->failed)
-		db_log(&service->log, time_of(service), DB_EVENT_FAILED, NULL,
+		db_log(&service->log, service_now(service), DB_EVENT_FAILED, NULL,
 		       "cannot %s %s: %s; a restart of the service forgets which drives must stand",
 		       what, known->path ? known->path : "what must stand", strerror(error));
 	known->failed = true;
@@ -94,19 +85,9 @@ static void write_file(struct service *service)
 		known->failed = false;
 }
 
-static enum db_command stop_named(const char *name)
-{
-	static const enum db_command stops[] = { DB_CMD_STOP, DB_CMD_QUICK_STOP, DB_CMD_DISABLE };
-
-	for (size_t i = 0; i < sizeof(stops) / sizeof(stops[0]); i++) {
-		if (strcmp(name, db_command_name(stops[i])) == 0)
-			return stops[i];
-	}
-	return DB_CMD_NONE;
-}
-
 static bool parse_line(char *line, struct entry *entry)
 {
+	static const enum db_command stops[] = { DB_CMD_STOP, DB_CMD_QUICK_STOP, DB_CMD_DISABLE };
 	char command[WORD_MAX];
 	int end = 0;
 
@@ -116,7 +97,10 @@ static bool parse_line(char *line, struct entry *entry)
 	    line[end] == '\0')
 		return false;
 	snprintf(entry->place, sizeof(entry->place), "%s", line + end);
-	entry->command = stop_named(command);
+	for (size_t i = 0; i < sizeof(stops) / sizeof(stops[0]); i++) {
+		if (strcmp(command, db_command_name(stops[i])) == 0)
+			entry->command = stops[i];
+	}
 	return entry->command != DB_CMD_NONE;
 }
 
@@ -159,7 +143,7 @@ static int read_file(struct service *service)
 static void look_in(struct service *service, uint64_t us)
 {
 	sd_event_source_set_time(service->must_stand->timer,
-	                         (uint64_t)(time_of(service) / DB_NS_PER_US) + us);
+	                         (uint64_t)(service_now(service) / DB_NS_PER_US) + us);
 	sd_event_source_set_enabled(service->must_stand->timer, SD_EVENT_ONESHOT);
 }
 
@@ -187,40 +171,24 @@ static void describe(struct entry *entry, const struct plant_drive *drive, uint1
 	snprintf(entry->place, sizeof(entry->place), "%s", place_of(drive));
 }
 
-/* The former entry of a drive's place, of another run or before a reload. */
-static const struct entry *find_former(const struct must_stand *known,
-                                       const struct plant_drive *drive)
-{
-	for (size_t i = 0; i < known->count; i++) {
-		if (is_at(&known->entries[i], drive) && known->entries[i].number != drive->number)
-			return &known->entries[i];
-	}
-	return NULL;
-}
-
-static bool same_entries(const struct must_stand *known, const struct entry *entries, size_t count)
-{
-	for (size_t i = 0; i < count && count == known->count; i++) {
-		if (entries[i].number != known->entries[i].number ||
-		    entries[i].command != known->entries[i].command)
-			return false;
-	}
-	return count == known->count;
-}
-
 /* Until the bus has accepted it, the former entry holds why the drive must stand. The bus may not
  * have accepted pending requests yet, and a held motion has no holder in another run. */
 static bool look_at_drive(struct service *service, const struct plant_drive *drive,
                           struct entry *entry)
 {
-	const struct entry *former = find_former(service->must_stand, drive);
+	const struct must_stand *known = service->must_stand;
+	const struct entry *former = NULL; /* of its place, of another run or before a reload */
 	struct db_snapshot snapshot;
 	const struct db_must_stand *must = &snapshot.must_stand;
 
+	for (size_t i = 0; !former && i < known->count; i++) {
+		if (is_at(&known->entries[i], drive) && known->entries[i].number != drive->number)
+			former = &known->entries[i];
+	}
 	db_axis_read(drive->axis, &snapshot);
 	if (former) {
 		db_registers_stand(service->registers, drive->number, former->command,
-		                   DB_STAND_RESTART, time_of(service));
+		                   DB_STAND_RESTART, service_now(service));
 		describe(entry, drive, (uint16_t)former->command);
 		return true;
 	}
@@ -269,7 +237,10 @@ void must_stand_look(struct service *service)
 	}
 	if (error != 0)
 		log_failure(service, "remember all of", ENOMEM);
-	same = same_entries(known, entries, count);
+	same = count == known->count;
+	for (size_t i = 0; same && i < count; i++)
+		same = entries[i].number == known->entries[i].number &&
+		       entries[i].command == known->entries[i].command;
 	free(known->entries);
 	known->entries = entries;
 	known->count = count;
@@ -303,34 +274,26 @@ void must_stand_look_soon(struct service *service)
 	sd_event_source_get_time(known->timer, &due);
 	/* The check of those that stand already may be later. */
 	if (armed == SD_EVENT_OFF ||
-	    due > (uint64_t)(time_of(service) / DB_NS_PER_US) + LOOK_AFTER_US)
+	    due > (uint64_t)(service_now(service) / DB_NS_PER_US) + LOOK_AFTER_US)
 		look_in(service, LOOK_AFTER_US);
-}
-
-static int choose_path(struct must_stand *known, const char *socket)
-{
-	if (strcmp(socket, DB_NO_SOCKET) == 0)
-		return 0;
-	if (asprintf(&known->path, "%s.must-stand", socket) < 0) {
-		known->path = NULL;
-		return -ENOMEM;
-	}
-	if (asprintf(&known->written_to, "%s.new", known->path) < 0) {
-		known->written_to = NULL;
-		return -ENOMEM;
-	}
-	return 0;
 }
 
 int must_stand_begin(struct service *service)
 {
+	const char *socket = service->plant->edition->config->control.socket;
 	struct must_stand *known = calloc(1, sizeof(*known));
-	int error;
+	int error = 0;
 
 	if (!known)
 		return -ENOMEM;
 	service->must_stand = known;
-	error = choose_path(known, service->plant->edition->config->control.socket);
+	if (strcmp(socket, DB_NO_SOCKET) != 0) {
+		if (asprintf(&known->path, "%s.must-stand", socket) < 0)
+			known->path = NULL;
+		else if (asprintf(&known->written_to, "%s.new", known->path) < 0)
+			known->written_to = NULL;
+		error = known->path && known->written_to ? 0 : -ENOMEM;
+	}
 	if (error == 0)
 		error = read_file(service);
 	if (error == 0)

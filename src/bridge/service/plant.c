@@ -9,12 +9,6 @@
 
 /* --- editions --------------------------------------------------------------------------------- */
 
-static struct edition *hold_edition(struct edition *edition)
-{
-	edition->users++;
-	return edition;
-}
-
 static void release_edition(struct edition *edition)
 {
 	if (!edition || --edition->users > 0)
@@ -143,23 +137,6 @@ void plant_roster_release(struct plant_roster *roster)
 
 /* --- making ----------------------------------------------------------------------------------- */
 
-static void free_bus(struct plant_bus *bus)
-{
-	sd_event_source_disable_unref(bus->completions);
-	db_bus_change_free(bus->change);
-	traces_leave(bus);
-	db_bus_free(bus->bus);
-	release_edition(bus->edition);
-	free(bus);
-}
-
-static void free_drive(struct plant_drive *drive)
-{
-	db_axis_free(drive->axis);
-	release_edition(drive->edition);
-	free(drive);
-}
-
 static bool is_number_taken(const struct plant *plant, uint16_t number)
 {
 	for (size_t i = 0; plant && i < plant->drive_count; i++) {
@@ -167,26 +144,6 @@ static bool is_number_taken(const struct plant *plant, uint16_t number)
 			return true;
 	}
 	return false;
-}
-
-static uint16_t choose_number(const struct plant *plant, const struct plant *running,
-                              uint16_t *last)
-{
-	do
-		*last = (uint16_t)((*last + 1) % NUMBER_LIMIT);
-	while (is_number_taken(plant, *last) || is_number_taken(running, *last));
-	return *last;
-}
-
-/* The running bus that is equal; null. */
-static struct plant_bus *find_same_bus(const struct plant *running,
-                                       const struct db_bus_config *config)
-{
-	for (size_t i = 0; running && i < running->bus_count; i++) {
-		if (db_config_same_bus(running->buses[i]->config, config))
-			return running->buses[i];
-	}
-	return NULL;
 }
 
 static struct plant_drive *find_same_drive(const struct plant *running, const struct plant_bus *bus,
@@ -209,14 +166,20 @@ static int add_buses(struct plant *plant, struct service *service, const struct 
 
 	for (; plant->bus_count < config->bus_count; plant->bus_count++) {
 		const struct db_bus_config *section = &config->buses[plant->bus_count];
-		struct plant_bus *bus = find_same_bus(running, section);
+		struct plant_bus *bus = NULL;
 
+		/* A running bus that is equal is shared. */
+		for (size_t i = 0; !bus && running && i < running->bus_count; i++) {
+			if (db_config_same_bus(running->buses[i]->config, section))
+				bus = running->buses[i];
+		}
 		if (!bus) {
 			bus = calloc(1, sizeof(*bus));
 			if (!bus)
 				return -ENOMEM;
 			bus->service = service;
-			bus->edition = hold_edition(plant->edition);
+			bus->edition = plant->edition;
+			bus->edition->users++;
 			bus->config = section;
 			bus->number = ++service->last_bus;
 		}
@@ -243,26 +206,19 @@ static int add_drives(struct plant *plant, const struct plant *running, uint16_t
 				free(drive);
 				return -ENOMEM;
 			}
-			drive->edition = hold_edition(plant->edition);
+			drive->edition = plant->edition;
+			drive->edition->users++;
 			drive->config = section;
 			drive->bus = bus;
-			drive->number = choose_number(plant, running, last_number);
+			do
+				*last_number = (uint16_t)((*last_number + 1) % NUMBER_LIMIT);
+			while (is_number_taken(plant, *last_number) ||
+			       is_number_taken(running, *last_number));
+			drive->number = *last_number;
 		}
 		plant->drives[plant->drive_count] = drive;
 	}
 	return 0;
-}
-
-static int make_bus(const struct plant *plant, struct plant_bus *bus)
-{
-	size_t count;
-	struct db_bus_drive *drives = plant_drives_on(plant, bus, NULL, &count);
-	int error = drives ? db_bus_new(bus->config, drives, count, bus->service->log.log,
-	                                &bus->bus) :
-	                     -ENOMEM;
-
-	free(drives);
-	return error;
 }
 
 static int make_parts(struct plant *plant, struct service *service, const struct plant *running,
@@ -273,8 +229,17 @@ static int make_parts(struct plant *plant, struct service *service, const struct
 	if (error == 0)
 		error = add_drives(plant, running, last_number);
 	for (size_t i = 0; error == 0 && i < plant->bus_count; i++) {
-		if (!plant->buses[i]->bus)
-			error = make_bus(plant, plant->buses[i]);
+		struct plant_bus *bus = plant->buses[i];
+		struct db_bus_drive *drives;
+		size_t count;
+
+		if (bus->bus)
+			continue;
+		drives = plant_drives_on(plant, bus, NULL, &count);
+		error = drives ? db_bus_new(bus->config, drives, count, service->log.log,
+		                            &bus->bus) :
+		                 -ENOMEM;
+		free(drives);
 	}
 	return error;
 }
@@ -293,7 +258,8 @@ int plant_new(struct service *service, struct db_config *config, const struct pl
 		return -ENOMEM;
 	}
 	edition->config = config;
-	made->edition = hold_edition(edition);
+	edition->users = 1;
+	made->edition = edition;
 	/* One more of each than needed, so that no allocation has size 0. */
 	made->buses = calloc(config->bus_count + 1, sizeof(struct plant_bus *));
 	made->drives = calloc(config->drive_count + 1, sizeof(struct plant_drive *));
@@ -326,12 +292,25 @@ void plant_free(struct plant *plant, const struct plant *other)
 	if (!plant)
 		return;
 	for (size_t i = 0; i < plant->bus_count; i++) {
-		if (!plant_has_bus(other, plant->buses[i]))
-			free_bus(plant->buses[i]);
+		struct plant_bus *bus = plant->buses[i];
+
+		if (plant_has_bus(other, bus))
+			continue;
+		sd_event_source_disable_unref(bus->completions);
+		db_bus_change_free(bus->change);
+		traces_leave(bus);
+		db_bus_free(bus->bus);
+		release_edition(bus->edition);
+		free(bus);
 	}
 	for (size_t i = 0; i < plant->drive_count; i++) {
-		if (!plant_has_drive(other, plant->drives[i]))
-			free_drive(plant->drives[i]);
+		struct plant_drive *drive = plant->drives[i];
+
+		if (plant_has_drive(other, drive))
+			continue;
+		db_axis_free(drive->axis);
+		release_edition(drive->edition);
+		free(drive);
 	}
 	free(plant->buses);
 	free(plant->drives);

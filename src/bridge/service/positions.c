@@ -118,8 +118,9 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 	return 0;
 }
 
-void positions_changed(struct service *service)
+void positions_changed(void *context)
 {
+	struct service *service = context;
 	struct positions *positions = service->positions;
 
 	positions->changed = positions->path != NULL;
@@ -177,25 +178,6 @@ static int load(struct service *service)
 	return 0;
 }
 
-static int choose_path(struct positions *positions)
-{
-	const char *folders = getenv("STATE_DIRECTORY");
-
-	/* There may be several, of which the first one is ours. */
-	if (!folders || folders[0] != '/')
-		return 0;
-	if (asprintf(&positions->path, "%.*s/" FILE_NAME, (int)strcspn(folders, ":"), folders) <
-	    0) {
-		positions->path = NULL;
-		return -ENOMEM;
-	}
-	if (asprintf(&positions->written_to, "%s.new", positions->path) < 0) {
-		positions->written_to = NULL;
-		return -ENOMEM;
-	}
-	return 0;
-}
-
 int positions_begin(struct service *service)
 {
 	struct positions *positions = calloc(1, sizeof(*positions));
@@ -205,7 +187,12 @@ int positions_begin(struct service *service)
 		return -ENOMEM;
 	service->positions = positions;
 	positions->list = db_positions_new();
-	error = positions->list ? choose_path(positions) : -ENOMEM;
+	error = positions->list ? service_state_path(FILE_NAME, &positions->path) : -ENOMEM;
+	if (error == 0 && positions->path &&
+	    asprintf(&positions->written_to, "%s.new", positions->path) < 0) {
+		positions->written_to = NULL;
+		error = -ENOMEM;
+	}
 	if (error == 0 && positions->path)
 		error = load(service);
 	if (error == 0)
@@ -216,13 +203,17 @@ int positions_begin(struct service *service)
 	return error < 0 ? error : 0;
 }
 
-struct db_positions *positions_list(const struct service *service)
+struct db_positions *positions_list(void *context)
 {
+	const struct service *service = context;
+
 	return service->positions ? service->positions->list : NULL;
 }
 
-const char *positions_trouble(const struct service *service)
+const char *positions_trouble(void *context)
 {
+	const struct service *service = context;
+
 	return service->positions ? service->positions->trouble : "";
 }
 

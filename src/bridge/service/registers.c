@@ -7,6 +7,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <sys/epoll.h>
 #include <time.h>
 
 static db_time read_now(void *context)
@@ -61,13 +62,6 @@ static void read_bus_stats(void *context, struct db_bus *bus, struct db_bus_stat
 	db_bus_read_stats(bus, stats);
 }
 
-static void read_server_stats(void *context, struct db_server_stats *stats)
-{
-	const struct service *service = context;
-
-	db_server_stats(service->server, stats);
-}
-
 static size_t list_clients(void *context, struct db_server_client *clients, size_t max)
 {
 	const struct service *service = context;
@@ -82,14 +76,9 @@ static void count_refusal(void *context, const struct db_client *client, enum db
 	db_server_refused(service->server, client, kind);
 }
 
-static struct db_configuration_report report_configuration(void *context)
+static void name_client(void *context, const uint8_t address[16], struct db_client_words *words)
 {
-	return configuration_report(context);
-}
-
-static void find_words(const struct service *service, const uint8_t address[16],
-                       struct db_client_words *words)
-{
+	const struct service *service = context;
 	const char *name;
 	const char *role;
 
@@ -99,17 +88,12 @@ static void find_words(const struct service *service, const uint8_t address[16],
 		db_control_socket_words(service->control, address, words);
 }
 
-static void name_client(void *context, const uint8_t address[16], struct db_client_words *words)
-{
-	find_words(context, address, words);
-}
-
-static void describe_client(const struct service *service, const struct db_client *client,
+static void describe_client(struct service *service, const struct db_client *client,
                             char text[DB_CLIENT_TEXT_MAX])
 {
 	struct db_client_words words;
 
-	find_words(service, client->address, &words);
+	name_client(service, client->address, &words);
 	db_client_words_join(&words, text);
 }
 
@@ -136,7 +120,7 @@ static void log_lost_hold(void *context, const struct db_bus_config *bus_config,
                           const struct db_drive_config *drive, const struct db_client *holder,
                           bool gone)
 {
-	const struct service *service = context;
+	struct service *service = context;
 	struct db_log_source log = service_log_of(service, bus_config);
 	char text[DB_CLIENT_TEXT_MAX];
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit, .client = text };
@@ -151,7 +135,7 @@ static void log_refused_write(void *context, const struct db_bus_config *bus_con
                               const struct db_drive_config *drive, const struct db_client *client,
                               const struct db_refused_write *write)
 {
-	const struct service *service = context;
+	struct service *service = context;
 	struct db_log_source log = service_log_of(service, bus_config);
 	bool open = write->result == DB_RESULT_TIMEOUT || write->result == DB_RESULT_INDETERMINATE;
 	char text[DB_CLIENT_TEXT_MAX];
@@ -189,18 +173,6 @@ static void log_refused_write(void *context, const struct db_bus_config *bus_con
 	       db_result_name(write->result), (unsigned)write->result);
 }
 
-static uint32_t post_record(void *context, const struct db_client *client,
-                            const struct db_audit_entry *entry)
-{
-	return audit_post(context, client, entry);
-}
-
-static void post_end(void *context, uint32_t record, const char *drive, enum db_result result,
-                     db_time took)
-{
-	audit_post_end(context, record, drive, result, took);
-}
-
 const struct db_registers_ops service_registers_ops = {
 	.now = read_now,
 	.wall_us = read_wall_us,
@@ -210,14 +182,45 @@ const struct db_registers_ops service_registers_ops = {
 	.answer = answer_write,
 	.answer_session = answer_session,
 	.bus_stats = read_bus_stats,
-	.server_stats = read_server_stats,
+	.server_stats = service_read_server_stats,
 	.server_clients = list_clients,
-	.configuration = report_configuration,
+	.configuration = configuration_report,
 	.client_words = name_client,
 	.refused = count_refusal,
 	.write_refused = log_refused_write,
-	.audit = post_record,
-	.audit_end = post_end,
+	.audit = audit_post,
+	.audit_end = audit_post_end,
 	.tripped = log_tripped,
 	.hold_lost = log_lost_hold,
 };
+
+/* --- completions ------------------------------------------------------------------------------ */
+
+void service_collect(struct plant_bus *bus)
+{
+	struct service *service = bus->service;
+	struct db_request *request;
+
+	while ((request = db_bus_completion(bus->bus)) != NULL) {
+		/* A motion that failed might still begin. */
+		if (request->result == DB_RESULT_FAILED)
+			must_stand_look_soon(service);
+		db_registers_complete(service->registers, request, service_now(service));
+	}
+	traces_look(bus);
+}
+
+static int on_completion(sd_event_source *source, int fd, uint32_t events, void *context)
+{
+	(void)source;
+	(void)fd;
+	(void)events;
+	service_collect(context);
+	return 0;
+}
+
+int service_watch_bus(struct service *service, struct plant_bus *bus)
+{
+	return sd_event_add_io(service->loop, &bus->completions, db_bus_completion_fd(bus->bus),
+	                       EPOLLIN, on_completion, bus);
+}

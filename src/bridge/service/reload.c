@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/service_private.h"
 
+#include "drivebridge/audit.h"
 #include "drivebridge/clock.h"
+#include "drivebridge/health.h"
 #include "drivebridge/log.h"
 #include "service/configuration.h"
 
@@ -24,20 +26,25 @@ struct reload {
 
 /* --- texts ------------------------------------------------------------------------------------ */
 
-/* Logs about a bus, or with null about the service. */
-static void log_about(const struct service *service, const struct db_bus_config *bus_config,
-                      const char *drive, const char *text)
+/* Logs about a bus, and a drive of it if not null, or with null about the service. */
+static void log_effect(void *context, const struct db_bus_config *bus_config,
+                       const struct plant_drive *drive, const char *text)
 {
+	const struct service *service = context;
 	struct db_log_source log = service->log;
-	struct db_log_about about = { .drive = drive };
+	struct db_log_about about = { .drive = drive ? drive->config->name : NULL };
 
 	log.bus = bus_config ? bus_config->name : NULL;
 	db_log(&log, service_now(service), DB_EVENT_RELOAD, &about, "reload: %s", text);
 }
 
-static void tell_buses(const struct plant *running, const struct plant *next, reload_tell_fn *tell,
-                       void *context)
+/* Tells what happens to all that is not kept unchanged; returns the number of drives that are not
+ * affected. */
+static size_t tell_effects(const struct plant *running, const struct plant *next,
+                           reload_tell_fn *tell, void *context)
 {
+	size_t kept = 0;
+
 	for (size_t i = 0; i < running->bus_count; i++) {
 		const struct db_bus_config *bus_config = running->buses[i]->config;
 
@@ -54,33 +61,22 @@ static void tell_buses(const struct plant *running, const struct plant *next, re
 		if (!plant_bus_named(running, bus_config->name))
 			tell(context, bus_config, NULL, "it is added");
 	}
-}
-
-/* What happens to a drive that is not kept unchanged; `after` is null when it is removed. */
-static const char *describe_fate(const struct plant_drive *drive, const struct plant_drive *after)
-{
-	if (!after)
-		return "it is removed: its on-exit is carried out";
-	if (db_config_same_drive(drive->edition->config, drive->config, after->edition->config,
-	                         after->config))
-		return "it starts again with its bus";
-	return "it is changed: its on-exit is carried out, then it starts with the new settings";
-}
-
-/* Returns the number of drives that are not affected. */
-static size_t tell_drives(const struct plant *running, const struct plant *next,
-                          reload_tell_fn *tell, void *context)
-{
-	size_t kept = 0;
-
 	for (size_t i = 0; i < running->drive_count; i++) {
 		const struct plant_drive *drive = running->drives[i];
 		const struct plant_drive *after = plant_drive_named(next, drive->config->name);
 
 		if (after == drive)
 			kept++;
+		else if (!after)
+			tell(context, drive->bus->config, drive,
+			     "it is removed: its on-exit is carried out");
+		else if (db_config_same_drive(drive->edition->config, drive->config,
+		                              after->edition->config, after->config))
+			tell(context, drive->bus->config, drive, "it starts again with its bus");
 		else
-			tell(context, drive->bus->config, drive, describe_fate(drive, after));
+			tell(context, drive->bus->config, drive,
+			     "it is changed: its on-exit is carried out, then it starts with the "
+			     "new settings");
 	}
 	for (size_t i = 0; i < next->drive_count; i++) {
 		const struct plant_drive *drive = next->drives[i];
@@ -89,12 +85,6 @@ static size_t tell_drives(const struct plant *running, const struct plant *next,
 			tell(context, drive->bus->config, drive, "it is added");
 	}
 	return kept;
-}
-
-static void log_effect(void *context, const struct db_bus_config *bus_config,
-                       const struct plant_drive *drive, const char *text)
-{
-	log_about(context, bus_config, drive ? drive->config->name : NULL, text);
 }
 
 int reload_foresee(struct service *service, struct db_config *config, struct plant **next,
@@ -106,8 +96,7 @@ int reload_foresee(struct service *service, struct db_config *config, struct pla
 
 	if (error != 0)
 		return error;
-	tell_buses(service->plant, *next, tell, context);
-	(void)tell_drives(service->plant, *next, tell, context);
+	(void)tell_effects(service->plant, *next, tell, context);
 	return 0;
 }
 
@@ -130,11 +119,6 @@ __attribute__((format(printf, 3, 4))) static void log_error(struct service *serv
 	free(before);
 }
 
-static void log_failure(struct service *service, int error)
-{
-	log_error(service, DB_EVENT_RELOAD_FAILED, "reload: %s; nothing changes", strerror(-error));
-}
-
 /* It has ended, with whatever result. */
 static void end_reload(struct service *service)
 {
@@ -142,7 +126,13 @@ static void end_reload(struct service *service)
 
 	service->reload_errors = NULL;
 	sd_notify(0, "READY=1");
-	audit_post_reload(service, errors);
+	(void)audit_post(service, NULL,
+	                 &(struct db_audit_entry){
+				 .kind = DB_AUDIT_RELOAD,
+				 .what = "ended",
+				 .text = errors,
+				 .result = errors ? DB_RESULT_REFUSED : DB_RESULT_OK,
+			 });
 	db_control_socket_reloaded(service->control, errors);
 	free(errors);
 }
@@ -194,7 +184,8 @@ static int prepare_reload(struct service *service, struct reload *reload)
 		plant_roster_release(&roster);
 	}
 	if (error < 0) {
-		log_failure(service, error);
+		log_error(service, DB_EVENT_RELOAD_FAILED, "reload: %s; nothing changes",
+		          strerror(-error));
 		return error;
 	}
 	error = db_server_prepare(service->server, modbus, &reload->server, &where);
@@ -224,17 +215,16 @@ static void retire_parts(struct service *service, struct reload *reload)
 {
 	struct plant *running = service->plant;
 	const struct db_modbus_config *before = &running->edition->config->modbus;
-	const struct db_modbus_config *after = &reload->next->edition->config->modbus;
+	const struct db_config *next = reload->next->edition->config;
 
 	db_registers_retire(service->registers, reload->registers);
 	db_server_apply(service->server, reload->server);
 	reload->server = NULL;
-	service->log.level = reload->next->edition->config->modbus.log;
-	audit_change(service, &reload->next->edition->config->control);
-	health_change(service, &reload->next->edition->config->control);
-	db_control_socket_change(service->control, &reload->next->edition->config->control,
-	                         &service->log);
-	service_log_listening(service, before, after);
+	service->log.level = next->modbus.log;
+	db_audit_change(service->audit, !next->control.audit_off, next->control.audit_mib);
+	db_health_change(service->health, !next->control.health_off);
+	db_control_socket_change(service->control, &next->control, &service->log);
+	service_log_listening(service, before, &next->modbus);
 	for (size_t i = 0; i < running->bus_count; i++) {
 		struct plant_bus *bus = running->buses[i];
 
@@ -272,13 +262,6 @@ static bool is_all_gone(const struct plant *running)
 
 /* --- received frames -------------------------------------------------------------------------- */
 
-/* Its files agree with what runs. */
-static void take_for_loaded(struct service *service, struct reload *reload)
-{
-	configuration_loaded(service, reload->signature, reload->copy);
-	reload->copy = NULL;
-}
-
 static int begin_next(struct service *service, struct reload *reload)
 {
 	struct plant *before = service->plant;
@@ -300,7 +283,8 @@ static int begin_next(struct service *service, struct reload *reload)
 	health_set_drives(service);
 	plant_free(before, service->plant);
 	must_stand_look(service);
-	take_for_loaded(service, reload);
+	/* The files agree with what runs. */
+	configuration_loaded(service, reload->signature, reload->copy);
 	free(reload);
 	service->reload = NULL;
 	return error;
@@ -326,7 +310,8 @@ static bool begin_reload(struct service *service, struct reading *reading)
 	if (!reload)
 		db_config_free(reading->config);
 	if (error != 0) {
-		log_failure(service, error);
+		log_error(service, DB_EVENT_RELOAD_FAILED, "reload: %s; nothing changes",
+		          strerror(-error));
 		free(reload);
 		return false;
 	}
@@ -337,7 +322,8 @@ static bool begin_reload(struct service *service, struct reading *reading)
 		db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL,
 		       "reload: %s is what is loaded already; nothing changes", service->path);
 		db_config_keep_ends(service->plant->edition->config, reload->next->edition->config);
-		take_for_loaded(service, reload);
+		configuration_loaded(service, reload->signature, reload->copy);
+		reload->copy = NULL;
 		free_reload(reload, service->plant);
 		return true;
 	}
@@ -345,12 +331,11 @@ static bool begin_reload(struct service *service, struct reading *reading)
 		free_reload(reload, service->plant);
 		return false;
 	}
-	tell_buses(service->plant, reload->next, log_effect, service);
-	kept = tell_drives(service->plant, reload->next, log_effect, service);
+	kept = tell_effects(service->plant, reload->next, log_effect, service);
 	if (!db_config_same_modbus(service->plant->edition->config, reload->next->edition->config))
-		log_about(service, NULL, NULL, "the section modbus is changed");
+		log_effect(service, NULL, NULL, "the section modbus is changed");
 	if (!db_config_same_control(service->plant->edition->config, reload->next->edition->config))
-		log_about(service, NULL, NULL, "the section control is changed");
+		log_effect(service, NULL, NULL, "the section control is changed");
 	db_log(&service->log, service_now(service), DB_EVENT_RELOAD, NULL,
 	       "reload: %zu drive%s without interruption", kept,
 	       kept == 1 ? " continues" : "s continue");
@@ -443,7 +428,7 @@ void reload_step(struct service *service)
 			sd_event_exit(service->loop, error);
 			return;
 		}
-		log_about(service, NULL, NULL, "done");
+		log_effect(service, NULL, NULL, "done");
 		end_reload(service);
 		if (!service->reload_again)
 			return;

@@ -22,32 +22,6 @@
 
 /* --- putting together ------------------------------------------------------------------------- */
 
-static int make_registers(struct service *service)
-{
-	struct plant_roster roster;
-	int error = plant_roster_init(&roster, service->plant);
-
-	if (error != 0)
-		return error;
-	error = db_registers_new(&roster.roster, &service_registers_ops, service,
-	                         &service->registers);
-	plant_roster_release(&roster);
-	return error;
-}
-
-static const char *advice_for_listening(int error)
-{
-	switch (error) {
-	case EADDRINUSE:
-		return "; another program uses this port";
-	case EACCES:
-		return "; ports below 1024 are for the service: see CAP_NET_BIND_SERVICE in its "
-		       "unit";
-	default:
-		return "";
-	}
-}
-
 /*
  * systemd gives up on a service that fails too often, and what another program occupies will be
  * free again: so as a service this waits before it touches a bus. If the program was started by
@@ -82,7 +56,11 @@ static int listen_for_clients(struct service *service)
 		if (!logged)
 			db_log(&service->log, service_now(service), DB_EVENT_FAILED, NULL,
 			       "cannot listen on %s: %s%s", where ? where : modbus->listen,
-			       strerror(-error), advice_for_listening(-error));
+			       strerror(-error),
+			       error == -EADDRINUSE ? "; another program uses this port" :
+			       error == -EACCES     ? "; ports below 1024 are for the service: see "
+			                              "CAP_NET_BIND_SERVICE in its unit" :
+			                              "");
 		logged = true;
 		if (error == -EADDRINUSE)
 			error = wait_after(error);
@@ -103,13 +81,6 @@ static bool ask_reload(void *context)
 	return begins;
 }
 
-static void read_server_stats(void *context, struct db_server_stats *stats)
-{
-	const struct service *service = context;
-
-	db_server_stats(service->server, stats);
-}
-
 static bool read_secure_status(void *context, struct db_secure_status *status)
 {
 	const struct service *service = context;
@@ -122,11 +93,6 @@ static bool read_line(void *context, size_t index, struct db_server_line *line)
 	const struct service *service = context;
 
 	return db_server_read_line(service->server, index, line);
-}
-
-static struct db_configuration_report report_configuration(void *context)
-{
-	return configuration_report(context);
 }
 
 static struct db_audit *audit_of(void *context)
@@ -143,27 +109,6 @@ static struct db_health *health_of(void *context)
 	return service->health;
 }
 
-static struct db_positions *positions_of(void *context)
-{
-	return positions_list(context);
-}
-
-static void change_positions(void *context)
-{
-	positions_changed(context);
-}
-
-static const char *trouble_of_positions(void *context)
-{
-	return positions_trouble(context);
-}
-
-static uint32_t post_record(void *context, const struct db_client *client,
-                            const struct db_audit_entry *entry)
-{
-	return audit_post(context, client, entry);
-}
-
 static const struct db_trace *find_trace(void *context, const char *name, uint32_t *number)
 {
 	const struct service *service = context;
@@ -175,18 +120,13 @@ static const struct db_trace *find_trace(void *context, const char *name, uint32
 	return db_bus_trace(bus->bus);
 }
 
-static int begin_edit(void *context, const struct db_edit_request *request)
-{
-	return edit_begin(context, request);
-}
-
 static int listen_for_tools(struct service *service)
 {
 	static const struct db_control_socket_ops ops = {
 		.reload = ask_reload,
-		.configuration = report_configuration,
-		.edit = begin_edit,
-		.server_stats = read_server_stats,
+		.configuration = configuration_report,
+		.edit = edit_begin,
+		.server_stats = service_read_server_stats,
 		.secure_status = read_secure_status,
 		.line = read_line,
 		.scan = scans_begin,
@@ -196,11 +136,11 @@ static int listen_for_tools(struct service *service)
 		.scan_cancel = scans_cancel,
 		.trace = find_trace,
 		.audit = audit_of,
-		.audit_post = post_record,
+		.audit_post = audit_post,
 		.health = health_of,
-		.positions = positions_of,
-		.positions_changed = change_positions,
-		.positions_trouble = trouble_of_positions,
+		.positions = positions_list,
+		.positions_changed = positions_changed,
+		.positions_trouble = positions_trouble,
 	};
 	const struct db_control_socket_setup setup = {
 		.loop = service->loop,
@@ -219,6 +159,7 @@ static int listen_for_tools(struct service *service)
 static int set_up(struct service *service, struct configuration_start *start)
 {
 	int error = plant_new(service, start->config, NULL, &service->last_number, &service->plant);
+	struct plant_roster roster;
 
 	start->config = NULL;
 	/* The loop first: the registers need its time. */
@@ -227,7 +168,12 @@ static int set_up(struct service *service, struct configuration_start *start)
 	if (error >= 0)
 		error = traces_begin(service);
 	if (error >= 0)
-		error = make_registers(service);
+		error = plant_roster_init(&roster, service->plant);
+	if (error >= 0) {
+		error = db_registers_new(&roster.roster, &service_registers_ops, service,
+		                         &service->registers);
+		plant_roster_release(&roster);
+	}
 	if (error >= 0)
 		error = loop_feed_watchdog(service);
 	if (error < 0)

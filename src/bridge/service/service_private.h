@@ -75,11 +75,12 @@ db_time service_now(const struct service *service);
 struct db_log_source service_log_of(const struct service *service,
                                     const struct db_bus_config *bus_config);
 
-/* Watches a new bus for completions. 0 or a negative errno. */
-int service_watch_bus(struct service *service, struct plant_bus *bus);
+/* The path of a file or folder of this name in systemd's StateDirectory, to be freed; null: systemd
+ * gives none. 0 or -ENOMEM, with null. */
+int service_state_path(const char *name, char **path);
 
-/* Fetches the bus's completions. */
-void service_collect(struct plant_bus *bus);
+/* See struct db_registers_ops and struct db_control_socket_ops. */
+void service_read_server_stats(void *context, struct db_server_stats *stats);
 
 /* Logs the addresses on which clients can connect, as far as they are others than before; `before`:
  * null at the start. */
@@ -122,6 +123,12 @@ void loop_free(struct service *service);
  */
 
 extern const struct db_registers_ops service_registers_ops;
+
+/* Watches a new bus for completions. 0 or a negative errno. */
+int service_watch_bus(struct service *service, struct plant_bus *bus);
+
+/* Fetches the bus's completions. */
+void service_collect(struct plant_bus *bus);
 
 /* --- reload.c --------------------------------------------------------------------------------- */
 
@@ -184,12 +191,16 @@ void must_stand_end(struct service *service);
 /* Reads the file. 0 or a negative errno; a file that cannot be understood is logged and kept under
  * another name. */
 int positions_begin(struct service *service);
+
+/* For the control socket: its ops. */
+
 /* Null before the beginning. */
-struct db_positions *positions_list(const struct service *service);
+struct db_positions *positions_list(void *context);
 /* Has them written soon. */
-void positions_changed(struct service *service);
+void positions_changed(void *context);
 /* Why they cannot be written; "": they can, or there is no folder for them. */
-const char *positions_trouble(const struct service *service);
+const char *positions_trouble(void *context);
+
 /* Writes what is still to be written. The disk's thread has ended. */
 void positions_end(struct service *service);
 
@@ -230,17 +241,14 @@ struct db_audit_entry;
 
 /* Fills the histories from what was recorded last. 0 or a negative errno. */
 int audit_begin(struct service *service);
-void audit_change(struct service *service, const struct db_control_config *config);
 /* Writes what is still to be written. */
 void audit_end(struct service *service);
 
 /* See struct db_registers_ops. */
-uint32_t audit_post(struct service *service, const struct db_client *client,
+uint32_t audit_post(void *context, const struct db_client *client,
                     const struct db_audit_entry *entry);
-void audit_post_end(struct service *service, uint32_t record, const char *drive,
-                    enum db_result result, db_time took);
-/* A reload has ended, with these lines of errors; null: it is in force. */
-void audit_post_reload(struct service *service, const char *errors);
+void audit_post_end(void *context, uint32_t record, const char *drive, enum db_result result,
+                    db_time took);
 
 /* --- health.c --------------------------------------------------------------------------------- */
 
@@ -251,7 +259,6 @@ void audit_post_reload(struct service *service, const char *errors);
 
 /* 0 or a negative errno. */
 int health_begin(struct service *service);
-void health_change(struct service *service, const struct db_control_config *config);
 /* The plant is another one. */
 void health_set_drives(struct service *service);
 /* Writes what is still to be written. */

@@ -3,8 +3,10 @@
 
 #include "identity/rights.h"
 
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
-#include <sys/epoll.h>
 
 /* A bus, or a line of a PLC, has its port and the port's lock, and two descriptors to wake others;
  * a reload may open new ones before the old ones are closed. */
@@ -30,33 +32,24 @@ struct db_log_source service_log_of(const struct service *service,
 	};
 }
 
-void service_collect(struct plant_bus *bus)
+int service_state_path(const char *name, char **path)
 {
-	struct service *service = bus->service;
-	struct db_request *request;
+	const char *folders = getenv("STATE_DIRECTORY");
 
-	while ((request = db_bus_completion(bus->bus)) != NULL) {
-		/* A motion that failed might still begin. */
-		if (request->result == DB_RESULT_FAILED)
-			must_stand_look_soon(service);
-		db_registers_complete(service->registers, request, service_now(service));
-	}
-	traces_look(bus);
+	*path = NULL;
+	/* There may be several, of which the first one is ours. */
+	if (!folders || folders[0] != '/' ||
+	    asprintf(path, "%.*s/%s", (int)strcspn(folders, ":"), folders, name) >= 0)
+		return 0;
+	*path = NULL;
+	return -ENOMEM;
 }
 
-static int on_completion(sd_event_source *source, int fd, uint32_t events, void *context)
+void service_read_server_stats(void *context, struct db_server_stats *stats)
 {
-	(void)source;
-	(void)fd;
-	(void)events;
-	service_collect(context);
-	return 0;
-}
+	const struct service *service = context;
 
-int service_watch_bus(struct service *service, struct plant_bus *bus)
-{
-	return sd_event_add_io(service->loop, &bus->completions, db_bus_completion_fd(bus->bus),
-	                       EPOLLIN, on_completion, bus);
+	db_server_stats(service->server, stats);
 }
 
 void service_keep_descriptors(struct service *service)
@@ -78,35 +71,27 @@ void service_set_rights(struct service *service)
 	                     config->modbus.everybody_writes_here ? NULL : &rights);
 }
 
-static void log_endpoint(const struct service *service, const struct db_endpoint_config *endpoint)
-{
-	int host = (int)(strrchr(endpoint->listen, ':') - endpoint->listen);
-
-	if (db_server_is_early(service->server, endpoint->number))
-		db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
-		       "this machine does not have the address %.*s yet; clients can connect as "
-		       "soon as "
-		       "it has. If it never will: correct listen (ip address shows what it has)",
-		       host, endpoint->listen);
-	if (endpoint->name)
-		db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
-		       "listening on %.*s:%u for endpoint %s", host, endpoint->listen,
-		       (unsigned)db_server_port(service->server, endpoint->number), endpoint->name);
-	else
-		db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
-		       "listening on %.*s:%u", host, endpoint->listen,
-		       (unsigned)db_server_port(service->server, endpoint->number));
-}
-
 void service_log_listening(const struct service *service, const struct db_modbus_config *before,
                            const struct db_modbus_config *modbus)
 {
 	for (size_t i = 0; i < db_modbus_endpoint_count(modbus); i++) {
 		const struct db_endpoint_config endpoint = db_modbus_endpoint_at(modbus, i);
+		int host = (int)(strrchr(endpoint.listen, ':') - endpoint.listen);
 		struct db_endpoint_config old;
+		unsigned port;
 
-		if (!before || !db_modbus_endpoint_find(before, endpoint.number, &old) ||
-		    strcmp(old.listen, endpoint.listen) != 0)
-			log_endpoint(service, &endpoint);
+		if (before && db_modbus_endpoint_find(before, endpoint.number, &old) &&
+		    strcmp(old.listen, endpoint.listen) == 0)
+			continue;
+		if (db_server_is_early(service->server, endpoint.number))
+			db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
+			       "this machine does not have the address %.*s yet; clients can "
+			       "connect as soon as it has. If it never will: correct listen (ip "
+			       "address shows what it has)",
+			       host, endpoint.listen);
+		port = (unsigned)db_server_port(service->server, endpoint.number);
+		db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
+		       "listening on %.*s:%u%s%s", host, endpoint.listen, port,
+		       endpoint.name ? " for endpoint " : "", endpoint.name ? endpoint.name : "");
 	}
 }

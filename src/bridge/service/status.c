@@ -76,8 +76,7 @@ void status_write(const struct status_figures *figures, FILE *out)
 		fputs("; an upgrade needs a restart", out);
 }
 
-/* The figures of the whole service. */
-static struct status_figures read_figures(const struct service *service)
+static void notify_systemd(struct service *service)
 {
 	const struct plant *plant = service->plant;
 	struct db_configuration_report report = configuration_report(service);
@@ -86,6 +85,8 @@ static struct status_figures read_figures(const struct service *service)
 		.replaced = report.replaced[0] != '\0',
 	};
 	struct db_server_stats clients;
+	char line[LINE_MAX_BYTES] = "";
+	FILE *out;
 
 	for (size_t b = 0; b < plant->bus_count; b++) {
 		const struct plant_bus *bus = plant->buses[b];
@@ -99,15 +100,7 @@ static struct status_figures read_figures(const struct service *service)
 	}
 	db_server_stats(service->server, &clients);
 	figures.clients = clients.clients;
-	return figures;
-}
-
-static void notify_systemd(struct service *service)
-{
-	struct status_figures figures = read_figures(service);
-	char line[LINE_MAX_BYTES] = "";
-	FILE *out = fmemopen(line, sizeof(line), "w");
-
+	out = fmemopen(line, sizeof(line), "w");
 	if (!out)
 		return;
 	status_write(&figures, out);

@@ -7,11 +7,6 @@
 #include <stdio.h>
 #include <time.h>
 
-static int64_t wall_offset(void)
-{
-	return db_clock_read(CLOCK_REALTIME) - db_clock_now();
-}
-
 static void arm(struct service *service)
 {
 	db_time next = db_trace_keeper_next(service->traces);
@@ -30,7 +25,8 @@ static int on_due(sd_event_source *source, uint64_t us, void *context)
 
 	(void)source;
 	(void)us;
-	db_trace_keeper_run(service->traces, db_clock_now(), wall_offset());
+	db_trace_keeper_run(service->traces, db_clock_now(),
+	                    db_clock_read(CLOCK_REALTIME) - db_clock_now());
 	arm(service);
 	return 0;
 }
@@ -84,5 +80,6 @@ void traces_note_tripped(struct service *service, const struct db_bus_config *bu
 void traces_leave(struct plant_bus *bus)
 {
 	if (bus->service->traces && bus->bus)
-		db_trace_keeper_leave(bus->service->traces, db_bus_trace(bus->bus), wall_offset());
+		db_trace_keeper_leave(bus->service->traces, db_bus_trace(bus->bus),
+		                      db_clock_read(CLOCK_REALTIME) - db_clock_now());
 }

@@ -114,8 +114,8 @@ static void listen_addresses(void **state)
 
 	(void)state;
 	for (size_t i = 0; i < sizeof(bad) / sizeof(bad[0]); i++)
-		assert_int_equal(db_listener_open(bad[i]), -EINVAL);
-	fd = db_listener_open("127.0.0.1:0");
+		assert_int_equal(db_listener_open(NULL, 0, bad[i]), -EINVAL);
+	fd = db_listener_open(NULL, 0, "127.0.0.1:0");
 	assert_true(fd >= 0);
 	assert_int_not_equal(db_listener_port(fd), 0);
 	close(fd);

@@ -50,7 +50,7 @@ static void test_many_knock_at_once(void **state)
 	assert_int_equal(getrlimit(RLIMIT_NOFILE, &descriptors), 0);
 	if (kernel_limit() < KNOCKING || descriptors.rlim_cur < KNOCKING + 32)
 		skip();
-	listener = db_listener_open("127.0.0.1:0");
+	listener = db_listener_open(NULL, 0, "127.0.0.1:0");
 	assert_true(listener >= 0);
 	for (size_t i = 0; i < KNOCKING; i++)
 		fds[i] = knock(db_listener_port(listener));

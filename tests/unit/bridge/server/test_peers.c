@@ -5,6 +5,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 
 #include <string.h>
 #include <cmocka.h>
@@ -65,7 +66,7 @@ static void each_kind_is_told_once(void **state)
 	assert_int_equal(told.lines, 3);
 	assert_true(told.first);
 	assert_int_equal(told.count, 1);
-	db_peers_free(peers);
+	free(peers);
 }
 
 static void the_rest_is_told_by_its_count(void **state)
@@ -90,7 +91,7 @@ static void the_rest_is_told_by_its_count(void **state)
 	assert_true(db_peers_deadline(peers) == DB_TIME_NEVER);
 	db_peers_log(peers, START + 600 * S);
 	assert_int_equal(told.lines, 2);
-	db_peers_free(peers);
+	free(peers);
 }
 
 /* Somebody who knocks every second for a day is told of 30 times or so, with nothing left out. */
@@ -109,7 +110,7 @@ static void patience_grows(void **state)
 	}
 	assert_in_range(lines, 24, 32);
 	assert_in_range(sum, 86400 - 3600, 86400);
-	db_peers_free(peers);
+	free(peers);
 }
 
 static void many_addresses_do_not_flood_the_log(void **state)
@@ -123,7 +124,7 @@ static void many_addresses_do_not_flood_the_log(void **state)
 	db_peers_log(peers, START + 60 * S);
 	assert_int_equal(told.lines, 2 * DB_PEERS_MESSAGES);
 	assert_true(told.first);
-	db_peers_free(peers);
+	free(peers);
 }
 
 static void connected_peers_stay(void **state)
@@ -148,7 +149,7 @@ static void connected_peers_stay(void **state)
 	                         ->refusals[0]
 	                         .unlogged,
 	                 9);
-	db_peers_free(peers);
+	free(peers);
 }
 
 int main(void)

@@ -1390,7 +1390,7 @@ static uint16_t start_where_all_is_free(struct rig *rig)
 		int probe;
 
 		snprintf(everywhere, sizeof(everywhere), "0.0.0.0:%u", port);
-		probe = db_listener_open(everywhere);
+		probe = db_listener_open(NULL, 0, everywhere);
 		if (probe < 0)
 			continue;
 		close(probe);
