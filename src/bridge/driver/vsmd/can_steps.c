@@ -216,8 +216,8 @@ static struct vsmd_can_search *search_of(const struct db_conversation *talk)
 
 /*
  * Reporting is set again each time a drive is identified: it may have restarted, or another master
- * may have changed it. A read of the identity in parts leaves no room for that; then it is a step of
- * its own.
+ * may have changed it. A read of the identity in parts leaves no room for that; then it is a step
+ * of its own.
  */
 static enum db_step send_identity(struct db_conversation *talk)
 {

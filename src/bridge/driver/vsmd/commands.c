@@ -192,7 +192,7 @@ static enum db_step send_order(struct db_conversation *talk)
 	}
 }
 
-/* What the steps send whose command is not the client's; a read of the status where they have none. */
+/* What the steps send that have their own command; the others read the status. */
 static enum db_step send_fixed(struct db_conversation *talk)
 {
 	struct vsmd_axis *axis = axis_of(talk);
