@@ -134,7 +134,7 @@ static void check_message(const struct servo_can_message *message,
 	must((unsigned)message->kind < SERVO_CAN_KIND_COUNT);
 	must(message->node <= SERVO_CAN_NODE_MAX);
 	must(message->node != SERVO_CAN_BROADCAST || message->kind == SERVO_CAN_FOREIGN ||
-	     servo_can_may_broadcast(message->kind));
+	     servo_can_shapes[message->kind].broadcast);
 	if (message->kind == SERVO_CAN_WORDS)
 		must(layout->words.set);
 	if (message->kind == SERVO_CAN_ACK)

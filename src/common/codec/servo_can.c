@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "codec/servo_can.h"
 
+#include "codec/big_endian.h"
 #include "codec/servo_can_layout.h"
 
 #include <string.h>
@@ -43,11 +44,6 @@ static uint32_t base_of(enum servo_can_kind kind, const struct servo_can_layout 
 	default:
 		return servo_can_shapes[kind].base;
 	}
-}
-
-bool servo_can_may_broadcast(enum servo_can_kind kind)
-{
-	return (unsigned)kind < SERVO_CAN_KIND_COUNT && servo_can_shapes[kind].broadcast;
 }
 
 /* The document has acknowledgements up to 0B, and for four of these codes no command. */
@@ -105,20 +101,9 @@ static void put16(uint8_t *bytes, uint32_t value)
 	bytes[1] = (uint8_t)value;
 }
 
-static void put32(uint8_t *bytes, uint32_t value)
-{
-	put16(bytes, value >> 16);
-	put16(bytes + 2, value);
-}
-
 static uint16_t take16(const uint8_t *bytes)
 {
 	return (uint16_t)((uint32_t)bytes[0] << 8 | bytes[1]);
-}
-
-static uint32_t take32(const uint8_t *bytes)
-{
-	return (uint32_t)take16(bytes) << 16 | take16(bytes + 2);
 }
 
 static int64_t take_number(const uint8_t *data, const struct servo_can_number_layout *number)
@@ -145,20 +130,6 @@ static bool put_number(uint8_t *data, const struct servo_can_number_layout *numb
 }
 
 /* --- message to frame ------------------------------------------------------------------------- */
-
-static enum servo_can_error put_mode(const struct servo_can_message *message, uint8_t *data)
-{
-	unsigned mode = (unsigned)message->u.mode.mode;
-
-	if (mode > SERVO_CAN_MODE_CURRENT ||
-	    (!message->u.mode.has_max_speed && message->u.mode.max_speed != 0))
-		return SERVO_CAN_ERR_RANGE;
-	put16(data,
-	      message->u.mode.torque_clockwise ? mode | SERVO_CAN_MODE_TORQUE_CLOCKWISE : mode);
-	data[2] = message->u.mode.has_max_speed;
-	put16(data + 3, message->u.mode.max_speed);
-	return SERVO_CAN_OK;
-}
 
 static enum servo_can_error put_described(const struct servo_can_message *message,
                                           const struct servo_can_layout *layout, uint8_t *data,
@@ -193,12 +164,22 @@ static enum servo_can_error put_described(const struct servo_can_message *messag
 
 static enum servo_can_error put_host(const struct servo_can_message *message, uint8_t *data)
 {
+	unsigned mode = (unsigned)message->u.mode.mode;
+
 	switch (message->kind) {
 	case SERVO_CAN_ENABLE:
 		put16(data, message->u.enable ? ENABLE_ON : ENABLE_OFF);
 		return SERVO_CAN_OK;
 	case SERVO_CAN_MODE:
-		return put_mode(message, data);
+		if (mode > SERVO_CAN_MODE_CURRENT ||
+		    (!message->u.mode.has_max_speed && message->u.mode.max_speed != 0))
+			return SERVO_CAN_ERR_RANGE;
+		put16(data, message->u.mode.torque_clockwise ?
+		                    mode | SERVO_CAN_MODE_TORQUE_CLOCKWISE :
+		                    mode);
+		data[2] = message->u.mode.has_max_speed;
+		put16(data + 3, message->u.mode.max_speed);
+		return SERVO_CAN_OK;
 	case SERVO_CAN_SPEED:
 		data[0] = SERVO_CAN_SETPOINT_SPEED;
 		put16(data + 1, (uint16_t)message->u.speed);
@@ -209,11 +190,11 @@ static enum servo_can_error put_host(const struct servo_can_message *message, ui
 		return SERVO_CAN_OK;
 	case SERVO_CAN_POSITION:
 	case SERVO_CAN_SET_FEEDBACK:
-		put32(data, (uint32_t)message->u.position);
+		put_be32((uint32_t)message->u.position, data);
 		return SERVO_CAN_OK;
 	case SERVO_CAN_RAMPS:
-		put32(data, message->u.ramps.acceleration);
-		put32(data + 4, message->u.ramps.deceleration);
+		put_be32(message->u.ramps.acceleration, data);
+		put_be32(message->u.ramps.deceleration, data + 4);
 		return SERVO_CAN_OK;
 	case SERVO_CAN_READ:
 		data[0] = message->u.selector;
@@ -229,7 +210,7 @@ static void put_drive(const struct servo_can_message *message, uint8_t *data)
 	switch (message->kind) {
 	case SERVO_CAN_ANSWER_POSITION:
 	case SERVO_CAN_REPORT_POSITION:
-		put32(data, (uint32_t)message->u.position);
+		put_be32((uint32_t)message->u.position, data);
 		break;
 	case SERVO_CAN_ANSWER_MOTION:
 	case SERVO_CAN_REPORT_MOTION:
@@ -251,11 +232,6 @@ static void put_drive(const struct servo_can_message *message, uint8_t *data)
 	}
 }
 
-static bool ack_has_value(uint8_t code)
-{
-	return code == SERVO_CAN_ACK_SPEED || code == SERVO_CAN_ACK_CURRENT;
-}
-
 static enum servo_can_error put_ack(const struct servo_can_ack *ack,
                                     const struct servo_can_layout *layout, uint8_t *data,
                                     uint8_t *length)
@@ -264,7 +240,7 @@ static enum servo_can_error put_ack(const struct servo_can_ack *ack,
 		return SERVO_CAN_ERR_RANGE;
 	data[0] = ack->code;
 	*length = 1;
-	if (ack_has_value(ack->code)) {
+	if (ack->code == SERVO_CAN_ACK_SPEED || ack->code == SERVO_CAN_ACK_CURRENT) {
 		put16(data + 1, (uint16_t)ack->value);
 		*length = ACK_WITH_VALUE;
 	} else if (!servo_can_ack_documented(ack->code)) {
@@ -274,34 +250,12 @@ static enum servo_can_error put_ack(const struct servo_can_ack *ack,
 	return SERVO_CAN_OK;
 }
 
-static enum servo_can_error put_data(const struct servo_can_message *message,
-                                     const struct servo_can_layout *layout, uint8_t *data,
-                                     uint8_t *length)
-{
-	enum servo_can_error error = SERVO_CAN_OK;
-
-	*length = servo_can_shapes[message->kind].length;
-	if (is_described(message->kind))
-		return put_described(message, layout, data, length);
-	if (message->kind == SERVO_CAN_SYNC)
-		return SERVO_CAN_OK;
-	if (message->kind == SERVO_CAN_ACK)
-		error = put_ack(&message->u.ack, layout, data, length);
-	else if (servo_can_shapes[message->kind].from == SERVO_CAN_FROM_HOST)
-		error = put_host(message, data);
-	else
-		put_drive(message, data);
-	if (layout->padded)
-		*length = DB_CAN_DATA_MAX;
-	return error;
-}
-
 enum servo_can_error servo_can_encode(const struct servo_can_message *message,
                                       const struct servo_can_layout *layout,
                                       struct db_can_frame *frame)
 {
 	struct db_can_frame made = { 0 };
-	enum servo_can_error error;
+	enum servo_can_error error = SERVO_CAN_OK;
 
 	if (message->kind == SERVO_CAN_FOREIGN || (unsigned)message->kind >= SERVO_CAN_KIND_COUNT)
 		return SERVO_CAN_ERR_RANGE;
@@ -313,7 +267,17 @@ enum servo_can_error servo_can_encode(const struct servo_can_message *message,
 		made.id += message->node;
 	if (made.id > DB_CAN_STANDARD_MASK)
 		return SERVO_CAN_ERR_LAYOUT;
-	error = put_data(message, layout, made.data, &made.length);
+	made.length = servo_can_shapes[message->kind].length;
+	if (is_described(message->kind))
+		error = put_described(message, layout, made.data, &made.length);
+	else if (message->kind == SERVO_CAN_ACK)
+		error = put_ack(&message->u.ack, layout, made.data, &made.length);
+	else if (servo_can_shapes[message->kind].from == SERVO_CAN_FROM_HOST)
+		error = put_host(message, made.data);
+	else
+		put_drive(message, made.data);
+	if (layout->padded && message->kind != SERVO_CAN_SYNC && !is_described(message->kind))
+		made.length = DB_CAN_DATA_MAX;
 	if (error == SERVO_CAN_OK)
 		*frame = made;
 	return error;
@@ -333,20 +297,6 @@ static const uint8_t answers_of_blocks[] = {
 	[SERVO_CAN_BASE_REPORT_HEALTH / BLOCK] = SERVO_CAN_REPORT_HEALTH,
 	[SERVO_CAN_BASE_ANSWER_ANALOGUE / BLOCK] = SERVO_CAN_ANSWER_ANALOGUE,
 };
-
-static enum servo_can_kind answer_kind(uint32_t id)
-{
-	if (id / BLOCK >= sizeof(answers_of_blocks) || id % BLOCK == 0)
-		return SERVO_CAN_FOREIGN;
-	return (enum servo_can_kind)answers_of_blocks[id / BLOCK];
-}
-
-static bool is_ack(uint32_t id, const struct servo_can_layout *layout)
-{
-	uint32_t node = id - layout->ack_base; /* huge below the base */
-
-	return node > 0 && node <= SERVO_CAN_NODE_MAX;
-}
 
 static bool find_kind_of_host(uint32_t id, const struct servo_can_layout *layout,
                               struct servo_can_message *message)
@@ -370,9 +320,16 @@ static bool find_kind_of_host(uint32_t id, const struct servo_can_layout *layout
 static bool find_kind(uint32_t id, const struct servo_can_layout *layout, enum servo_can_side from,
                       struct servo_can_message *message)
 {
+	uint32_t node = id - layout->ack_base; /* huge below the base */
+
 	if (from == SERVO_CAN_FROM_HOST)
 		return find_kind_of_host(id, layout, message);
-	message->kind = is_ack(id, layout) ? SERVO_CAN_ACK : answer_kind(id);
+	if (node > 0 && node <= SERVO_CAN_NODE_MAX)
+		message->kind = SERVO_CAN_ACK;
+	else if (id / BLOCK < sizeof(answers_of_blocks) && id % BLOCK != 0)
+		message->kind = (enum servo_can_kind)answers_of_blocks[id / BLOCK];
+	else
+		message->kind = SERVO_CAN_FOREIGN;
 	if (message->kind == SERVO_CAN_FOREIGN)
 		return false;
 	message->node = (uint8_t)(id - base_of(message->kind, layout));
@@ -436,28 +393,12 @@ static enum servo_can_error take_ack(const struct db_can_frame *frame,
 		memcpy(ack->bytes, frame->data + 1, ack->extra);
 		return ack_recognised(ack->code, layout) ? SERVO_CAN_OK : SERVO_CAN_ERR_RANGE;
 	}
-	if (!ack_has_value(ack->code))
+	if (ack->code != SERVO_CAN_ACK_SPEED && ack->code != SERVO_CAN_ACK_CURRENT)
 		return SERVO_CAN_OK;
 	if (frame->length < ACK_WITH_VALUE)
 		return SERVO_CAN_ERR_LENGTH;
 	ack->value = (int16_t)take16(frame->data + 1);
 	return SERVO_CAN_OK;
-}
-
-static enum servo_can_error take_setpoint(const uint8_t *data, struct servo_can_message *message)
-{
-	switch (data[0]) {
-	case SERVO_CAN_SETPOINT_SPEED:
-		message->u.speed = (int16_t)take16(data + 1);
-		return SERVO_CAN_OK;
-	case SERVO_CAN_SETPOINT_CURRENT:
-		message->kind = SERVO_CAN_CURRENT;
-		message->u.current = (int16_t)take16(data + 1);
-		return SERVO_CAN_OK;
-	default:
-		message->kind = SERVO_CAN_FOREIGN;
-		return SERVO_CAN_ERR_RANGE;
-	}
 }
 
 static enum servo_can_error take_host(const uint8_t *data, struct servo_can_message *message)
@@ -470,14 +411,24 @@ static enum servo_can_error take_host(const uint8_t *data, struct servo_can_mess
 	case SERVO_CAN_MODE:
 		return take_mode(data, message);
 	case SERVO_CAN_SPEED:
-		return take_setpoint(data, message);
+		if (data[0] == SERVO_CAN_SETPOINT_SPEED) {
+			message->u.speed = (int16_t)take16(data + 1);
+			return SERVO_CAN_OK;
+		}
+		if (data[0] == SERVO_CAN_SETPOINT_CURRENT) {
+			message->kind = SERVO_CAN_CURRENT;
+			message->u.current = (int16_t)take16(data + 1);
+			return SERVO_CAN_OK;
+		}
+		message->kind = SERVO_CAN_FOREIGN;
+		return SERVO_CAN_ERR_RANGE;
 	case SERVO_CAN_POSITION:
 	case SERVO_CAN_SET_FEEDBACK:
-		message->u.position = (int32_t)take32(data);
+		message->u.position = (int32_t)get_be32(data);
 		return SERVO_CAN_OK;
 	case SERVO_CAN_RAMPS:
-		message->u.ramps.acceleration = take32(data);
-		message->u.ramps.deceleration = take32(data + 4);
+		message->u.ramps.acceleration = get_be32(data);
+		message->u.ramps.deceleration = get_be32(data + 4);
 		return SERVO_CAN_OK;
 	case SERVO_CAN_READ:
 		message->u.selector = data[0];
@@ -492,7 +443,7 @@ static void take_drive(const uint8_t *data, struct servo_can_message *message)
 	switch (message->kind) {
 	case SERVO_CAN_ANSWER_POSITION:
 	case SERVO_CAN_REPORT_POSITION:
-		message->u.position = (int32_t)take32(data);
+		message->u.position = (int32_t)get_be32(data);
 		break;
 	case SERVO_CAN_ANSWER_MOTION:
 	case SERVO_CAN_REPORT_MOTION:
@@ -514,22 +465,12 @@ static void take_drive(const uint8_t *data, struct servo_can_message *message)
 	}
 }
 
-/* Drives may send more than is documented: some pad every frame to 8 bytes. */
-static bool length_fits(const struct db_can_frame *frame, const struct servo_can_layout *layout,
-                        enum servo_can_side from, enum servo_can_kind kind)
-{
-	uint8_t length = servo_can_shapes[kind].length;
-
-	if (from == SERVO_CAN_FROM_DRIVE)
-		return frame->length >= length;
-	return frame->length ==
-	       (layout->padded && kind != SERVO_CAN_SYNC ? DB_CAN_DATA_MAX : length);
-}
-
 enum servo_can_error servo_can_decode(const struct db_can_frame *frame,
                                       const struct servo_can_layout *layout,
                                       enum servo_can_side from, struct servo_can_message *message)
 {
+	uint8_t length;
+
 	/* The whole union, whichever member is used: kind FOREIGN is 0. */
 	memset(message, 0, sizeof(*message));
 	/* A flag in the id makes it larger than any of ours. */
@@ -549,7 +490,11 @@ enum servo_can_error servo_can_decode(const struct db_can_frame *frame,
 		return take_described(frame, layout, message);
 	if (message->kind == SERVO_CAN_ACK)
 		return take_ack(frame, layout, &message->u.ack);
-	if (!length_fits(frame, layout, from, message->kind))
+	/* Drives may send more than is documented: some pad every frame to 8 bytes. */
+	length = servo_can_shapes[message->kind].length;
+	if (from == SERVO_CAN_FROM_HOST && layout->padded && message->kind != SERVO_CAN_SYNC)
+		length = DB_CAN_DATA_MAX;
+	if (frame->length < length || (from == SERVO_CAN_FROM_HOST && frame->length > length))
 		return SERVO_CAN_ERR_LENGTH;
 	if (from == SERVO_CAN_FROM_HOST)
 		return take_host(frame->data, message);

@@ -15,7 +15,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define SERVO_CAN_BROADCAST 0 /* as a node: all drives; only where servo_can_may_broadcast */
+#define SERVO_CAN_BROADCAST 0 /* as a node: all drives; only where servo_can_shapes says so */
 #define SERVO_CAN_NODE_MAX 31
 
 /* Ids of the frames of node 0; those of a node are higher by its number. */
@@ -292,9 +292,6 @@ enum servo_can_error servo_can_encode(const struct servo_can_message *message,
 enum servo_can_error servo_can_decode(const struct db_can_frame *frame,
                                       const struct servo_can_layout *layout,
                                       enum servo_can_side from, struct servo_can_message *message);
-
-/* True if drives accept this kind of frame from node 0. */
-bool servo_can_may_broadcast(enum servo_can_kind kind);
 
 /*
  * The code a node acknowledges this message of the host with. SERVO_CAN_ACK_NONE for SYNC and READ,

@@ -211,41 +211,37 @@ static bool check_pair(const struct servo_can_described_frame *frame,
 	return true;
 }
 
-static bool check_words(const struct servo_can_words_layout *words, char *reason)
-{
-	if (words->length > DB_CAN_DATA_MAX)
-		return refuse_layout(reason,
-		                     "the frame of the command words has more than 8 bytes");
-	if (words->word0 + 2 > words->length)
-		return refuse_layout(reason, "command word 0 does not fit its frame");
-	if (words->word1 != SERVO_CAN_NO_WORD && words->word1 + 2 > words->length)
-		return refuse_layout(reason, "command word 1 does not fit its frame");
-	if (words->word1 != SERVO_CAN_NO_WORD && words->word1 < words->word0 + 2 &&
-	    words->word0 < words->word1 + 2)
-		return refuse_layout(reason, "command words 0 and 1 overlap");
-	return true;
-}
-
-static bool check_number(const struct servo_can_number_layout *number, const char *name,
-                         char *reason)
-{
-	if (number->length > DB_CAN_DATA_MAX || number->size < 2 ||
-	    number->at + number->size > number->length)
-		return refuse_layout(reason, "the number in the frame of %s does not fit it", name);
-	return true;
-}
-
-/* Checks the content of the frame. */
+/* Checks the content of the frame: what it carries must fit, without overlaps. */
 static bool check_contents(const struct servo_can_layout *layout,
                            const struct servo_can_described_frame *frame, char *reason)
 {
+	const struct servo_can_words_layout *words = &layout->words;
+	const struct servo_can_number_layout *number = frame->which == SERVO_CAN_DESCRIBED_MOVE ?
+	                                                       &layout->move :
+	                                                       &layout->word1;
+
 	switch (frame->which) {
 	case SERVO_CAN_DESCRIBED_WORDS:
-		return check_words(&layout->words, reason);
+		if (words->length > DB_CAN_DATA_MAX)
+			return refuse_layout(
+				reason, "the frame of the command words has more than 8 bytes");
+		if (words->word0 + 2 > words->length)
+			return refuse_layout(reason, "command word 0 does not fit its frame");
+		if (words->word1 == SERVO_CAN_NO_WORD)
+			return true;
+		if (words->word1 + 2 > words->length)
+			return refuse_layout(reason, "command word 1 does not fit its frame");
+		if (words->word1 < words->word0 + 2 && words->word0 < words->word1 + 2)
+			return refuse_layout(reason, "command words 0 and 1 overlap");
+		return true;
 	case SERVO_CAN_DESCRIBED_WORD_1:
-		return check_number(&layout->word1, frame->name, reason);
 	case SERVO_CAN_DESCRIBED_MOVE:
-		return check_number(&layout->move, frame->name, reason);
+		if (number->length > DB_CAN_DATA_MAX || number->size < 2 ||
+		    number->at + number->size > number->length)
+			return refuse_layout(reason,
+			                     "the number in the frame of %s does not fit it",
+			                     frame->name);
+		return true;
 	case SERVO_CAN_DESCRIBED_ACK:
 	case SERVO_CAN_DESCRIBED_SLOT:
 	default:

@@ -319,16 +319,6 @@ int slcan_encode_reply(const struct slcan_reply *reply, char *line, size_t size)
 	}
 }
 
-static enum slcan_error read_text(const char *text, const char *end, struct slcan_reply *reply)
-{
-	size_t length = (size_t)(end - text);
-
-	if (!is_text(text, length))
-		return SLCAN_ERR_SYNTAX;
-	memcpy(reply->text, text, length);
-	return SLCAN_OK;
-}
-
 static enum slcan_error read_received(const char *text, const char *end, struct slcan_reply *reply)
 {
 	enum slcan_error error = take_frame(&text, end, &reply->frame);
@@ -376,7 +366,10 @@ enum slcan_error slcan_decode_reply(const char *line, size_t length, struct slca
 	case 'V':
 	case 'N':
 		reply->kind = *line == 'V' ? SLCAN_REPLY_VERSION : SLCAN_REPLY_SERIAL;
-		return read_text(line + 1, end, reply);
+		if (!is_text(line + 1, length - 2))
+			return SLCAN_ERR_SYNTAX;
+		memcpy(reply->text, line + 1, length - 2);
+		return SLCAN_OK;
 	default:
 		return SLCAN_ERR_SYNTAX;
 	}

@@ -75,47 +75,39 @@ enum vsmd_error vsmd_can_pack_id(const struct vsmd_can_id *id, uint32_t *packed)
 	return VSMD_OK;
 }
 
-static void unpack_extended(uint32_t packed, struct vsmd_can_id *id)
+/* Takes the fields of an id, whatever their values. */
+static struct vsmd_can_id unpack(uint32_t packed)
 {
-	id->extended = true;
-	id->broadcast = packed & EXT_BROADCAST;
-	id->control = (enum vsmd_can_control)(packed >> EXT_CONTROL & CONTROL_MASK);
-	if (!id->broadcast)
-		id->target = packed >> EXT_TARGET & VSMD_CAN_SOURCE_MAX;
-	id->source = packed >> EXT_SOURCE & VSMD_CAN_SOURCE_MAX;
-	id->reg = packed & VSMD_CAN_REG_MAX;
-}
-
-static void unpack_standard(uint32_t packed, struct vsmd_can_id *id)
-{
+	struct vsmd_can_id id = { .extended = (packed & DB_CAN_EXTENDED) != 0 };
 	uint16_t drive = packed >> STD_TARGET & VSMD_CAN_STD_DRIVE_MAX;
 
-	id->control = (enum vsmd_can_control)(packed >> STD_CONTROL & CONTROL_MASK);
-	if (is_reply(id->control)) {
-		id->source = drive;
-	} else {
-		id->target = drive;
-		id->broadcast = drive == VSMD_CAN_BROADCAST;
+	if (id.extended) {
+		id.broadcast = packed & EXT_BROADCAST;
+		id.control = (enum vsmd_can_control)(packed >> EXT_CONTROL & CONTROL_MASK);
+		if (!id.broadcast)
+			id.target = packed >> EXT_TARGET & VSMD_CAN_SOURCE_MAX;
+		id.source = packed >> EXT_SOURCE & VSMD_CAN_SOURCE_MAX;
+		id.reg = packed & VSMD_CAN_REG_MAX;
+		return id;
 	}
-	id->reg = packed & VSMD_CAN_STD_REG_MAX;
+	id.control = (enum vsmd_can_control)(packed >> STD_CONTROL & CONTROL_MASK);
+	if (is_reply(id.control)) {
+		id.source = drive;
+	} else {
+		id.target = drive;
+		id.broadcast = drive == VSMD_CAN_BROADCAST;
+	}
+	id.reg = packed & VSMD_CAN_STD_REG_MAX;
+	return id;
 }
 
 enum vsmd_error vsmd_can_unpack_id(uint32_t packed, struct vsmd_can_id *id)
 {
-	struct vsmd_can_id unpacked = { 0 };
+	struct vsmd_can_id unpacked = unpack(packed);
 
-	if (packed & (DB_CAN_REMOTE | DB_CAN_ERROR))
-		return VSMD_ERR_SYNTAX;
-	if (packed & DB_CAN_EXTENDED) {
-		if (packed & EXT_FIXED)
-			return VSMD_ERR_SYNTAX;
-		unpack_extended(packed, &unpacked);
-	} else {
-		if (packed & ~DB_CAN_STANDARD_MASK)
-			return VSMD_ERR_SYNTAX;
-		unpack_standard(packed, &unpacked);
-	}
-	if (!sides_possible(&unpacked))
+	if ((packed & (DB_CAN_REMOTE | DB_CAN_ERROR)) ||
+	    (packed & (unpacked.extended ? EXT_FIXED : ~DB_CAN_STANDARD_MASK)) ||
+	    !sides_possible(&unpacked))
 		return VSMD_ERR_SYNTAX;
 	*id = unpacked;
 	return VSMD_OK;
@@ -198,14 +190,11 @@ static const struct shape shapes[SHAPES] = {
 	[VSMD_CAN_READ_DATA] = { true, 2, 2 },
 };
 
-static bool code_known(unsigned code)
+/* True for a known code. No read is sent to all drives: they would answer at the same time. */
+static bool code_possible(unsigned code, bool broadcast)
 {
-	return code < SHAPES && shapes[code].known;
-}
-
-static bool is_read(enum vsmd_can_code code)
-{
-	return code == VSMD_CAN_READ_STATUS || code == VSMD_CAN_READ_DATA;
+	return code < SHAPES && shapes[code].known &&
+	       !(broadcast && (code == VSMD_CAN_READ_STATUS || code == VSMD_CAN_READ_DATA));
 }
 
 static bool shake_possible(const struct vsmd_can_command *command)
@@ -223,11 +212,6 @@ static bool shake_possible(const struct vsmd_can_command *command)
 		       command->shake_frequency <= VSMD_SHAKE_FREQ_MAX;
 	}
 	return false;
-}
-
-static bool port_possible(const struct vsmd_can_command *command, unsigned ports)
-{
-	return command->port >= 1 && command->port <= ports;
 }
 
 static bool window_possible(unsigned first, unsigned count, bool extended)
@@ -248,10 +232,10 @@ static bool command_possible(const struct vsmd_can_command *command, bool extend
 		return !command->has_velocity || (command->velocity >= -VSMD_SPEED_MAX &&
 		                                  command->velocity <= VSMD_SPEED_MAX);
 	case VSMD_CAN_OUTPUT:
-		return port_possible(command, SENSOR_PORTS) && command->value <= 1;
+		return command->port >= 1 && command->port <= SENSOR_PORTS && command->value <= 1;
 	case VSMD_CAN_SV:
 	case VSMD_CAN_NMOS:
-		return port_possible(command, OUTPUT_PORTS);
+		return command->port >= 1 && command->port <= OUTPUT_PORTS;
 	case VSMD_CAN_AUTO_RES_STS:
 		return (unsigned)command->report <= VSMD_CAN_REPORT_POSITION;
 	case VSMD_CAN_SHAKE:
@@ -349,7 +333,7 @@ enum vsmd_error vsmd_can_encode_command(const struct vsmd_can_style *style, unsi
 	struct vsmd_can_id id = request_id(style, drive, VSMD_CAN_COMMAND, command->code);
 	struct db_can_frame built = { 0 };
 
-	if (!code_known(command->code) || (id.broadcast && is_read(command->code)))
+	if (!code_possible(command->code, id.broadcast))
 		return VSMD_ERR_SYNTAX;
 	if (style->output_base > 1 || !command_possible(command, style->extended) ||
 	    vsmd_can_pack_id(&id, &built.id) != VSMD_OK)
@@ -456,7 +440,7 @@ static enum vsmd_error decode_command(const struct vsmd_can_style *style,
 	enum vsmd_error error;
 
 	command->code = (enum vsmd_can_code)message->id.reg;
-	if (!code_known(message->id.reg) || (message->id.broadcast && is_read(command->code)))
+	if (!code_possible(message->id.reg, message->id.broadcast))
 		return VSMD_ERR_SYNTAX;
 	shape = &shapes[message->id.reg];
 	if (frame->length != shape->least && frame->length != shape->most)
@@ -578,13 +562,6 @@ enum vsmd_error vsmd_can_expect(struct vsmd_can_answer *answer, const struct vsm
 	return VSMD_OK;
 }
 
-/* Same sender, receiver and kind; the register may differ. */
-static bool same_ends(const struct vsmd_can_id *a, const struct vsmd_can_id *b)
-{
-	return a->extended == b->extended && a->broadcast == b->broadcast &&
-	       a->control == b->control && a->target == b->target && a->source == b->source;
-}
-
 /* Number of registers in a frame at this place of the answer; 0: it is not part of it. */
 static unsigned registers_in(struct vsmd_can_answer *answer, const struct vsmd_can_message *message,
                              unsigned at)
@@ -615,11 +592,15 @@ static unsigned registers_in(struct vsmd_can_answer *answer, const struct vsmd_c
 enum vsmd_can_took vsmd_can_take(struct vsmd_can_answer *answer,
                                  const struct vsmd_can_message *message)
 {
-	unsigned at = (unsigned)message->id.reg - answer->id.reg; /* huge when below the first */
+	const struct vsmd_can_id *id = &message->id;
+	unsigned at = (unsigned)id->reg - answer->id.reg; /* huge when below the first */
 	unsigned count;
 	uint64_t bits;
 
-	if (!same_ends(&message->id, &answer->id) || at >= answer->count)
+	/* Same sender, receiver and kind; the register may differ. */
+	if (id->extended != answer->id.extended || id->broadcast != answer->id.broadcast ||
+	    id->control != answer->id.control || id->target != answer->id.target ||
+	    id->source != answer->id.source || at >= answer->count)
 		return VSMD_CAN_FOREIGN;
 	count = registers_in(answer, message, at);
 	if (count == 0)
@@ -634,13 +615,9 @@ enum vsmd_can_took vsmd_can_take(struct vsmd_can_answer *answer,
 
 int vsmd_can_suspect(const struct db_can_frame *frame)
 {
-	struct vsmd_can_id id = { 0 };
+	struct vsmd_can_id id = unpack(frame->id);
 
 	if (frame->id & (DB_CAN_REMOTE | DB_CAN_ERROR))
 		return -1;
-	if (frame->id & DB_CAN_EXTENDED)
-		unpack_extended(frame->id, &id);
-	else
-		unpack_standard(frame->id, &id);
 	return is_reply(id.control) && is_drive(id.source, id.extended) ? id.source : -1;
 }

@@ -6,23 +6,6 @@
 #include <ctype.h>
 #include <string.h>
 
-static void describe_position(struct db_description *description, int32_t position)
-{
-	db_description_add(description, "position %ld pulses", (long)position);
-}
-
-static void describe_velocity(struct db_description *description, float velocity)
-{
-	db_description_add(description, "velocity ");
-	db_description_add_float(description, velocity, "pulses/s");
-}
-
-static void describe_status(struct db_description *description, uint32_t status)
-{
-	db_description_add(description, "status ");
-	db_description_add_bits(description, vsmd_status_bits, VSMD_STATUS_BITS, status);
-}
-
 /* --- on serial lines -------------------------------------------------------------------------- */
 
 /* Commands without an argument. */
@@ -120,26 +103,14 @@ void vsmd_serial_describe_line(const uint8_t *line, size_t length, bool rs485,
 	describe_line(description, &command);
 }
 
-static void describe_params(struct db_description *description, const char *text, size_t length)
-{
-	struct vsmd_setting setting;
-	const char *gap = "";
-	size_t cursor = 0;
-	int found;
-
-	while ((found = vsmd_serial_next_param(text, length, &cursor, &setting)) != 0) {
-		if (found != 1)
-			continue;
-		db_description_add(description, "%s", gap);
-		db_description_add_param(description, &vsmd_params[setting.param], setting.value);
-		gap = ", ";
-	}
-}
-
 void vsmd_serial_describe_reply(const uint8_t *frame, size_t length,
                                 struct db_description *description)
 {
+	struct vsmd_setting setting;
 	struct vsmd_reply reply;
+	const char *gap = "";
+	size_t cursor = 0;
+	int found;
 
 	db_description_begin(description);
 	if (vsmd_serial_decode_reply(frame, length, &reply) != VSMD_OK)
@@ -151,15 +122,24 @@ void vsmd_serial_describe_reply(const uint8_t *frame, size_t length,
 		                   reply.text);
 		break;
 	case VSMD_REPLY_PARAMS:
-		describe_params(description, reply.text, reply.text_length);
+		while ((found = vsmd_serial_next_param(reply.text, reply.text_length, &cursor,
+		                                       &setting)) != 0) {
+			if (found != 1)
+				continue;
+			db_description_add(description, "%s", gap);
+			db_description_add_param(description, &vsmd_params[setting.param],
+			                         setting.value);
+			gap = ", ";
+		}
 		break;
 	case VSMD_REPLY_STATUS:
 	default:
-		describe_position(description, reply.status.position);
-		db_description_add(description, ", ");
-		describe_velocity(description, reply.status.velocity);
-		db_description_add(description, ", ");
-		describe_status(description, reply.status.status);
+		db_description_add(description, "position %ld pulses, velocity ",
+		                   (long)reply.status.position);
+		db_description_add_float(description, reply.status.velocity, "pulses/s");
+		db_description_add(description, ", status ");
+		db_description_add_bits(description, vsmd_status_bits, VSMD_STATUS_BITS,
+		                        reply.status.status);
 		break;
 	}
 }
@@ -308,13 +288,15 @@ static void describe_status_register(struct db_description *description, unsigne
 	switch (reg) {
 	case VSMD_CAN_STATUS_SPEED:
 		memcpy(&velocity, &value, sizeof(velocity));
-		describe_velocity(description, velocity);
+		db_description_add(description, "velocity ");
+		db_description_add_float(description, velocity, "pulses/s");
 		return;
 	case VSMD_CAN_STATUS_POSITION:
-		describe_position(description, (int32_t)value);
+		db_description_add(description, "position %ld pulses", (long)(int32_t)value);
 		return;
 	case VSMD_CAN_STATUS_WORD:
-		describe_status(description, value);
+		db_description_add(description, "status ");
+		db_description_add_bits(description, vsmd_status_bits, VSMD_STATUS_BITS, value);
 		return;
 	default:
 		break;

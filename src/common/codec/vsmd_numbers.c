@@ -42,35 +42,29 @@ bool vsmd_parse_number(const char *text, size_t length, double *number, bool *wh
 	return true;
 }
 
-/* The same in the form that drives send: an exponent is allowed. */
-static bool parse_sent_number(const char *text, size_t length, double *number, bool *whole)
+bool vsmd_parse_value(enum db_type type, const char *text, size_t length, union db_value *value)
 {
 	size_t mantissa = 0;
 	double exponent = 0.0;
-	bool plain;
-
-	while (mantissa < length && text[mantissa] != 'e' && text[mantissa] != 'E')
-		mantissa++;
-	if (!vsmd_parse_number(text, mantissa, number, whole))
-		return false;
-	if (mantissa == length)
-		return true;
-	if (!vsmd_parse_number(text + mantissa + 1, length - mantissa - 1, &exponent, &plain) ||
-	    !plain || fabs(exponent) > EXPONENT_MAX)
-		return false;
-	*number *= pow(10.0, exponent);
-	*whole = floor(*number) == *number;
-	return true;
-}
-
-bool vsmd_parse_value(enum db_type type, const char *text, size_t length, union db_value *value)
-{
 	double number;
+	bool plain;
 	bool whole;
 
+	/* As vsmd_parse_number(), in the form that drives send: an exponent is allowed. */
+	while (mantissa < length && text[mantissa] != 'e' && text[mantissa] != 'E')
+		mantissa++;
+	if (!vsmd_parse_number(text, mantissa, &number, &whole))
+		return false;
+	if (mantissa < length) {
+		if (!vsmd_parse_number(text + mantissa + 1, length - mantissa - 1, &exponent,
+		                       &plain) ||
+		    !plain || fabs(exponent) > EXPONENT_MAX)
+			return false;
+		number *= pow(10.0, exponent);
+		whole = floor(number) == number;
+	}
 	/* A fraction too small for a double is still a fraction. */
-	return parse_sent_number(text, length, &number, &whole) && (whole || type == DB_F32) &&
-	       db_value_from_number(type, number, value);
+	return (whole || type == DB_F32) && db_value_from_number(type, number, value);
 }
 
 static int format_float(float number, char *text, size_t size)

@@ -68,14 +68,6 @@ static void put_small(struct writer *writer, unsigned number, unsigned min, unsi
 	put_value(writer, DB_U32, (union db_value){ .u = number });
 }
 
-static void put_move(struct writer *writer, const char *verb, const struct vsmd_command *command)
-{
-	put(writer, verb);
-	put_int(writer, command->position);
-	if (command->has_velocity)
-		put_float(writer, " spd=", command->velocity, 0.0f, VSMD_SPEED_MAX);
-}
-
 static void put_shake(struct writer *writer, const struct vsmd_command *command, const char *limit)
 {
 	put(writer, "shake start spos=");
@@ -108,14 +100,6 @@ static void put_settings(struct writer *writer, const struct vsmd_command *comma
 	}
 }
 
-static void put_port(struct writer *writer, const char *verb, const struct vsmd_command *command)
-{
-	put(writer, verb);
-	put_small(writer, command->port, 1, 3);
-	put(writer, " ");
-	put_small(writer, command->value, 0, 255);
-}
-
 /* Verbs with a single fixed text. */
 static const char *const fixed[VSMD_VERB_COUNT] = {
 	[VSMD_DEV] = "dev",
@@ -140,10 +124,11 @@ static void put_command(struct writer *writer, const struct vsmd_command *comman
 			          VSMD_SPEED_MAX);
 		break;
 	case VSMD_POS:
-		put_move(writer, "pos ", command);
-		break;
 	case VSMD_RMV:
-		put_move(writer, "rmv ", command);
+		put(writer, command->verb == VSMD_POS ? "pos " : "rmv ");
+		put_int(writer, command->position);
+		if (command->has_velocity)
+			put_float(writer, " spd=", command->velocity, 0.0f, VSMD_SPEED_MAX);
 		break;
 	case VSMD_STP:
 	case VSMD_ORG:
@@ -164,10 +149,11 @@ static void put_command(struct writer *writer, const struct vsmd_command *comman
 		put(writer, command->value ? " on" : " off");
 		break;
 	case VSMD_SV:
-		put_port(writer, "sv", command);
-		break;
 	case VSMD_NMOS:
-		put_port(writer, "nmos", command);
+		put(writer, command->verb == VSMD_SV ? "sv" : "nmos");
+		put_small(writer, command->port, 1, 3);
+		put(writer, " ");
+		put_small(writer, command->value, 0, 255);
 		break;
 	case VSMD_SHAKE_CYCLES:
 		put_shake(writer, command, " cycles=");
@@ -292,10 +278,20 @@ static bool take_name(struct word *word, const char *name)
 	return true;
 }
 
-static enum vsmd_error read_speed(struct reader *reader, double min, struct vsmd_command *command)
+/* Each motion may end with a speed; all but running need a number before it. */
+static enum vsmd_error read_move(struct reader *reader, struct vsmd_command *command)
 {
+	double min = command->verb == VSMD_MOV ? -(double)VSMD_SPEED_MAX : 0.0;
+	enum vsmd_error error;
 	struct word word;
 
+	if (command->verb != VSMD_MOV) {
+		if (!next_word(reader, &word))
+			return VSMD_ERR_SYNTAX;
+		error = read_int(word, &command->position);
+		if (error != VSMD_OK)
+			return error;
+	}
 	if (!next_word(reader, &word))
 		return VSMD_OK;
 	if (!take_name(&word, "spd"))
@@ -304,43 +300,20 @@ static enum vsmd_error read_speed(struct reader *reader, double min, struct vsmd
 	return read_float(word, min, (double)VSMD_SPEED_MAX, &command->velocity);
 }
 
-static enum vsmd_error read_move(struct reader *reader, struct vsmd_command *command)
+/* A stop and an origin may have a value; a duty is one. */
+static enum vsmd_error read_value(struct reader *reader, struct vsmd_command *command)
 {
-	enum vsmd_error error;
-	struct word word;
-
-	if (!next_word(reader, &word))
-		return VSMD_ERR_SYNTAX;
-	error = read_int(word, &command->position);
-	return error == VSMD_OK ? read_speed(reader, 0.0, command) : error;
-}
-
-static enum vsmd_error read_optional(struct reader *reader, struct vsmd_command *command)
-{
+	bool duty = command->verb == VSMD_SV || command->verb == VSMD_NMOS;
 	enum vsmd_error error;
 	struct word word;
 	double number;
 
 	if (!next_word(reader, &word))
-		return VSMD_OK;
-	command->has_value = true;
+		return duty ? VSMD_ERR_SYNTAX : VSMD_OK;
+	command->has_value = !duty;
 	if (command->verb == VSMD_ORG)
 		return read_int(word, &command->position);
-	error = read_whole(word, 0, 1, &number);
-	if (error == VSMD_OK)
-		command->value = (uint8_t)number;
-	return error;
-}
-
-static enum vsmd_error read_duty(struct reader *reader, struct vsmd_command *command)
-{
-	enum vsmd_error error;
-	struct word word;
-	double number;
-
-	if (!next_word(reader, &word))
-		return VSMD_ERR_SYNTAX;
-	error = read_whole(word, 0, 255, &number);
+	error = read_whole(word, 0, duty ? 255 : 1, &number);
 	if (error == VSMD_OK)
 		command->value = (uint8_t)number;
 	return error;
@@ -358,46 +331,47 @@ static enum vsmd_error read_switch(struct reader *reader, struct vsmd_command *c
 
 enum shake_word { SHAKE_SPOS = 1, SHAKE_EPOS = 2, SHAKE_FREQ = 4, SHAKE_LIMIT = 8, SHAKE_ALL = 15 };
 
-/* True unless the word was there before: it is not documented which of the two would count. */
-static bool first_time(int *seen, enum shake_word word)
-{
-	bool first = (*seen & (int)word) == 0;
-
-	*seen |= (int)word;
-	return first;
-}
-
-static enum vsmd_error read_shake_limit(struct word word, struct vsmd_command *command)
-{
-	enum vsmd_error error;
-	double number;
-
-	if (take_name(&word, "cycles"))
-		command->verb = VSMD_SHAKE_CYCLES;
-	else if (take_name(&word, "time"))
-		command->verb = VSMD_SHAKE_TIME;
-	else
-		return VSMD_ERR_SYNTAX;
-	error = read_whole(word, 0, INT32_MAX, &number);
-	if (error == VSMD_OK)
-		command->shake_count = (uint32_t)number;
-	return error;
-}
-
 static enum vsmd_error read_shake_word(struct word word, struct vsmd_command *command, int *seen)
 {
-	if (take_name(&word, "spos"))
-		return first_time(seen, SHAKE_SPOS) ? read_int(word, &command->shake_start) :
-		                                      VSMD_ERR_SYNTAX;
-	if (take_name(&word, "epos"))
-		return first_time(seen, SHAKE_EPOS) ? read_int(word, &command->shake_end) :
-		                                      VSMD_ERR_SYNTAX;
-	if (take_name(&word, "freq"))
-		return first_time(seen, SHAKE_FREQ) ?
-		               read_float(word, (double)VSMD_SHAKE_FREQ_MIN,
-		                          (double)VSMD_SHAKE_FREQ_MAX, &command->shake_frequency) :
-		               VSMD_ERR_SYNTAX;
-	return first_time(seen, SHAKE_LIMIT) ? read_shake_limit(word, command) : VSMD_ERR_SYNTAX;
+	enum vsmd_verb verb = command->verb;
+	enum vsmd_error error;
+	enum shake_word which;
+	double number;
+
+	if (take_name(&word, "spos")) {
+		which = SHAKE_SPOS;
+	} else if (take_name(&word, "epos")) {
+		which = SHAKE_EPOS;
+	} else if (take_name(&word, "freq")) {
+		which = SHAKE_FREQ;
+	} else if (take_name(&word, "cycles")) {
+		which = SHAKE_LIMIT;
+		verb = VSMD_SHAKE_CYCLES;
+	} else if (take_name(&word, "time")) {
+		which = SHAKE_LIMIT;
+		verb = VSMD_SHAKE_TIME;
+	} else {
+		return VSMD_ERR_SYNTAX;
+	}
+	/* It is not documented which of two would count. */
+	if (*seen & (int)which)
+		return VSMD_ERR_SYNTAX;
+	*seen |= (int)which;
+	switch (which) {
+	case SHAKE_SPOS:
+		return read_int(word, &command->shake_start);
+	case SHAKE_EPOS:
+		return read_int(word, &command->shake_end);
+	case SHAKE_FREQ:
+		return read_float(word, (double)VSMD_SHAKE_FREQ_MIN, (double)VSMD_SHAKE_FREQ_MAX,
+		                  &command->shake_frequency);
+	default:
+		command->verb = verb;
+		error = read_whole(word, 0, INT32_MAX, &number);
+		if (error == VSMD_OK)
+			command->shake_count = (uint32_t)number;
+		return error;
+	}
 }
 
 static enum vsmd_error read_shake(struct reader *reader, struct vsmd_command *command)
@@ -513,7 +487,7 @@ static enum vsmd_error read_verb(struct reader *reader, struct vsmd_command *com
 		return read_cfg(reader, command, settings, capacity);
 	if (is(verb, "mov")) {
 		command->verb = VSMD_MOV;
-		return read_speed(reader, -(double)VSMD_SPEED_MAX, command);
+		return read_move(reader, command);
 	}
 	if (is(verb, "pos") || is(verb, "rmv")) {
 		command->verb = is(verb, "pos") ? VSMD_POS : VSMD_RMV;
@@ -521,7 +495,7 @@ static enum vsmd_error read_verb(struct reader *reader, struct vsmd_command *com
 	}
 	if (is(verb, "stp") || is(verb, "org")) {
 		command->verb = is(verb, "stp") ? VSMD_STP : VSMD_ORG;
-		return read_optional(reader, command);
+		return read_value(reader, command);
 	}
 	if (is(verb, "zero"))
 		return read_zero(reader, command);
@@ -533,11 +507,11 @@ static enum vsmd_error read_verb(struct reader *reader, struct vsmd_command *com
 	}
 	if (is_numbered(verb, "sv", 3, &command->port)) {
 		command->verb = VSMD_SV;
-		return read_duty(reader, command);
+		return read_value(reader, command);
 	}
 	if (is_numbered(verb, "nmos", 3, &command->port)) {
 		command->verb = VSMD_NMOS;
-		return read_duty(reader, command);
+		return read_value(reader, command);
 	}
 	return read_plain(verb, command);
 }

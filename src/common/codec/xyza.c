@@ -200,14 +200,23 @@ static enum xyza_error take_position(const struct xyza_frame *content, struct xy
 	return number == NUMBER_STANDING && !write ? XYZA_OK : XYZA_ERR_UNKNOWN;
 }
 
-static enum xyza_error take_output(uint32_t value, struct xyza_request *request)
+static enum xyza_error take_ports(const struct xyza_frame *content, struct xyza_request *request)
 {
-	uint32_t port = value >> 4;
-	uint32_t state = value & 0x0F;
+	uint32_t port = content->value >> 4;
+	uint32_t state = content->value & 0x0F;
 
-	if (value == ALL_ON || value == ALL_OFF) {
+	if (content->mark != XYZA_MARK_DATA) {
+		/* The example reads with target 00, the table next to it with A1. */
+		request->verb = XYZA_READ_PORTS;
+		return content->target == 0 || content->target == axis_target(XYZA_X, 1) ?
+		               XYZA_OK :
+		               XYZA_ERR_UNKNOWN;
+	}
+	if (content->target != 0)
+		return XYZA_ERR_UNKNOWN;
+	if (content->value == ALL_ON || content->value == ALL_OFF) {
 		request->verb = XYZA_WRITE_OUTPUTS;
-		request->on = value == ALL_ON;
+		request->on = content->value == ALL_ON;
 		return XYZA_OK;
 	}
 	if (port < 1 || port > XYZA_OUTPUTS || (state != 0 && state != port))
@@ -216,17 +225,6 @@ static enum xyza_error take_output(uint32_t value, struct xyza_request *request)
 	request->number = (uint8_t)port;
 	request->on = state != 0;
 	return XYZA_OK;
-}
-
-static enum xyza_error take_ports(const struct xyza_frame *content, struct xyza_request *request)
-{
-	if (content->mark == XYZA_MARK_DATA)
-		return content->target == 0 ? take_output(content->value, request) :
-		                              XYZA_ERR_UNKNOWN;
-	/* The example reads with target 00, the table next to it with A1. */
-	request->verb = XYZA_READ_PORTS;
-	return content->target == 0 || content->target == axis_target(XYZA_X, 1) ? XYZA_OK :
-	                                                                           XYZA_ERR_UNKNOWN;
 }
 
 static enum xyza_error take_item(const struct xyza_frame *content, struct xyza_request *request)
@@ -272,8 +270,17 @@ static enum xyza_error take_data(const struct xyza_frame *content, struct xyza_r
 	}
 }
 
-static enum xyza_error take_target(uint8_t target, struct xyza_request *request)
+static enum xyza_error take_motion(const struct xyza_frame *content, struct xyza_request *request)
 {
+	uint8_t target = content->target;
+	int verb = XYZA_MANUAL_QUICK_STOP;
+
+	while (verb < XYZA_VERB_COUNT && (motions[verb].order != content->order ||
+	                                  motions[verb].item_class != content->item_class))
+		verb++;
+	if (verb == XYZA_VERB_COUNT)
+		return XYZA_ERR_UNKNOWN;
+	request->verb = (enum xyza_verb)verb;
 	switch (request->verb) {
 	case XYZA_MANUAL_JOG:
 	case XYZA_MANUAL_CLEAR:
@@ -290,18 +297,6 @@ static enum xyza_error take_target(uint8_t target, struct xyza_request *request)
 	default:
 		return target == 0 ? XYZA_OK : XYZA_ERR_UNKNOWN;
 	}
-}
-
-static enum xyza_error take_motion(const struct xyza_frame *content, struct xyza_request *request)
-{
-	for (int i = XYZA_MANUAL_QUICK_STOP; i < XYZA_VERB_COUNT; i++) {
-		if (motions[i].order != content->order ||
-		    motions[i].item_class != content->item_class)
-			continue;
-		request->verb = (enum xyza_verb)i;
-		return take_target(content->target, request);
-	}
-	return XYZA_ERR_UNKNOWN;
 }
 
 enum xyza_error xyza_decode_request(const uint8_t *frame, size_t length,

@@ -102,22 +102,20 @@ enum xyza_error xyza_read_frame(const uint8_t *frame, size_t length, struct xyza
 	return sum_is_right(frame, length) ? XYZA_OK : XYZA_ERR_CHECKSUM;
 }
 
-/* True if these bytes, the last ones available, may be the beginning of a frame. */
-static bool may_begin(const uint8_t *bytes, size_t available)
-{
-	return bytes[0] == HEADER_0 && (available < 2 || bytes[1] == HEADER_1) &&
-	       (available <= AT_MARK || frame_length(bytes[AT_MARK]) != 0);
-}
-
+/* The next bytes that may be the beginning of a frame, also where those available are too few to
+ * tell. */
 static size_t find_beginning(const uint8_t *bytes, size_t from, size_t available)
 {
 	while (from < available) {
 		const uint8_t *header = memchr(bytes + from, HEADER_0, available - from);
+		size_t left;
 
 		if (!header)
 			return available;
 		from = (size_t)(header - bytes);
-		if (may_begin(header, available - from))
+		left = available - from;
+		if ((left < 2 || header[1] == HEADER_1) &&
+		    (left <= AT_MARK || frame_length(header[AT_MARK]) != 0))
 			break;
 		from++;
 	}

@@ -220,23 +220,21 @@ uint32_t xyza_param_put(enum xyza_param param, union db_value value, uint32_t co
 	return (content & kept) | ((value.u & mask) << layout[param].shift);
 }
 
-/* In a parameter that is a set of axes each bit is a separate value. */
-static bool is_written_in_range(enum xyza_param param, uint32_t content, uint32_t kept)
-{
-	union db_value written = xyza_param_get(param, content & ~kept);
-
-	/* A key that was never assigned must not prevent the assignment of the others, which are
-	 * written together with it. */
-	return ((field_mask(param) << layout[param].shift) & ~kept) == 0 ||
-	       ((param == XYZA_START_KEY || param == XYZA_STOP_KEY) && written.u == 0) ||
-	       xyza_param_in_range(param, written);
-}
-
 bool xyza_item_in_range(enum xyza_item item, uint32_t content, uint32_t kept)
 {
 	for (int i = 0; i < XYZA_PARAM_COUNT; i++) {
-		if (layout[i].item == item &&
-		    !is_written_in_range((enum xyza_param)i, content, kept))
+		enum xyza_param param = (enum xyza_param)i;
+		bool is_key = param == XYZA_START_KEY || param == XYZA_STOP_KEY;
+		union db_value written;
+
+		/* In a parameter that is a set of axes each bit is a separate value. */
+		if (layout[i].item != item ||
+		    ((field_mask(param) << layout[param].shift) & ~kept) == 0)
+			continue;
+		written = xyza_param_get(param, content & ~kept);
+		/* A key that was never assigned must not prevent the assignment of the others,
+		 * which are written together with it. */
+		if (!(is_key && written.u == 0) && !xyza_param_in_range(param, written))
 			return false;
 	}
 	return (content & ~kept & ~item_mask(item)) == 0;

@@ -25,20 +25,9 @@
  * was obeyed. */
 #define NEAR 20
 
-static const struct db_request *request_of(const struct db_conversation *talk)
-{
-	return talk->job->request;
-}
-
 static bool took_too_long(const struct db_conversation *talk)
 {
 	return talk->now - progress_of(talk)->since > talk->device->reaction;
-}
-
-/* True if the frame that was not answered may be sent again, as often as it makes sense. */
-static bool may_resend(struct db_conversation *talk)
-{
-	return progress_of(talk)->resends++ < RESENDS_MAX;
 }
 
 /* True if the power must be switched off because of a fault. Where speed or current 0 stops the
@@ -173,20 +162,6 @@ static bool sends_load(struct db_conversation *talk, enum db_step *step)
 	return true;
 }
 
-/* A trigger that another program left high could not rise. Tried once: the drive's reaction is
- * watched. */
-static bool sends_trigger_down(struct db_conversation *talk, bool to_rise, enum db_step *step)
-{
-	struct db_device *device = talk->device;
-	bool needed = device->trigger == LEVEL_HIGH ||
-	              (to_rise && device->trigger != LEVEL_LOW && device->layout.words.set);
-
-	if (!needed || is_done(talk, STEP_TRIGGER_DOWN) || is_done(talk, STEP_LOAD))
-		return false;
-	*step = servo_can_send_trigger(talk, false);
-	return true;
-}
-
 /* A motor that gets power must not move: mode, setpoint and demand are sent each time, because a
  * drive that was reset for a moment has its own. */
 static bool sends_before_power(struct db_conversation *talk, enum db_step *step)
@@ -199,8 +174,15 @@ static bool sends_before_power(struct db_conversation *talk, enum db_step *step)
 		return true;
 	by_position = device->mode != SERVO_CAN_MODE_SPEED &&
 	              device->mode != SERVO_CAN_MODE_CURRENT;
-	return sends_trigger_down(talk, by_position, step) ||
-	       (by_position && (sends_demand(talk, step) || sends_load(talk, step)));
+	/* A trigger that another program left high could not rise. Tried once: the drive's reaction
+	 * is watched. */
+	if ((device->trigger == LEVEL_HIGH ||
+	     (by_position && device->trigger != LEVEL_LOW && device->layout.words.set)) &&
+	    !is_done(talk, STEP_TRIGGER_DOWN) && !is_done(talk, STEP_LOAD)) {
+		*step = servo_can_send_trigger(talk, false);
+		return true;
+	}
+	return by_position && (sends_demand(talk, step) || sends_load(talk, step));
 }
 
 /* True if the motor moves unintentionally. A motor that turned when it got power may come to rest
@@ -242,8 +224,11 @@ static enum db_step confirm_enable(struct db_conversation *talk)
 	}
 	/* A stop that arrives now must not assume that the motor stands for good. */
 	device->may_begin = !took_too_long(talk);
-	if (device->may_begin)
-		return servo_can_read_again(talk);
+	if (device->may_begin) {
+		/* Others may go before it: this is repeated for some time. */
+		talk->exchange->again = true;
+		return servo_can_read_all(talk);
+	}
 	return powered ? end_job(talk, DB_RESULT_OK) : servo_can_send_retreat(talk);
 }
 
@@ -294,18 +279,6 @@ static enum db_step continue_stop(struct db_conversation *talk)
 
 /* --- speed and current ------------------------------------------------------------------------ */
 
-static enum servo_can_mode mode_of(enum db_command command)
-{
-	switch (command) {
-	case DB_CMD_MOVE_VELOCITY:
-		return SERVO_CAN_MODE_SPEED;
-	case DB_CMD_MOVE_CURRENT:
-		return SERVO_CAN_MODE_CURRENT;
-	default:
-		return SERVO_CAN_MODE_POSITION;
-	}
-}
-
 /* True if the measured value follows the setpoint. */
 static bool follows_setpoint(const struct db_conversation *talk)
 {
@@ -326,20 +299,11 @@ static bool follows_setpoint(const struct db_conversation *talk)
 	return wanted > was ? is > was + noise : is < was - noise;
 }
 
-/* The setpoint is 0 before the command is reported as failed; where the mode is no longer known,
- * the power is switched off. */
-static enum db_step retreat_to_0(struct db_conversation *talk)
-{
-	progress_of(talk)->gives_up = true;
-	return talk->device->mode == (int)mode_of(request_of(talk)->command) ?
-	               servo_can_send_setpoint(talk, 0) :
-	               servo_can_send_retreat(talk);
-}
-
-static enum db_step prove_setpoint(struct db_conversation *talk)
+static enum db_step prove_setpoint(struct db_conversation *talk, enum servo_can_mode mode)
 {
 	struct servo_can_progress *progress = progress_of(talk);
 	struct db_device *device = talk->device;
+	bool has_no_power = progress->setpoint != 0 && !servo_can_is_powered(device);
 
 	if (progress->gives_up)
 		return end_job(talk, DB_RESULT_FAILED);
@@ -350,13 +314,16 @@ static enum db_step prove_setpoint(struct db_conversation *talk)
 		return servo_can_read_all(talk);
 	if (follows_setpoint(talk))
 		return end_job(talk, DB_RESULT_OK);
-	if (progress->setpoint != 0 && !servo_can_is_powered(device))
-		return retreat_to_0(talk);
-	if (!took_too_long(talk))
+	if (!has_no_power && !took_too_long(talk))
 		return servo_can_read_all(talk);
-	/* For a frame to all drives not even its arrival is known. */
-	if (progress->by_all)
-		return retreat_to_0(talk);
+	/* For a frame to all drives not even its arrival is known. The setpoint is 0 before the
+	 * command is reported as failed; where the mode is no longer known, the power is switched
+	 * off. */
+	if (has_no_power || progress->by_all) {
+		progress->gives_up = true;
+		return device->mode == (int)mode ? servo_can_send_setpoint(talk, 0) :
+		                                   servo_can_send_retreat(talk);
+	}
 	return end_job(talk, progress->unanswered ? DB_RESULT_INDETERMINATE : DB_RESULT_UNPROVEN);
 }
 
@@ -381,19 +348,18 @@ static enum db_step change_mode(struct db_conversation *talk, enum servo_can_mod
 static enum db_step continue_setpoint(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
-	enum servo_can_mode mode = mode_of(request_of(talk)->command);
-	double steps = request_of(talk)->command == DB_CMD_MOVE_CURRENT ?
-	                       (double)request_of(talk)->args->target_current /
-	                               device->current_command_scale :
-	                       (double)request_of(talk)->args->target_velocity /
-	                               device->speed_command_scale;
+	const struct db_args *args = talk->job->request->args;
+	bool current = talk->job->request->command == DB_CMD_MOVE_CURRENT;
+	enum servo_can_mode mode = current ? SERVO_CAN_MODE_CURRENT : SERVO_CAN_MODE_SPEED;
+	double steps = current ? (double)args->target_current / device->current_command_scale :
+	                         (double)args->target_velocity / device->speed_command_scale;
 	int16_t setpoint = (int16_t)lrint(steps);
 
 	if (is_done(talk, STEP_RETREAT))
 		return confirm_retreat(talk);
 	if (is_done(talk, STEP_SETPOINT)) {
 		device->has_target = false;
-		return prove_setpoint(talk);
+		return prove_setpoint(talk, mode);
 	}
 	/* 0 in the drive's mode is as good as a stop: it is sent without waiting. */
 	if (device->mode == (int)mode && setpoint == 0)
@@ -415,7 +381,7 @@ static enum db_step continue_setpoint(struct db_conversation *talk)
 static enum db_result check_move(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
-	int64_t target = request_of(talk)->args->target_position;
+	int64_t target = talk->job->request->args->target_position;
 
 	/* With another internal position selected CTRG would start a move to a place that the
 	 * bridge does not know. */
@@ -424,7 +390,7 @@ static enum db_result check_move(struct db_conversation *talk)
 		return DB_RESULT_REFUSED;
 	if (!servo_can_is_at_rest(device))
 		return DB_RESULT_BUSY;
-	if (request_of(talk)->command == DB_CMD_MOVE_RELATIVE)
+	if (talk->job->request->command == DB_CMD_MOVE_RELATIVE)
 		target += device->sample.position;
 	if (target < INT32_MIN || target > INT32_MAX)
 		return DB_RESULT_OUT_OF_RANGE;
@@ -491,7 +457,9 @@ static enum db_step prove_move(struct db_conversation *talk)
 		return give_up_move(talk);
 	/* If CTRG is high already it does not rise again. */
 	if (progress_of(talk)->unanswered && !once)
-		return may_resend(talk) ? begin_move(talk) : end_job(talk, DB_RESULT_INDETERMINATE);
+		return progress_of(talk)->resends++ < RESENDS_MAX ?
+		               begin_move(talk) :
+		               end_job(talk, DB_RESULT_INDETERMINATE);
 	return took_too_long(talk) ? give_up_move(talk) : servo_can_read_all(talk);
 }
 
@@ -530,7 +498,7 @@ static enum db_step continue_position(struct db_conversation *talk)
 static enum db_step prove_feedback(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
-	int32_t wanted = request_of(talk)->args->target_position;
+	int32_t wanted = talk->job->request->args->target_position;
 
 	if (talk->job->step == STEP_FEEDBACK)
 		return servo_can_read_all(talk);
@@ -543,7 +511,7 @@ static enum db_step prove_feedback(struct db_conversation *talk)
 		return took_too_long(talk) ? end_job(talk, DB_RESULT_FAILED) :
 		                             servo_can_read_all(talk);
 	if (!servo_can_stands(device) || device->sample.position != progress_of(talk)->from ||
-	    !may_resend(talk))
+	    progress_of(talk)->resends++ >= RESENDS_MAX)
 		return end_job(talk, DB_RESULT_INDETERMINATE);
 	return servo_can_send_position(talk, STEP_FEEDBACK, wanted);
 }
@@ -552,7 +520,7 @@ static enum db_step prove_feedback(struct db_conversation *talk)
 static enum db_step continue_set_position(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
-	int32_t wanted = request_of(talk)->args->target_position;
+	int32_t wanted = talk->job->request->args->target_position;
 	bool held = device->mode != SERVO_CAN_MODE_SPEED && device->mode != SERVO_CAN_MODE_CURRENT;
 
 	if (is_done(talk, STEP_FEEDBACK))
@@ -573,7 +541,7 @@ static enum db_step continue_set_position(struct db_conversation *talk)
 
 enum db_step servo_can_continue_command(struct db_conversation *talk)
 {
-	switch (request_of(talk)->command) {
+	switch (talk->job->request->command) {
 	case DB_CMD_ENABLE:
 		return continue_enable(talk);
 	case DB_CMD_DISABLE:

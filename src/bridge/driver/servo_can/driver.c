@@ -44,13 +44,6 @@ static const struct db_nameplate *get_nameplate(const struct db_device *device)
 	return &device->plate;
 }
 
-static void init_device(struct db_device *device, struct db_device *first,
-                        const struct db_bus_config *bus, const struct db_drive_config *drive)
-{
-	(void)first; /* one drive per address */
-	servo_can_configure(device, bus, drive);
-}
-
 /* --- the bus's side --------------------------------------------------------------------------- */
 
 /* Ids come in blocks of 32, one for each base; those of acknowledgements may lie across two. */
@@ -270,7 +263,7 @@ const struct db_driver db_driver_servo_can = {
 	.poll_time = poll_time,
 	.command_time = command_time,
 	.device_size = sizeof(struct db_device),
-	.init = init_device,
+	.init = servo_can_configure,
 	.inquire = write_inquiry,
 	.recognise = recognise_frame,
 	.speeds = speeds,

@@ -91,12 +91,6 @@ enum db_step servo_can_read_all(struct db_conversation *talk)
 	return servo_can_read_parts(talk, STEP_READ, SERVO_CAN_ALL_PARTS);
 }
 
-enum db_step servo_can_read_again(struct db_conversation *talk)
-{
-	talk->exchange->again = true;
-	return servo_can_read_all(talk);
-}
-
 /* --- mode, speed and current ------------------------------------------------------------------ */
 
 enum db_step servo_can_send_mode(struct db_conversation *talk, enum servo_can_mode mode,

@@ -54,8 +54,6 @@ unsigned servo_can_count_bits(unsigned bits);
 enum db_step servo_can_read_parts(struct db_conversation *talk, enum servo_can_step step,
                                   unsigned parts);
 enum db_step servo_can_read_all(struct db_conversation *talk);
-/* The same, but others may go before it: this is repeated for some time. */
-enum db_step servo_can_read_again(struct db_conversation *talk);
 /* Includes the profile's maximum speed, if the drive does not have it yet, or has another one. */
 enum db_step servo_can_send_mode(struct db_conversation *talk, enum servo_can_mode mode,
                                  const uint16_t *max_speed);

@@ -24,16 +24,6 @@
 #define BUS(member) offsetof(struct servo_can_bus_options, member)
 #define DRIVE(member) offsetof(struct servo_can_drive_options, member)
 
-static const struct servo_can_bus_options *of_bus(const struct db_bus_config *bus)
-{
-	return bus->options;
-}
-
-static const struct servo_can_drive_options *of_drive(const struct db_drive_config *drive)
-{
-	return drive->options;
-}
-
 /* The setting at this place of a section's options. */
 static const struct db_option *find_option(const char *section, size_t offset)
 {
@@ -99,52 +89,53 @@ static bool is_given(const struct db_bus_config *bus, const struct group *group)
 
 struct servo_can_layout servo_can_read_layout(const struct db_bus_config *bus)
 {
+	const struct servo_can_bus_options *given = bus->options;
 	struct servo_can_layout layout = {
-		.ack_base = (uint16_t)of_bus(bus)->ack_base,
-		.padded = of_bus(bus)->padded != NO,
+		.ack_base = (uint16_t)given->ack_base,
+		.padded = given->padded != NO,
 	};
 
 	if (is_given(bus, &words_group)) {
-		bool together = !isnan(of_bus(bus)->command_word_1_at) &&
-		                isnan(of_bus(bus)->command_word_1_base);
+		bool together = !isnan(given->command_word_1_at) &&
+		                isnan(given->command_word_1_base);
 
 		layout.words.set = true;
-		layout.words.base = (uint16_t)of_bus(bus)->command_word_base;
-		layout.words.length = (uint8_t)of_bus(bus)->command_word_length;
-		layout.words.word0 = (uint8_t)of_bus(bus)->command_word_0_at;
-		layout.words.word1 = together ? (uint8_t)of_bus(bus)->command_word_1_at :
+		layout.words.base = (uint16_t)given->command_word_base;
+		layout.words.length = (uint8_t)given->command_word_length;
+		layout.words.word0 = (uint8_t)given->command_word_0_at;
+		layout.words.word1 = together ? (uint8_t)given->command_word_1_at :
 		                                SERVO_CAN_NO_WORD;
-		layout.words.ack = (uint8_t)of_bus(bus)->command_word_ack;
-		servo_can_put_fixed(&layout.words, (uint64_t)of_bus(bus)->command_word_fixed);
-		layout.slot = (uint8_t)of_bus(bus)->position_slot;
-		if (is_given(bus, &word_1_group) && !isnan(of_bus(bus)->command_word_1_at)) {
+		layout.words.ack = (uint8_t)given->command_word_ack;
+		servo_can_put_fixed(&layout.words, (uint64_t)given->command_word_fixed);
+		layout.slot = (uint8_t)given->position_slot;
+		if (is_given(bus, &word_1_group) && !isnan(given->command_word_1_at)) {
 			layout.word1 = (struct servo_can_number_layout){
 				.set = true,
-				.base = (uint16_t)of_bus(bus)->command_word_1_base,
-				.length = (uint8_t)of_bus(bus)->command_word_1_length,
-				.at = (uint8_t)of_bus(bus)->command_word_1_at,
+				.base = (uint16_t)given->command_word_1_base,
+				.length = (uint8_t)given->command_word_1_length,
+				.at = (uint8_t)given->command_word_1_at,
 				.size = sizeof(uint16_t),
-				.ack = (uint8_t)of_bus(bus)->command_word_1_ack,
+				.ack = (uint8_t)given->command_word_1_ack,
 			};
 			servo_can_put_number_fixed(&layout.word1,
-			                           (uint64_t)of_bus(bus)->command_word_1_fixed);
+			                           (uint64_t)given->command_word_1_fixed);
 		}
 	}
 	if (is_given(bus, &slot_group)) {
-		layout.slot_base = (uint16_t)of_bus(bus)->position_slot_base;
-		layout.slot_ack = (uint8_t)of_bus(bus)->position_slot_ack;
+		layout.slot_base = (uint16_t)given->position_slot_base;
+		layout.slot_ack = (uint8_t)given->position_slot_ack;
 	}
 	if (is_given(bus, &move_group)) {
 		layout.move = (struct servo_can_number_layout){
 			.set = true,
-			.base = (uint16_t)of_bus(bus)->move_frame_base,
-			.length = (uint8_t)of_bus(bus)->move_frame_length,
-			.at = (uint8_t)of_bus(bus)->move_frame_at,
-			.size = (uint8_t)of_bus(bus)->move_frame_bytes,
-			.low_first = of_bus(bus)->move_frame_order == LOW_FIRST,
-			.ack = (uint8_t)of_bus(bus)->move_frame_ack,
+			.base = (uint16_t)given->move_frame_base,
+			.length = (uint8_t)given->move_frame_length,
+			.at = (uint8_t)given->move_frame_at,
+			.size = (uint8_t)given->move_frame_bytes,
+			.low_first = given->move_frame_order == LOW_FIRST,
+			.ack = (uint8_t)given->move_frame_ack,
 		};
-		servo_can_put_number_fixed(&layout.move, (uint64_t)of_bus(bus)->move_frame_fixed);
+		servo_can_put_number_fixed(&layout.move, (uint64_t)given->move_frame_fixed);
 	}
 	return layout;
 }
@@ -154,68 +145,61 @@ struct servo_can_layout servo_can_read_layout(const struct db_bus_config *bus)
 /* The mode of a drive whose mode the bridge may not change; or SERVO_CAN_MODE_NOT_KNOWN. */
 static int fixed_mode(const struct db_drive_config *drive)
 {
-	if (of_drive(drive)->allow_mode_change != NO || of_drive(drive)->mode == MODE_UNKNOWN)
-		return SERVO_CAN_MODE_NOT_KNOWN;
-	return (int)of_drive(drive)->mode - 1;
-}
+	const struct servo_can_drive_options *options = drive->options;
 
-/* The motions that are possible on a drive whose mode may not be changed. */
-static uint64_t moves_of(int mode)
-{
-	switch (mode) {
-	case SERVO_CAN_MODE_POSITION:
-		return SERVO_CAN_POSITION_MOVES;
-	case SERVO_CAN_MODE_SPEED:
-		return DB_COMMAND_BIT(DB_CMD_MOVE_VELOCITY);
-	case SERVO_CAN_MODE_CURRENT:
-		return DB_COMMAND_BIT(DB_CMD_MOVE_CURRENT);
-	default:
-		return 0;
-	}
+	if (options->allow_mode_change != NO || options->mode == MODE_UNKNOWN)
+		return SERVO_CAN_MODE_NOT_KNOWN;
+	return (int)options->mode - 1;
 }
 
 uint64_t servo_can_forbidden(const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
+	const struct servo_can_drive_options *options = drive->options;
+	/* The motions that are possible on a drive whose mode may not be changed. */
+	static const uint64_t moves[] = {
+		[SERVO_CAN_MODE_POSITION] = SERVO_CAN_POSITION_MOVES,
+		[SERVO_CAN_MODE_SPEED] = DB_COMMAND_BIT(DB_CMD_MOVE_VELOCITY),
+		[SERVO_CAN_MODE_CURRENT] = DB_COMMAND_BIT(DB_CMD_MOVE_CURRENT),
+	};
+	int fixed = fixed_mode(drive);
 	uint64_t forbidden = 0;
 
 	if (!is_given(bus, &words_group) && !is_given(bus, &move_group))
 		forbidden |= SERVO_CAN_POSITION_MOVES;
-	if (of_drive(drive)->allow_mode_change == NO)
-		forbidden |= SERVO_CAN_MOVES & ~moves_of(fixed_mode(drive));
+	if (options->allow_mode_change == NO)
+		forbidden |= SERVO_CAN_MOVES &
+		             ~(fixed == SERVO_CAN_MODE_NOT_KNOWN ? 0 : moves[fixed]);
 	/* It is not documented which part of a position move waits for a sync frame. */
-	forbidden |= of_drive(drive)->sync == NO ? DB_COMMAND_BIT(DB_CMD_SYNC_START) :
-	                                           SERVO_CAN_POSITION_MOVES;
+	forbidden |= options->sync == NO ? DB_COMMAND_BIT(DB_CMD_SYNC_START) :
+	                                   SERVO_CAN_POSITION_MOVES;
 	return forbidden;
 }
 
-static double speed_command_scale(const struct db_drive_config *drive)
+/* What one step of a command is; where it is not set, as in reports. */
+static double command_scale(double given, double reported)
 {
-	double given = of_drive(drive)->speed_command_scale;
-
-	return isnan(given) ? of_drive(drive)->speed_scale : given;
-}
-
-static double current_command_scale(const struct db_drive_config *drive)
-{
-	double given = of_drive(drive)->current_command_scale;
-
-	return isnan(given) ? of_drive(drive)->current_scale : given;
+	return isnan(given) ? reported : given;
 }
 
 enum db_result servo_can_check_command(const struct db_bus_config *bus,
                                        const struct db_drive_config *drive, enum db_command command,
                                        const struct db_args *args)
 {
+	const struct servo_can_drive_options *options = drive->options;
 	bool right = true;
 
 	if (command <= DB_CMD_NONE || command >= DB_CMD_LIMIT ||
 	    !(SERVO_CAN_COMMANDS & ~servo_can_forbidden(bus, drive) & DB_COMMAND_BIT(command)))
 		return DB_RESULT_UNSUPPORTED;
 	if (command == DB_CMD_MOVE_VELOCITY)
-		right = is_within((double)args->target_velocity / speed_command_scale(drive),
-		                  -SERVO_CAN_STEPS_MAX, SERVO_CAN_STEPS_MAX);
+		right = is_within(
+			(double)args->target_velocity /
+				command_scale(options->speed_command_scale, options->speed_scale),
+			-SERVO_CAN_STEPS_MAX, SERVO_CAN_STEPS_MAX);
 	else if (command == DB_CMD_MOVE_CURRENT)
-		right = is_within((double)args->target_current / current_command_scale(drive),
+		right = is_within((double)args->target_current /
+		                          command_scale(options->current_command_scale,
+		                                        options->current_scale),
 		                  -SERVO_CAN_STEPS_MAX, SERVO_CAN_STEPS_MAX);
 	else if (SERVO_CAN_POSITION_MOVES & DB_COMMAND_BIT(command))
 		/* No frame contains the speed of a position move. */
@@ -230,7 +214,8 @@ enum db_result servo_can_check_command(const struct db_bus_config *bus,
 /* Position counts per second at one rpm; 0: not known. */
 double servo_can_velocity_counts(const struct db_drive_config *drive)
 {
-	double counts = of_drive(drive)->counts_per_turn;
+	const struct servo_can_drive_options *options = drive->options;
+	double counts = options->counts_per_turn;
 
 	return isnan(counts) ? 0.0 : counts / SECONDS_PER_MINUTE;
 }
@@ -245,18 +230,20 @@ static uint16_t bit_of(double bit)
 	return (uint16_t)(bit < 0 ? 0u : 1u << (unsigned)bit);
 }
 
-void servo_can_configure(struct db_device *device, const struct db_bus_config *bus,
-                         const struct db_drive_config *drive)
+void servo_can_configure(struct db_device *device, struct db_device *first,
+                         const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
-	const struct servo_can_drive_options *options = of_drive(drive);
-	bool fixed = of_drive(drive)->allow_mode_change == NO;
-	double given = of_drive(drive)->power_on_window;
-	double turn = of_drive(drive)->counts_per_turn;
+	const struct servo_can_bus_options *bus_options = bus->options;
+	const struct servo_can_drive_options *options = drive->options;
+	bool fixed = options->allow_mode_change == NO;
+	double given = options->power_on_window;
+	double turn = options->counts_per_turn;
 	double least = isnan(turn) ? POWER_ON_COUNTS : fmax(turn * POWER_ON_TURN, POWER_ON_LEAST);
 
 	DB_NAMEPLATE_INIT(&device->plate, &device->plate_room, SERVO_CAN_PARAM_COUNT);
 	device->options = options;
-	device->bus_options = of_bus(bus);
+	(void)first;
+	device->bus_options = bus_options;
 	device->layout = servo_can_read_layout(bus);
 	device->node = (uint8_t)drive->address;
 	device->may_change_mode = options->allow_mode_change != NO;
@@ -279,13 +266,15 @@ void servo_can_configure(struct db_device *device, const struct db_bus_config *b
 	device->reverse_bit = bit_of(options->reverse_bit);
 	device->forward_bit = bit_of(options->forward_bit);
 	device->position_reversed = options->position_sign == REVERSED;
-	device->move_is_relative = of_bus(bus)->move_frame_target == RELATIVE;
+	device->move_is_relative = bus_options->move_frame_target == RELATIVE;
 	device->speed_reversed = options->speed_scale < 0;
 	device->speed_scale = fabs(options->speed_scale);
-	device->speed_command_scale = speed_command_scale(drive);
+	device->speed_command_scale = command_scale(options->speed_command_scale,
+	                                            options->speed_scale);
 	device->current_reversed = options->current_scale < 0;
 	device->current_scale = fabs(options->current_scale);
-	device->current_command_scale = current_command_scale(drive);
+	device->current_command_scale = command_scale(options->current_command_scale,
+	                                              options->current_scale);
 	device->standstill_speed = (int)(options->standstill_speed / device->speed_scale);
 	device->reaction = (db_time)options->reaction_ms * DB_NS_PER_MS;
 	device->window = drive->in_position_window * drive->counts_per_unit;
@@ -296,10 +285,10 @@ void servo_can_configure(struct db_device *device, const struct db_bus_config *b
 	device->follows_late = options->late_move != DISABLES;
 	device->cycle = (db_time)bus->cycle_ms * DB_NS_PER_MS;
 	device->profile = (struct servo_can_profile){
-		.mode = fixed ? SERVO_CAN_MODE_NOT_KNOWN : (int)of_drive(drive)->mode - 1,
-		.max_speed = of_drive(drive)->max_speed,
-		.acceleration = of_drive(drive)->ramp_acceleration,
-		.deceleration = of_drive(drive)->ramp_deceleration,
+		.mode = fixed ? SERVO_CAN_MODE_NOT_KNOWN : (int)options->mode - 1,
+		.max_speed = options->max_speed,
+		.acceleration = options->ramp_acceleration,
+		.deceleration = options->ramp_deceleration,
 	};
 	device->mode = device->fixed_mode;
 }
@@ -322,22 +311,22 @@ static void check_group(const struct db_bus_config *bus, const struct group *gro
 
 static void check_words(const struct db_bus_config *bus, db_complain_fn *complain, void *context)
 {
-	size_t given = count_given(bus, &words_group);
+	const struct servo_can_bus_options *given = bus->options;
+	size_t words = count_given(bus, &words_group);
 
-	if (given == 0 && count_given(bus, &move_group) == 0)
+	if (words == 0 && count_given(bus, &move_group) == 0)
 		complain(context, NULL, false,
 		         "position moves are refused: the frame that starts them is on a missing "
 		         "page of the document; set command-word-base, -length, -0-at and -ack "
 		         "from the vendor's full manual, or move-frame-base, -length, -at and "
 		         "-ack");
-	if (given == 0 &&
-	    (!isnan(of_bus(bus)->command_word_1_at) || !isnan(of_bus(bus)->command_word_1_base)))
+	if (words == 0 && (!isnan(given->command_word_1_at) || !isnan(given->command_word_1_base)))
 		complain(context, NULL, true,
 		         "%s is of no use without command word 0; set command-word-base, -length, "
 		         "-0-at and -ack, or remove it",
-		         !isnan(of_bus(bus)->command_word_1_base) ? "command-word-1-base" :
-		                                                    "command-word-1-at");
-	if (is_given(bus, &word_1_group) && isnan(of_bus(bus)->command_word_1_at))
+		         !isnan(given->command_word_1_base) ? "command-word-1-base" :
+		                                              "command-word-1-at");
+	if (is_given(bus, &word_1_group) && isnan(given->command_word_1_at))
 		complain(context, NULL, true,
 		         "command-word-1-base needs command-word-1-at, the first byte of the "
 		         "word in that frame");
@@ -345,7 +334,8 @@ static void check_words(const struct db_bus_config *bus, db_complain_fn *complai
 
 static void check_slot(const struct db_bus_config *bus, db_complain_fn *complain, void *context)
 {
-	unsigned slot = (unsigned)of_bus(bus)->position_slot;
+	const struct servo_can_bus_options *given = bus->options;
+	unsigned slot = (unsigned)given->position_slot;
 
 	if (slot == 0)
 		return;
@@ -398,7 +388,7 @@ static void check_bits(const struct db_drive_config *drive, db_complain_fn *comp
 		DRIVE(target_bit),  DRIVE(homed_bit),   DRIVE(warning_bit),    DRIVE(overload_bit),
 		DRIVE(limit_bit),   DRIVE(reverse_bit), DRIVE(forward_bit),
 	};
-	const struct servo_can_drive_options *options = of_drive(drive);
+	const struct servo_can_drive_options *options = drive->options;
 
 	for (size_t i = 0; i < sizeof(bits) / sizeof(bits[0]); i++) {
 		int bit = (int)db_option_value(find_option("drive", bits[i]), options);
@@ -440,7 +430,9 @@ static void check_steps(const struct db_drive_config *drive, db_complain_fn *com
 static void check_scale(const struct db_drive_config *drive, db_complain_fn *complain,
                         void *context)
 {
-	if (!isnan(of_drive(drive)->counts_per_turn))
+	const struct servo_can_drive_options *options = drive->options;
+
+	if (!isnan(options->counts_per_turn))
 		return;
 	/* It would be taken for a speed in counts, and allow nearly everything. */
 	if (!isnan(drive->max_velocity))
@@ -457,9 +449,10 @@ static void check_scale(const struct db_drive_config *drive, db_complain_fn *com
 static void check_drive(const struct servo_can_layout *layout, const struct db_drive_config *drive,
                         db_complain_fn *complain, void *context)
 {
+	const struct servo_can_drive_options *options = drive->options;
 	enum servo_can_kind taken_for = servo_can_ack_collision(layout, (uint8_t)drive->address);
-	bool fixed = of_drive(drive)->allow_mode_change == NO;
-	bool known = of_drive(drive)->mode != MODE_UNKNOWN;
+	bool fixed = options->allow_mode_change == NO;
+	bool known = options->mode != MODE_UNKNOWN;
 
 	if (taken_for != SERVO_CAN_FOREIGN)
 		complain(context, drive, false,
@@ -475,11 +468,11 @@ static void check_drive(const struct servo_can_layout *layout, const struct db_d
 	check_bits(drive, complain, context);
 	check_steps(drive, complain, context);
 	check_scale(drive, complain, context);
-	if (isnan(of_drive(drive)->ramp_acceleration) != isnan(of_drive(drive)->ramp_deceleration))
+	if (isnan(options->ramp_acceleration) != isnan(options->ramp_deceleration))
 		complain(context, drive, true,
 		         "ramp-acceleration and ramp-deceleration are one frame; set both or "
 		         "none");
-	if (of_drive(drive)->allow_mode_change == NO && !isnan(of_drive(drive)->max_speed))
+	if (options->allow_mode_change == NO && !isnan(options->max_speed))
 		complain(context, drive, true,
 		         "max-speed goes with the mode, which allow-mode-change = no leaves "
 		         "alone; remove it, or set it in the drive");
@@ -489,6 +482,7 @@ void servo_can_check_config(const struct db_bus_config *bus,
                             const struct db_drive_config *const *drives, size_t drive_count,
                             db_complain_fn *complain, void *context)
 {
+	const struct servo_can_bus_options *given = bus->options;
 	struct servo_can_layout layout = servo_can_read_layout(bus);
 
 	check_group(bus, &words_group, complain, context);
@@ -498,7 +492,7 @@ void servo_can_check_config(const struct db_bus_config *bus,
 	check_words(bus, complain, context);
 	check_slot(bus, complain, context);
 	check_layout(bus, complain, context);
-	if (!(fabs(of_bus(bus)->move_frame_scale) > 0))
+	if (!(fabs(given->move_frame_scale) > 0))
 		complain(context, NULL, true,
 		         "move-frame-scale = 0 makes every target the same; "
 		         "another number");

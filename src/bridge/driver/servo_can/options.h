@@ -94,9 +94,9 @@ extern const struct db_option servo_can_options[SERVO_CAN_OPTION_COUNT];
 	 DB_COMMAND_BIT(DB_CMD_READ_PARAMETERS) | DB_COMMAND_BIT(DB_CMD_SYNC_START))
 
 struct servo_can_layout servo_can_read_layout(const struct db_bus_config *bus);
-/* Fills in the settings of a device. */
-void servo_can_configure(struct db_device *device, const struct db_bus_config *bus,
-                         const struct db_drive_config *drive);
+/* Fills in the settings of a device; see db_driver.init. There is one drive per address. */
+void servo_can_configure(struct db_device *device, struct db_device *first,
+                         const struct db_bus_config *bus, const struct db_drive_config *drive);
 double servo_can_velocity_counts(const struct db_drive_config *drive);
 uint64_t servo_can_forbidden(const struct db_bus_config *bus, const struct db_drive_config *drive);
 enum db_result servo_can_check_command(const struct db_bus_config *bus,

@@ -262,10 +262,6 @@ enum db_step servo_can_continue_identify(struct db_conversation *talk);
  * because it may have been reset since. False: all were sent. */
 bool servo_can_sends_all(struct db_conversation *talk, enum db_step *step);
 
-/* Sends those values of the profile that the drive does not have and may be given now. False:
- * none. */
-bool servo_can_sends_profile(struct db_conversation *talk, enum db_step *step);
-
 /* --- commands.c ------------------------------------------------------------------------------- */
 
 /* Commands and the reaction to a fault: chooses the next frame. */

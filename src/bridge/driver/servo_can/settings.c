@@ -148,12 +148,6 @@ static double value_for(struct db_conversation *talk, enum servo_can_param param
 	return db_value_number(servo_can_params[param].type, value);
 }
 
-/* The parameters in the frame of command word 0. */
-static uint64_t shared_words(const struct db_device *device)
-{
-	return device->layout.word1.set ? WORDS & ~PARAM_BIT(PARAM_WORD_1) : WORDS;
-}
-
 static enum db_step send_words(struct db_conversation *talk)
 {
 	uint64_t wanted = settings_wanted(talk->job->request);
@@ -203,6 +197,8 @@ static enum db_result check_settings(struct db_conversation *talk, uint64_t want
 enum db_step servo_can_continue_settings(struct db_conversation *talk)
 {
 	uint64_t wanted = settings_wanted(talk->job->request);
+	/* The parameters in the frame of command word 0. */
+	uint64_t shared = talk->device->layout.word1.set ? WORDS & ~PARAM_BIT(PARAM_WORD_1) : WORDS;
 	enum db_result checked;
 
 	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !is_done(talk, STEP_READ))
@@ -217,9 +213,9 @@ enum db_step servo_can_continue_settings(struct db_conversation *talk)
 		return servo_can_send_ramps(talk,
 		                            (uint32_t)llrint(value_for(talk, PARAM_ACCELERATION)),
 		                            (uint32_t)llrint(value_for(talk, PARAM_DECELERATION)));
-	if ((wanted & shared_words(talk->device)) && !is_done(talk, STEP_WORDS))
+	if ((wanted & shared) && !is_done(talk, STEP_WORDS))
 		return send_words(talk);
-	if ((wanted & WORDS & ~shared_words(talk->device)) && !is_done(talk, STEP_WORD_1))
+	if ((wanted & WORDS & ~shared) && !is_done(talk, STEP_WORD_1))
 		return servo_can_send_word_1(talk, (uint16_t)value_for(talk, PARAM_WORD_1));
 	if ((wanted & PARAM_BIT(PARAM_MAX_SPEED)) && !is_done(talk, STEP_MODE)) {
 		uint16_t max_speed = (uint16_t)value_for(talk, PARAM_MAX_SPEED);
@@ -273,54 +269,24 @@ static bool lacks_mode(const struct db_device *device)
 	return device->may_change_mode && (servo_can_lacks_max_speed(device) || mode);
 }
 
-/* A motor with power keeps its mode: the next command that changes the mode also sends the speed
- * limit. */
-bool servo_can_sends_profile(struct db_conversation *talk, enum db_step *step)
-{
-	struct db_device *device = talk->device;
-	enum servo_can_mode mode;
-
-	if (!servo_can_is_at_rest(device))
-		return false;
-	if (lacks_ramps(device) && !is_done(talk, STEP_RAMPS)) {
-		*step = servo_can_send_ramps(talk, (uint32_t)device->profile.acceleration,
-		                             (uint32_t)device->profile.deceleration);
-		return true;
-	}
-	if (lacks_words(device) && sends_words(talk, step))
-		return true;
-	if (!lacks_mode(device) || is_done(talk, STEP_MODE) ||
-	    choose_mode(device, &mode) != DB_RESULT_OK)
-		return false;
-	*step = servo_can_send_mode(talk, mode, NULL);
-	return true;
-}
-
-static bool sends_ramps_again(struct db_conversation *talk, enum db_step *step)
-{
-	const struct db_device *device = talk->device;
-	const struct db_nameplate *plate = &device->plate;
-	bool known = (plate->valid[0] & RAMPS) == RAMPS;
-
-	if (is_done(talk, STEP_RAMPS) || (!known && isnan(device->profile.acceleration)))
-		return false;
-	*step = known ? servo_can_send_ramps(talk, (uint32_t)plate->values[PARAM_ACCELERATION].f,
-	                                     (uint32_t)plate->values[PARAM_DECELERATION].f) :
-	                servo_can_send_ramps(talk, (uint32_t)device->profile.acceleration,
-	                                     (uint32_t)device->profile.deceleration);
-	return true;
-}
-
 bool servo_can_sends_all(struct db_conversation *talk, enum db_step *step)
 {
 	const struct db_device *device = talk->device;
 	const struct db_nameplate *plate = &device->plate;
+	bool ramps_known = (plate->valid[0] & RAMPS) == RAMPS;
 	uint16_t max_speed;
 	bool known;
 	int mode;
 
-	if (sends_ramps_again(talk, step))
+	if (!is_done(talk, STEP_RAMPS) && (ramps_known || !isnan(device->profile.acceleration))) {
+		*step = ramps_known ?
+		                servo_can_send_ramps(
+					talk, (uint32_t)plate->values[PARAM_ACCELERATION].f,
+					(uint32_t)plate->values[PARAM_DECELERATION].f) :
+		                servo_can_send_ramps(talk, (uint32_t)device->profile.acceleration,
+		                                     (uint32_t)device->profile.deceleration);
 		return true;
+	}
 	if (device->words_given && sends_words(talk, step))
 		return true;
 	/* The profile's mode, else the one that the drive is assumed to have. */
@@ -340,14 +306,26 @@ bool servo_can_sends_all(struct db_conversation *talk, enum db_step *step)
 enum db_step servo_can_continue_identify(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
+	enum servo_can_mode mode;
 	enum db_step step;
 
 	if (!is_done(talk, STEP_READ))
 		return servo_can_read_all(talk);
 	/* No identity and no parameter can be read. */
 	device->params_valid = true;
-	if (servo_can_sends_profile(talk, &step))
-		return step;
+	/* Those values of the profile that the drive does not have and may be given now. A motor
+	 * with power keeps its mode: the next command that changes the mode also sends the speed
+	 * limit. */
+	if (servo_can_is_at_rest(device)) {
+		if (lacks_ramps(device) && !is_done(talk, STEP_RAMPS))
+			return servo_can_send_ramps(talk, (uint32_t)device->profile.acceleration,
+			                            (uint32_t)device->profile.deceleration);
+		if (lacks_words(device) && sends_words(talk, &step))
+			return step;
+		if (lacks_mode(device) && !is_done(talk, STEP_MODE) &&
+		    choose_mode(device, &mode) == DB_RESULT_OK)
+			return servo_can_send_mode(talk, mode, NULL);
+	}
 	/* What is still missing is sent again later. */
 	device->plate.doubtful = lacks_ramps(device) || lacks_words(device) || lacks_mode(device);
 	return end_job(talk, DB_RESULT_OK);

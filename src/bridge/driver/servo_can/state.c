@@ -133,25 +133,11 @@ static void follow_move(struct db_device *device, db_time now)
 		device->going = false;
 }
 
-static void note_power(struct db_device *device, bool before)
-{
-	bool powered = servo_can_is_powered(device);
-
-	if (before && !powered && !device->power_taken) {
-		device->lost_power = true;
-		device->power_fell = !servo_can_shows_fault(device);
-	}
-	if (!before && powered)
-		device->power_taken = false;
-	/* A fault that existed before the power was switched on counts as a new one. */
-	if (!before && powered && servo_can_shows_fault(device))
-		device->fault_open = true;
-}
-
 static void take_status(struct db_device *device, const struct servo_can_reading *reading,
                         db_time now)
 {
-	bool powered = servo_can_is_powered(device);
+	bool had_power = servo_can_is_powered(device);
+	bool powered;
 
 	device->bits = reading->bits;
 	device->inputs = reading->inputs;
@@ -165,9 +151,19 @@ static void take_status(struct db_device *device, const struct servo_can_reading
 		device->error_since = now;
 		device->fault_open = true;
 	}
-	note_power(device, powered);
+	powered = servo_can_is_powered(device);
+	if (had_power && !powered && !device->power_taken) {
+		device->lost_power = true;
+		device->power_fell = !servo_can_shows_fault(device);
+	}
+	if (!had_power && powered) {
+		device->power_taken = false;
+		/* A fault that existed before the power was switched on counts as a new one. */
+		if (servo_can_shows_fault(device))
+			device->fault_open = true;
+	}
 	follow_move(device, now);
-	if (!servo_can_is_powered(device) || servo_can_stands(device))
+	if (!powered || servo_can_stands(device))
 		device->stopping = false;
 }
 
@@ -280,26 +276,12 @@ bool servo_can_take_part(struct db_device *device, unsigned sending, unsigned pa
 
 /* --- reports ---------------------------------------------------------------------------------- */
 
-/* Position and speed are sent in two reports, whose intervals are set separately. Only two that
- * arrive together are shown, so that they belong to one moment. */
-static void pair_reports(struct db_device *device)
-{
-	db_time apart = device->position_at - device->motion_at;
-
-	if (!device->uses_reports || device->position_at == 0 || device->motion_at == 0 ||
-	    apart > PAIR_TIME || apart < -PAIR_TIME)
-		return;
-	device->reported.taken = device->position_at;
-	device->position_at = 0;
-	device->motion_at = 0;
-	show_sample(device, &device->reported);
-}
-
 bool servo_can_take_report(struct db_device *device, const uint8_t *bytes, size_t length,
                            db_time now)
 {
 	struct servo_can_message message;
 	struct db_can_frame frame;
+	db_time apart;
 
 	if (length != sizeof(frame))
 		return false;
@@ -332,7 +314,16 @@ bool servo_can_take_report(struct db_device *device, const uint8_t *bytes, size_
 	default: /* a late answer */
 		return false;
 	}
-	pair_reports(device);
+	/* Position and speed are sent in two reports, whose intervals are set separately. Only two
+	 * that arrive together are shown, so that they belong to one moment. */
+	apart = device->position_at - device->motion_at;
+	if (!device->uses_reports || device->position_at == 0 || device->motion_at == 0 ||
+	    apart > PAIR_TIME || apart < -PAIR_TIME)
+		return true;
+	device->reported.taken = device->position_at;
+	device->position_at = 0;
+	device->motion_at = 0;
+	show_sample(device, &device->reported);
 	return true;
 }
 

@@ -36,18 +36,6 @@ static enum db_step skip_step(struct db_conversation *talk)
 
 /* --- what was acknowledged -------------------------------------------------------------------- */
 
-static enum db_step take_frame(struct db_conversation *talk)
-{
-	struct servo_can_progress *progress = progress_of(talk);
-
-	/* A frame sent to all drives is not acknowledged. */
-	if (talk->job->kind == DB_JOB_COMMAND && !progress->by_all)
-		talk->device->refused = false;
-	progress->unanswered = false;
-	progress->since = talk->now;
-	return skip_step(talk);
-}
-
 /* Decode the frame just acknowledged: the drive now holds these values. */
 static struct servo_can_message read_sent(const struct db_conversation *talk)
 {
@@ -59,82 +47,76 @@ static struct servo_can_message read_sent(const struct db_conversation *talk)
 	return message;
 }
 
-static enum db_step take_mode(struct db_conversation *talk)
+/* The drive has now what the frame of this step gave it. */
+static void take_content(struct db_conversation *talk)
 {
-	struct servo_can_message message = read_sent(talk);
+	const struct servo_can_progress *progress = progress_of(talk);
+	struct db_device *device = talk->device;
+	struct servo_can_message sent;
 
-	talk->device->mode = (int)message.u.mode.mode;
-	if (message.u.mode.has_max_speed)
-		servo_can_remember(talk->device, PARAM_MAX_SPEED, message.u.mode.max_speed,
+	switch (talk->job->step) {
+	case STEP_MODE:
+		sent = read_sent(talk);
+		device->mode = (int)sent.u.mode.mode;
+		if (sent.u.mode.has_max_speed)
+			servo_can_remember(device, PARAM_MAX_SPEED, sent.u.mode.max_speed,
+			                   talk->now);
+		break;
+	case STEP_CLEAR_SPEED:
+		device->setpoint_known[SERVO_CAN_MODE_SPEED] = true;
+		break;
+	case STEP_CLEAR_CURRENT:
+		device->setpoint_known[SERVO_CAN_MODE_CURRENT] = true;
+		break;
+	case STEP_SETPOINT:
+		device->stop_refused = false;
+		device->setpoint = progress->setpoint;
+		device->setpoint_mode = device->mode;
+		if (device->mode != SERVO_CAN_MODE_NOT_KNOWN)
+			device->setpoint_known[device->mode] = true;
+		if (device->synchronous)
+			device->staged = true;
+		break;
+	case STEP_TRIGGER_DOWN:
+		device->trigger = LEVEL_LOW;
+		device->drop_at = 0;
+		break;
+	case STEP_WORDS:
+		memcpy(device->words, progress->words, sizeof(device->words));
+		device->words_given = true;
+		servo_can_remember_words(device, talk->now);
+		break;
+	case STEP_WORD_1:
+		device->words[1] = progress->words[1];
+		device->words_given = true;
+		servo_can_remember(device, PARAM_WORD_1, device->words[1], talk->now);
+		break;
+	case STEP_SYNC:
+		device->staged = false;
+		break;
+	case STEP_RAMPS:
+		sent = read_sent(talk);
+		servo_can_remember(device, PARAM_ACCELERATION, sent.u.ramps.acceleration,
 		                   talk->now);
-	return take_frame(talk);
+		servo_can_remember(device, PARAM_DECELERATION, sent.u.ramps.deceleration,
+		                   talk->now);
+		break;
+	default:
+		break;
+	}
 }
 
-static enum db_step take_clear(struct db_conversation *talk)
+static enum db_step take_frame(struct db_conversation *talk)
 {
-	bool current = talk->job->step == STEP_CLEAR_CURRENT;
+	struct servo_can_progress *progress = progress_of(talk);
 
-	talk->device->setpoint_known[current ? SERVO_CAN_MODE_CURRENT : SERVO_CAN_MODE_SPEED] =
-		true;
-	return take_frame(talk);
-}
-
-static enum db_step take_setpoint(struct db_conversation *talk)
-{
-	struct db_device *device = talk->device;
-
-	device->stop_refused = false;
-	device->setpoint = progress_of(talk)->setpoint;
-	device->setpoint_mode = device->mode;
-	if (device->mode != SERVO_CAN_MODE_NOT_KNOWN)
-		device->setpoint_known[device->mode] = true;
-	if (device->synchronous)
-		device->staged = true;
-	return take_frame(talk);
-}
-
-static enum db_step take_low_trigger(struct db_conversation *talk)
-{
-	talk->device->trigger = LEVEL_LOW;
-	talk->device->drop_at = 0;
-	return take_frame(talk);
-}
-
-static enum db_step take_words(struct db_conversation *talk)
-{
-	struct db_device *device = talk->device;
-
-	memcpy(device->words, progress_of(talk)->words, sizeof(device->words));
-	device->words_given = true;
-	servo_can_remember_words(device, talk->now);
-	return take_frame(talk);
-}
-
-static enum db_step take_word_1(struct db_conversation *talk)
-{
-	struct db_device *device = talk->device;
-
-	device->words[1] = progress_of(talk)->words[1];
-	device->words_given = true;
-	servo_can_remember(device, PARAM_WORD_1, device->words[1], talk->now);
-	return take_frame(talk);
-}
-
-static enum db_step take_sync(struct db_conversation *talk)
-{
-	talk->device->staged = false;
-	return take_frame(talk);
-}
-
-static enum db_step take_ramps(struct db_conversation *talk)
-{
-	struct servo_can_message message = read_sent(talk);
-
-	servo_can_remember(talk->device, PARAM_ACCELERATION, message.u.ramps.acceleration,
-	                   talk->now);
-	servo_can_remember(talk->device, PARAM_DECELERATION, message.u.ramps.deceleration,
-	                   talk->now);
-	return take_frame(talk);
+	take_content(talk);
+	/* A frame sent to all drives is not acknowledged. */
+	if (talk->job->kind == DB_JOB_COMMAND && !progress->by_all)
+		talk->device->refused = false;
+	progress->unanswered = false;
+	progress->since = talk->now;
+	return skip_step(talk);
 }
 
 /* --- what acknowledges something else --------------------------------------------------------- */
@@ -168,8 +150,12 @@ static enum db_step doubt_frame(struct db_conversation *talk)
 /* Reads what the drive itself shows. */
 static enum db_step lose_motion(struct db_conversation *talk)
 {
-	progress_of(talk)->unanswered = true;
-	progress_of(talk)->done |= 1u << talk->job->step;
+	struct servo_can_progress *progress = progress_of(talk);
+
+	if (talk->job->step == STEP_SETPOINT || talk->job->step == STEP_POWER)
+		progress->since = talk->now;
+	progress->unanswered = true;
+	progress->done |= 1u << talk->job->step;
 	return servo_can_read_all(talk);
 }
 
@@ -180,13 +166,6 @@ static enum db_step lose_setpoint(struct db_conversation *talk)
 		return end_job(talk, DB_RESULT_TIMEOUT);
 	if (talk->device->synchronous || progress_of(talk)->gives_up)
 		return end_job(talk, DB_RESULT_INDETERMINATE);
-	progress_of(talk)->since = talk->now;
-	return lose_motion(talk);
-}
-
-static enum db_step lose_power(struct db_conversation *talk)
-{
-	progress_of(talk)->since = talk->now;
 	return lose_motion(talk);
 }
 
@@ -214,21 +193,21 @@ static enum db_step lose_read(struct db_conversation *talk)
 static const struct conversation_step steps[] = {
 	[STEP_READ] = { .answered = skip_step, .lost = lose_read },
 	[STEP_ANALOGUE] = { .answered = skip_step },
-	[STEP_MODE] = { .answered = take_mode },
-	[STEP_CLEAR_SPEED] = { .answered = take_clear, .lost = skip_step },
-	[STEP_CLEAR_CURRENT] = { .answered = take_clear, .lost = skip_step },
-	[STEP_SETPOINT] = { .answered = take_setpoint, .lost = lose_setpoint },
+	[STEP_MODE] = { .answered = take_frame },
+	[STEP_CLEAR_SPEED] = { .answered = take_frame, .lost = skip_step },
+	[STEP_CLEAR_CURRENT] = { .answered = take_frame, .lost = skip_step },
+	[STEP_SETPOINT] = { .answered = take_frame, .lost = lose_setpoint },
 	[STEP_DEMAND] = { .answered = take_frame },
 	[STEP_TARGET] = { .answered = take_frame },
-	[STEP_TRIGGER_DOWN] = { .answered = take_low_trigger, .lost = lose_trigger },
+	[STEP_TRIGGER_DOWN] = { .answered = take_frame, .lost = lose_trigger },
 	[STEP_TRIGGER_UP] = { .answered = take_frame, .lost = lose_motion },
-	[STEP_WORDS] = { .answered = take_words },
-	[STEP_WORD_1] = { .answered = take_word_1 },
+	[STEP_WORDS] = { .answered = take_frame },
+	[STEP_WORD_1] = { .answered = take_frame },
 	[STEP_MOVE] = { .answered = take_frame, .lost = lose_motion },
-	[STEP_POWER] = { .answered = take_frame, .lost = lose_power },
+	[STEP_POWER] = { .answered = take_frame, .lost = lose_motion },
 	[STEP_FEEDBACK] = { .answered = take_frame, .lost = lose_motion },
-	[STEP_SYNC] = { .answered = take_sync, .lost = end_indeterminate },
-	[STEP_RAMPS] = { .answered = take_ramps },
+	[STEP_SYNC] = { .answered = take_frame, .lost = end_indeterminate },
+	[STEP_RAMPS] = { .answered = take_frame },
 	[STEP_LOAD] = { .answered = take_frame, .lost = lose_trigger },
 	[STEP_RETREAT] = { .answered = take_frame, .lost = end_indeterminate },
 };

@@ -220,7 +220,8 @@ static void follow_restarts(struct vsmd_axis *axis, int32_t position, uint32_t w
 		break;
 	case VSMD_COUNTS_ON:
 	default:
-		if (axis->doubt.kind != DB_DOUBT_NONE && vsmd_refutes_doubt(axis, position))
+		if (axis->doubt.kind != DB_DOUBT_NONE &&
+		    vsmd_counts_on(axis, axis->doubt.position, position))
 			refute_doubt(axis);
 		return;
 	}
@@ -312,12 +313,6 @@ static void stop_motion(struct vsmd_axis *axis)
 	axis->has_target = false;
 }
 
-void vsmd_take_target(struct vsmd_axis *axis)
-{
-	axis->has_target = true;
-	axis->target = axis->wanted;
-}
-
 /* Changes of position, power and homing bit by commands show within this time plus the reaction
  * time. */
 #define EFFECT_TIME (500 * DB_NS_PER_MS)
@@ -350,7 +345,8 @@ void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request)
 	case DB_CMD_MOVE_ABSOLUTE:
 	case DB_CMD_MOVE_RELATIVE:
 		start_motion(axis, VSMD_MOTION_DISCRETE);
-		vsmd_take_target(axis);
+		axis->has_target = true;
+		axis->target = axis->wanted;
 		axis->goal = (struct vsmd_goal){
 			.kind = VSMD_GOAL_POSITION,
 			.position = axis->wanted,
@@ -520,8 +516,10 @@ const struct db_nameplate *vsmd_get_nameplate(const struct db_device *device)
 	return &((const struct vsmd_axis *)device)->plate;
 }
 
-void vsmd_axis_gone(struct vsmd_axis *axis)
+void vsmd_axis_gone(struct db_device *device)
 {
+	struct vsmd_axis *axis = (struct vsmd_axis *)device;
+
 	axis->params_valid = false;
 	axis->has_status = false;
 	axis->just_commanded = false;

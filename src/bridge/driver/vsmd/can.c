@@ -24,11 +24,6 @@ struct vsmd_can_options {
 	unsigned report; /* index of reports[] */
 };
 
-static const struct vsmd_can_options *options_of(const struct db_bus_config *bus)
-{
-	return bus->options;
-}
-
 static const struct db_option options[] = {
 	{
 		.section = "bus",
@@ -104,10 +99,12 @@ static const enum vsmd_can_report reports[] = {
 
 static struct vsmd_can_style style_of(const struct db_bus_config *bus)
 {
+	const struct vsmd_can_options *given = bus->options;
+
 	return (struct vsmd_can_style){
-		.extended = !(options_of(bus)->frames != 0),
-		.host = (uint16_t)options_of(bus)->host_id,
-		.output_base = (uint8_t)options_of(bus)->output_base,
+		.extended = !(given->frames != 0),
+		.host = (uint16_t)given->host_id,
+		.output_base = (uint8_t)given->output_base,
 	};
 }
 
@@ -135,13 +132,15 @@ static enum db_result check_param(const struct db_bus_config *bus, size_t param,
 static void init_device(struct db_device *device, struct db_device *first,
                         const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
+	const struct vsmd_can_options *given = bus->options;
+
 	(void)first; /* one drive per address */
 	vsmd_axis_init(&device->axis, &vsmd_can_link, bus, drive);
 	device->style = style_of(bus);
 	device->drive = drive->address;
-	device->report_interval = (db_time)options_of(bus)->report_ms * DB_NS_PER_MS;
+	device->report_interval = (db_time)given->report_ms * DB_NS_PER_MS;
 	if (device->report_interval > 0)
-		device->report = reports[options_of(bus)->report];
+		device->report = reports[given->report];
 }
 
 /* --- the bus's side --------------------------------------------------------------------------- */
@@ -185,12 +184,13 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 
 static uint32_t part_of(const struct db_bus_config *bus, const uint8_t *bytes, size_t length)
 {
+	const struct vsmd_can_options *given = bus->options;
 	struct db_can_frame frame;
 	struct vsmd_can_id id;
 
 	memcpy(&frame, bytes, length);
 	/* A report looks like an answer. */
-	if (options_of(bus)->report_ms > 0.0 || vsmd_can_unpack_id(frame.id, &id) != VSMD_OK)
+	if (given->report_ms > 0.0 || vsmd_can_unpack_id(frame.id, &id) != VSMD_OK)
 		return 0;
 	return id.control == VSMD_CAN_STATUS_REPLY ? 1u + id.reg : 0;
 }

@@ -78,11 +78,6 @@ enum db_step vsmd_can_read_status(struct db_conversation *talk)
 	return add_status(talk, !vsmd_can_lacks_speed(talk->device));
 }
 
-static enum db_step add_confirmation(struct db_conversation *talk)
-{
-	return add_status(talk, vsmd_can_lacks_speed(talk->device));
-}
-
 bool vsmd_can_lacks_identity(const struct db_device *device)
 {
 	return device->probe_known && device->probe != VSMD_CAN_PROBE_IDENTITY;
@@ -238,7 +233,7 @@ enum db_step vsmd_can_send_command(struct db_conversation *talk, const struct vs
 	}
 	if (command->verb == VSMD_SAV)
 		talk->exchange->extra_time = device->axis.save_time;
-	return add_confirmation(talk);
+	return add_status(talk, vsmd_can_lacks_speed(talk->device));
 }
 
 enum db_step vsmd_can_read(struct db_conversation *talk, enum vsmd_read what)
@@ -254,7 +249,7 @@ enum db_step vsmd_can_read(struct db_conversation *talk, enum vsmd_read what)
 		return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 1);
 	case VSMD_READ_STATUS:
 	default:
-		return add_confirmation(talk);
+		return add_status(talk, vsmd_can_lacks_speed(talk->device));
 	}
 }
 

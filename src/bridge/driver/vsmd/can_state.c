@@ -150,7 +150,7 @@ bool vsmd_can_wants_poll(const struct db_device *device, db_time now)
 
 void vsmd_can_forget_state(struct db_device *device)
 {
-	vsmd_axis_gone(&device->axis);
+	vsmd_axis_gone(device);
 	device->half_reported = false;
 	device->reported_at = 0;
 	device->has_base = false;

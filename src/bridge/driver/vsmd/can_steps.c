@@ -60,16 +60,16 @@ static size_t next_setting(const struct db_request *request, size_t i)
 	return i;
 }
 
-static unsigned current_register(const struct db_conversation *talk)
-{
-	return reg_of(talk->job->request, talk->device->setting);
-}
-
+/* Reads the current register; to explain a refused write, the status. */
 static enum db_step read_register(struct db_conversation *talk)
 {
-	unsigned reg = talk->job->step == STEP_REFRESH ? talk->device->refreshed :
-	                                                 current_register(talk);
+	const struct db_device *device = talk->device;
+	unsigned reg = talk->job->step == STEP_REFRESH ?
+	                       device->refreshed :
+	                       reg_of(talk->job->request, device->setting);
 
+	if (talk->job->step == STEP_EXPLAIN)
+		return vsmd_can_read(talk, VSMD_READ_STATUS);
 	vsmd_can_start_burst(talk->exchange, true);
 	return vsmd_can_add_guarded(talk, VSMD_CAN_READ_DATA, reg, 1);
 }
@@ -79,7 +79,7 @@ static enum db_step write_register(struct db_conversation *talk)
 {
 	const struct db_request *request = talk->job->request;
 	struct db_device *device = talk->device;
-	unsigned reg = current_register(talk);
+	unsigned reg = reg_of(request, device->setting);
 	uint32_t raw = vsmd_can_reg_packed(reg) ? device->answer.values[0] : 0;
 	struct db_can_frame frame;
 
@@ -114,7 +114,8 @@ static enum db_step write_next(struct db_conversation *talk, size_t from)
 		return end_job(talk, DB_RESULT_OK);
 	}
 	return send_step(talk, steps,
-	                 vsmd_can_reg_packed(current_register(talk)) ? STEP_FETCH : STEP_WRITE);
+	                 vsmd_can_reg_packed(reg_of(request, device->setting)) ? STEP_FETCH :
+	                                                                         STEP_WRITE);
 }
 
 /* Takes a register's content for the parameters in it; returns their bits. */
@@ -144,21 +145,6 @@ static void note_register(struct db_device *device, unsigned reg, db_time now)
 	db_nameplate_note_told(&device->axis.plate, &read, now);
 }
 
-/* It was read twice: this was no lost frame. */
-static enum db_step give_up_register(struct db_conversation *talk)
-{
-	talk->device->axis.plate.doubtful = true;
-	return end_job(talk, DB_RESULT_UNSUPPORTED);
-}
-
-static enum db_step answer_fetch(struct db_conversation *talk)
-{
-	if (talk->device->whole)
-		return send_step(talk, steps, STEP_WRITE);
-	return talk->job->step == STEP_FETCH ? send_step(talk, steps, STEP_FETCH_AGAIN) :
-	                                       give_up_register(talk);
-}
-
 /* True if a register holds another value than before, as far as that is known. */
 static bool is_altered(const struct db_device *device, unsigned reg, uint32_t raw)
 {
@@ -175,15 +161,25 @@ static bool is_altered(const struct db_device *device, unsigned reg, uint32_t ra
 	return false;
 }
 
+/* The register was read, before the write or after it. */
 static enum db_step answer_write(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 	struct vsmd_axis *axis = &device->axis;
 	uint32_t held = device->answer.values[0];
+	unsigned step = talk->job->step;
 
-	if (!device->whole)
-		return talk->job->step == STEP_WRITE ? send_step(talk, steps, STEP_CONFIRM_AGAIN) :
-		                                       give_up_register(talk);
+	if (!device->whole) {
+		if (step == STEP_FETCH)
+			return send_step(talk, steps, STEP_FETCH_AGAIN);
+		if (step == STEP_WRITE)
+			return send_step(talk, steps, STEP_CONFIRM_AGAIN);
+		/* It was read twice: this was no lost frame. */
+		axis->plate.doubtful = true;
+		return end_job(talk, DB_RESULT_UNSUPPORTED);
+	}
+	if (step == STEP_FETCH || step == STEP_FETCH_AGAIN)
+		return send_step(talk, steps, STEP_WRITE);
 	if (held == device->written) {
 		/* All of them are shown at once, when the last one has arrived. */
 		note_register(device, device->answer.id.reg, talk->now);
@@ -199,11 +195,6 @@ static enum db_step answer_write(struct db_conversation *talk)
 	vsmd_memory_follow(&axis->memory, &axis->plate, false);
 	axis->plate.doubtful |= talk->job->request->setting_count > 1;
 	return send_step(talk, steps, STEP_EXPLAIN);
-}
-
-static enum db_step send_explain(struct db_conversation *talk)
-{
-	return vsmd_can_read(talk, VSMD_READ_STATUS);
 }
 
 /* A value that the drive changed was refused, too; a write that it ignored twice has failed. */
@@ -223,39 +214,27 @@ static struct vsmd_can_search *search_of(const struct db_conversation *talk)
 	return &talk->device->searches[talk->job->kind == DB_JOB_IDENTIFY];
 }
 
-/* Reporting is set again each time a drive is identified: it may have restarted, or another master
- * may have changed it. */
-static bool add_report(struct db_conversation *talk)
+/*
+ * Reporting is set again each time a drive is identified: it may have restarted, or another master
+ * may have changed it. A read of the identity in parts leaves no room for that; then it is a step
+ * of its own.
+ */
+static enum db_step send_identity(struct db_conversation *talk)
 {
 	const struct db_device *device = talk->device;
-	struct vsmd_can_command report = {
+	const struct vsmd_can_command report = {
 		.code = VSMD_CAN_AUTO_RES_STS,
 		.report = device->report,
 		.has_interval = device->report_interval > 0,
 		.interval = (uint16_t)(device->report_interval / DB_NS_PER_MS),
 	};
+	bool alone = talk->job->step == STEP_REPORT;
 
-	return vsmd_can_add_command(&device->style, device->drive, &report, talk->exchange);
-}
-
-/* A read of the identity in parts leaves no room for it. */
-static enum db_step send_report(struct db_conversation *talk)
-{
 	vsmd_can_start_burst(talk->exchange, true);
-	return add_report(talk) ? vsmd_can_read_guard(talk) : end_job(talk, DB_RESULT_FAILED);
-}
-
-static enum db_step send_identity(struct db_conversation *talk)
-{
-	vsmd_can_start_burst(talk->exchange, true);
-	if (!talk->device->reads_short && !add_report(talk))
+	if ((alone || !device->reads_short) &&
+	    !vsmd_can_add_command(&device->style, device->drive, &report, talk->exchange))
 		return end_job(talk, DB_RESULT_FAILED);
-	return vsmd_can_read_identity(talk);
-}
-
-static enum db_step begin_identify(struct db_conversation *talk)
-{
-	return send_step(talk, steps, talk->device->reads_short ? STEP_REPORT : STEP_IDENTITY);
+	return alone ? vsmd_can_read_guard(talk) : vsmd_can_read_identity(talk);
 }
 
 static bool is_parameter(const struct db_device *device, unsigned reg)
@@ -313,23 +292,14 @@ static enum db_step send_registers(struct db_conversation *talk)
 	return end_job(talk, DB_RESULT_OK);
 }
 
-static enum db_step begin_search(struct db_conversation *talk)
-{
-	*search_of(talk) = (struct vsmd_can_search){ .first = VSMD_CAN_DATA_FIRST };
-	return send_step(talk, steps, STEP_REGISTERS);
-}
-
-static enum db_step answer_report(struct db_conversation *talk)
-{
-	return vsmd_can_lacks_identity(talk->device) ? begin_search(talk) :
-	                                               send_step(talk, steps, STEP_IDENTITY);
-}
-
 static enum db_step answer_identity(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
+	bool reported = talk->job->step == STEP_REPORT;
 
-	if (device->whole) {
+	if (reported && !vsmd_can_lacks_identity(device))
+		return send_step(talk, steps, STEP_IDENTITY);
+	if (!reported && device->whole) {
 		uint32_t generation;
 		char text[VSMD_CAN_IDENTITY_MAX + 1];
 		int length;
@@ -343,7 +313,8 @@ static enum db_step answer_identity(struct db_conversation *talk)
 		if (device->axis.plate.generation != generation)
 			device->lacks = 0;
 	}
-	return begin_search(talk);
+	*search_of(talk) = (struct vsmd_can_search){ .first = VSMD_CAN_DATA_FIRST };
+	return send_step(talk, steps, STEP_REGISTERS);
 }
 
 static enum db_step answer_registers(struct db_conversation *talk)
@@ -439,15 +410,15 @@ static enum db_step answer_poll(struct db_conversation *talk)
 static const struct conversation_step steps[STEPS] = {
 	[STEP_PROBE] = { .send = send_probe, .answered = answer_probe },
 	[STEP_POLL] = { .send = send_poll, .answered = answer_poll },
-	[STEP_REPORT] = { .send = send_report, .answered = answer_report },
+	[STEP_REPORT] = { .send = send_identity, .answered = answer_identity },
 	[STEP_IDENTITY] = { .send = send_identity, .answered = answer_identity },
 	[STEP_REGISTERS] = { .send = send_registers, .answered = answer_registers },
-	[STEP_FETCH] = { .send = read_register, .answered = answer_fetch },
-	[STEP_FETCH_AGAIN] = { .send = read_register, .answered = answer_fetch },
+	[STEP_FETCH] = { .send = read_register, .answered = answer_write },
+	[STEP_FETCH_AGAIN] = { .send = read_register, .answered = answer_write },
 	[STEP_WRITE] = { .send = write_register, .answered = answer_write },
 	[STEP_CONFIRM_AGAIN] = { .send = read_register, .answered = answer_write },
 	[STEP_REFRESH] = { .send = read_register, .answered = answer_refresh },
-	[STEP_EXPLAIN] = { .send = send_explain, .answered = answer_explain, .lost = end_failed },
+	[STEP_EXPLAIN] = { .send = read_register, .answered = answer_explain, .lost = end_failed },
 };
 
 static enum db_step answer_save(struct db_conversation *talk)
@@ -487,12 +458,13 @@ enum db_step vsmd_can_begin(struct db_conversation *talk)
 	case DB_JOB_REFRESH:
 		return take_next_turn(talk->device) ? send_step(talk, steps, STEP_REFRESH) :
 		                                      end_job(talk, DB_RESULT_UNSUPPORTED);
-	case DB_JOB_IDENTIFY:
-		return begin_identify(talk);
 	case DB_JOB_COMMAND: /* read_parameters */
 	default:
 		talk->device->lacks = 0;
-		return begin_identify(talk);
+		/* fall through */
+	case DB_JOB_IDENTIFY:
+		return send_step(talk, steps,
+		                 talk->device->reads_short ? STEP_REPORT : STEP_IDENTITY);
 	}
 }
 

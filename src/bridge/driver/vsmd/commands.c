@@ -28,16 +28,6 @@ static bool needs_read_back(enum db_command command)
 	return db_command_is_motion(command) || command == DB_CMD_SET_POSITION;
 }
 
-static struct vsmd_command position_command(int32_t target, float velocity)
-{
-	return (struct vsmd_command){
-		.verb = VSMD_POS,
-		.position = target,
-		.has_velocity = velocity > 0.0f,
-		.velocity = velocity,
-	};
-}
-
 static struct vsmd_command shake_command(enum vsmd_verb verb, const struct db_args *args,
                                          uint32_t count)
 {
@@ -68,7 +58,10 @@ struct vsmd_command vsmd_command_of(enum db_command command, const struct db_arg
 	case DB_CMD_MOVE_PRESET:
 		return (struct vsmd_command){ .verb = VSMD_MOV };
 	case DB_CMD_MOVE_ABSOLUTE:
-		return position_command(args->target_position, args->target_velocity);
+		return (struct vsmd_command){ .verb = VSMD_POS,
+			                      .position = args->target_position,
+			                      .has_velocity = args->target_velocity > 0.0f,
+			                      .velocity = args->target_velocity };
 	case DB_CMD_HOME:
 	case DB_CMD_HOME_STOP:
 		return (struct vsmd_command){ .verb = VSMD_ZERO_STOP };
@@ -105,11 +98,6 @@ struct vsmd_command vsmd_command_of(enum db_command command, const struct db_arg
 	}
 }
 
-static bool port_and_value(const struct db_args *args, unsigned ports, unsigned max)
-{
-	return is_within(args->output_number, 1, ports) && args->output_value <= max;
-}
-
 enum db_result vsmd_check_command(const struct vsmd_link *link, enum db_command command,
                                   const struct db_args *args)
 {
@@ -124,14 +112,14 @@ enum db_result vsmd_check_command(const struct vsmd_link *link, enum db_command 
 		right = is_within((double)args->target_velocity, 0.0, VSMD_SPEED_MAX);
 		break;
 	case DB_CMD_SET_OUTPUT:
-		right = port_and_value(args, OUTPUTS, 1);
+		right = is_within(args->output_number, 1, OUTPUTS) && args->output_value <= 1;
 		break;
 	case DB_CMD_SET_OUTPUTS:
 		right = args->output_mask != 0 && args->output_mask < 1u << OUTPUTS;
 		break;
 	case DB_CMD_SET_SV:
 	case DB_CMD_SET_NMOS:
-		right = port_and_value(args, 3, 255);
+		right = is_within(args->output_number, 1, 3) && args->output_value <= 255;
 		break;
 	case DB_CMD_SHAKE_START:
 	case DB_CMD_SHAKE_START_TIME:
@@ -149,11 +137,6 @@ enum db_result vsmd_check_command(const struct vsmd_link *link, enum db_command 
 }
 
 /* --- what the steps say ----------------------------------------------------------------------- */
-
-static enum db_step read_drive(struct db_conversation *talk, enum vsmd_read what)
-{
-	return axis_of(talk)->link->read(talk, what);
-}
 
 static enum db_step send_command(struct db_conversation *talk, struct vsmd_command command,
                                  bool repeatable)
@@ -194,13 +177,13 @@ static void begin_watch(struct vsmd_axis *axis)
 static enum db_step send_order(struct db_conversation *talk)
 {
 	const struct db_request *request = talk->job->request;
+	struct vsmd_command command;
 
 	switch (request->command) {
 	case DB_CMD_MOVE_RELATIVE:
-		return send_command(
-			talk,
-			position_command(axis_of(talk)->wanted, request->args->target_velocity),
-			false);
+		command = vsmd_command_of(DB_CMD_MOVE_ABSOLUTE, request->args);
+		command.position = axis_of(talk)->wanted;
+		return send_command(talk, command, false);
 	case DB_CMD_HOME:
 		return send_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_START }, false);
 	default:
@@ -209,16 +192,29 @@ static enum db_step send_order(struct db_conversation *talk)
 	}
 }
 
-/* What the steps send that have one command, or none: then a read of the status. */
+/* What the steps send that have their own command; the others read the status. */
 static enum db_step send_fixed(struct db_conversation *talk)
 {
+	struct vsmd_axis *axis = axis_of(talk);
+	const struct db_args *args;
+	unsigned port;
+
 	switch (talk->job->step) {
 	case VSMD_STEP_POSITION:
 		return send_command(talk, (struct vsmd_command){ .verb = VSMD_STS }, true);
 	case VSMD_STEP_CLEAR_HOMED:
 		/* A repeat because the effect did not show is not marked as repeatable. */
 		return send_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP },
-		                    axis_of(talk)->watch.resends == 0);
+		                    axis->watch.resends == 0);
+	case VSMD_STEP_OUTPUT:
+		args = talk->job->request->args;
+		port = axis->watch.output;
+		return send_command(
+			talk,
+			(struct vsmd_command){ .verb = VSMD_SENSOR_OUT,
+		                               .port = (uint8_t)port,
+		                               .value = args->output_levels >> (port - 1) & 1 },
+			true);
 	case VSMD_STEP_END_HOMING:
 		return send_command(talk, (struct vsmd_command){ .verb = VSMD_ZERO_STOP }, true);
 	case VSMD_STEP_END_SHAKING:
@@ -226,20 +222,8 @@ static enum db_step send_fixed(struct db_conversation *talk)
 	case VSMD_STEP_SAVE:
 		return send_command(talk, (struct vsmd_command){ .verb = VSMD_SAV }, false);
 	default:
-		return read_drive(talk, VSMD_READ_STATUS);
+		return axis->link->read(talk, VSMD_READ_STATUS);
 	}
-}
-
-static enum db_step send_output(struct db_conversation *talk)
-{
-	const struct db_args *args = talk->job->request->args;
-	unsigned port = axis_of(talk)->watch.output;
-
-	return send_command(talk,
-	                    (struct vsmd_command){ .verb = VSMD_SENSOR_OUT,
-	                                           .port = (uint8_t)port,
-	                                           .value = args->output_levels >> (port - 1) & 1 },
-	                    true);
 }
 
 /* Sends the next port of a set_outputs, from `port` on; or all were set. */
@@ -334,18 +318,6 @@ static enum db_step answer_off(struct db_conversation *talk)
 
 /* --- other commands --------------------------------------------------------------------------- */
 
-/* The start of a relative move is read twice, in two frame types, because one answer may be
- * stale. */
-static bool readings_agree(const struct vsmd_axis *axis)
-{
-	const struct vsmd_watch *watch = &axis->watch;
-	double seconds = (double)(axis->status_at - watch->counted_at) / (double)DB_NS_PER_S;
-	double way = axis->last.status & VSMD_ST_STP ? 0.0 : (double)VSMD_SPEED_MAX * seconds;
-
-	return fabs((double)axis->last.position - (double)watch->counted_from) <=
-	       axis->window + way;
-}
-
 static enum db_step answer_position(struct db_conversation *talk)
 {
 	struct vsmd_axis *axis = axis_of(talk);
@@ -353,18 +325,25 @@ static enum db_step answer_position(struct db_conversation *talk)
 	int64_t target;
 	double place;
 
-	/* A single awaited answer cannot be overtaken. */
+	/* The start of a relative move is read twice, in two frame types, because one answer may be
+	 * stale. A single awaited answer cannot be overtaken. */
 	if (!axis->link->acknowledges) {
+		double seconds = (double)(axis->status_at - watch->counted_at) /
+		                 (double)DB_NS_PER_S;
+		double way = axis->last.status & VSMD_ST_STP ? 0.0 :
+		                                               (double)VSMD_SPEED_MAX * seconds;
 		unsigned readings = watch->readings++;
-		bool agreed = readings % 2 == 1 && readings_agree(axis);
+		bool agreed = readings % 2 == 1 &&
+		              fabs((double)axis->last.position - (double)watch->counted_from) <=
+		                      axis->window + way;
 
 		watch->counted_from = axis->last.position;
 		watch->counted_at = axis->status_at;
 		if (!agreed && readings >= READINGS_MAX)
 			return end_job(talk, DB_RESULT_FAILED);
 		if (!agreed)
-			return read_drive(talk, readings % 2 == 0 ? VSMD_READ_POSITION :
-			                                            VSMD_READ_STATUS);
+			return axis->link->read(talk, readings % 2 == 0 ? VSMD_READ_POSITION :
+			                                                  VSMD_READ_STATUS);
 	}
 	target = (int64_t)axis->last.position + talk->job->request->args->target_position;
 	if (target < INT32_MIN || target > INT32_MAX)
@@ -408,28 +387,6 @@ static enum db_step send_again(struct db_conversation *talk)
 	                 step == VSMD_STEP_READ_BACK ? VSMD_STEP_ORDER : step);
 }
 
-/* True if positions now have another meaning, which the client does not know. */
-static bool has_restarted_since(const struct vsmd_axis *axis)
-{
-	return axis->watch.upsets != axis->upsets;
-}
-
-static bool is_shake(enum db_command command)
-{
-	return command == DB_CMD_SHAKE_START || command == DB_CMD_SHAKE_START_TIME;
-}
-
-/* Homing or shaking that began unnoticed must not begin again. */
-static bool may_be_repeated(struct db_conversation *talk)
-{
-	const struct vsmd_axis *axis = axis_of(talk);
-	enum db_command command = talk->job->request->command;
-
-	return !has_restarted_since(axis) && !axis->link->acknowledges && !axis->watch.by_all &&
-	       !is_shake(command) &&
-	       !(command == DB_CMD_HOME && talk->job->step == VSMD_STEP_ORDER);
-}
-
 /* Output levels are not documented to show in the status: a change is proof, but no change proves
  * nothing. */
 static bool may_hide_its_effect(struct db_conversation *talk)
@@ -452,13 +409,19 @@ static enum db_step check_again(struct db_conversation *talk, enum vsmd_effect e
 	struct vsmd_watch *watch = &axis->watch;
 	enum db_command command = talk->job->request->command;
 	db_time patience = axis->reaction;
+	/* Positions may have another meaning now, which the client does not know. */
+	bool restarted = watch->upsets != axis->upsets;
+	/* Homing or shaking that began unnoticed must not begin again. */
+	bool repeats = !restarted && !axis->link->acknowledges && !watch->by_all &&
+	               command != DB_CMD_SHAKE_START && command != DB_CMD_SHAKE_START_TIME &&
+	               !(command == DB_CMD_HOME && talk->job->step == VSMD_STEP_ORDER);
 
 	if (effect == VSMD_EFFECT_OPEN && patience > OPEN_TIME)
 		patience = OPEN_TIME;
 	if (watch->since == 0)
 		watch->since = axis->status_at;
 	/* Send twice without waiting; losing both frames is unlikely. */
-	if (effect == VSMD_EFFECT_OPEN && watch->resends == 0 && may_be_repeated(talk) &&
+	if (effect == VSMD_EFFECT_OPEN && watch->resends == 0 && repeats &&
 	    command != DB_CMD_SET_POSITION) {
 		db_time since = watch->since;
 		enum db_step step = send_again(talk);
@@ -469,13 +432,14 @@ static enum db_step check_again(struct db_conversation *talk, enum vsmd_effect e
 	if (axis->status_at - watch->since < patience) {
 		watch->speed_next = !watch->speed_next && watch->before.moving &&
 		                    needs_read_back(command);
-		return read_drive(talk, watch->speed_next ? VSMD_READ_SPEED : VSMD_READ_STATUS);
+		return axis->link->read(talk,
+		                        watch->speed_next ? VSMD_READ_SPEED : VSMD_READ_STATUS);
 	}
-	if (effect == VSMD_EFFECT_ABSENT && watch->resends < RESENDS_MAX && may_be_repeated(talk))
+	if (effect == VSMD_EFFECT_ABSENT && watch->resends < RESENDS_MAX && repeats)
 		return send_again(talk);
 	/* The end of the last homing stays set: the next one may clear it, and is at its end only
 	 * after that. */
-	if (talk->job->step == VSMD_STEP_CLEAR_HOMED && !has_restarted_since(axis)) {
+	if (talk->job->step == VSMD_STEP_CLEAR_HOMED && !restarted) {
 		axis->zero_is_old = true;
 		return complete_step(talk);
 	}
@@ -527,8 +491,10 @@ static enum db_step answer_read_back(struct db_conversation *talk)
 	bool stands = (now->status & VSMD_ST_STP) != 0;
 	bool unmoved = !before->moving && stands &&
 	               vsmd_is_at(axis, now->position, before->position);
+	bool shakes = command == DB_CMD_SHAKE_START || command == DB_CMD_SHAKE_START_TIME;
+	/* After a restart positions have another meaning, which the client does not know. */
 	bool again = axis->watch.resends < RESENDS_MAX && !axis->watch.by_all &&
-	             !has_restarted_since(axis);
+	             axis->watch.upsets == axis->upsets;
 
 	if (positions && stands && vsmd_is_at(axis, now->position, axis->wanted))
 		return confirm_command(talk);
@@ -545,17 +511,16 @@ static enum db_step answer_read_back(struct db_conversation *talk)
 		axis->watch.since = axis->status_at;
 	/* It may only be slow to begin. */
 	if (unmoved && axis->status_at - axis->watch.since < axis->reaction)
-		return read_drive(talk, VSMD_READ_STATUS);
+		return axis->link->read(talk, VSMD_READ_STATUS);
 	/* A shake may be over already, back where it began. */
-	if (unmoved && again && !is_shake(command))
+	if (unmoved && again && !shakes)
 		return send_again(talk);
 	/* It moved before and still moves: sending the same target or speed once more changes
 	 * nothing. */
 	if (before->moving && !stands && again &&
 	    (positions || command == DB_CMD_MOVE_VELOCITY || command == DB_CMD_MOVE_PRESET))
 		return send_again(talk);
-	return fail_command(talk, unmoved && !is_shake(command) ? DB_RESULT_TIMEOUT :
-	                                                          DB_RESULT_INDETERMINATE);
+	return fail_command(talk, unmoved && !shakes ? DB_RESULT_TIMEOUT : DB_RESULT_INDETERMINATE);
 }
 
 /* --- answers that do not come ----------------------------------------------------------------- */
@@ -568,8 +533,10 @@ static enum db_step lose_order(struct db_conversation *talk)
 	if (!needs_read_back(command))
 		return end_job(talk, DB_RESULT_TIMEOUT);
 	/* It may have been accepted. */
-	if (command == DB_CMD_MOVE_ABSOLUTE || command == DB_CMD_MOVE_RELATIVE)
-		vsmd_take_target(axis);
+	if (command == DB_CMD_MOVE_ABSOLUTE || command == DB_CMD_MOVE_RELATIVE) {
+		axis->has_target = true;
+		axis->target = axis->wanted;
+	}
 	axis->watch.since = 0;
 	return send_step(talk, vsmd_command_steps, VSMD_STEP_READ_BACK);
 }
@@ -586,7 +553,7 @@ const struct conversation_step vsmd_command_steps[VSMD_STEPS] = {
 	[VSMD_STEP_ORDER] = { .send = send_order, .answered = answer_order, .lost = lose_order },
 	[VSMD_STEP_POSITION] = { .send = send_fixed, .answered = answer_position },
 	[VSMD_STEP_CLEAR_HOMED] = { .send = send_fixed, .answered = answer_order },
-	[VSMD_STEP_OUTPUT] = { .send = send_output, .answered = answer_order },
+	[VSMD_STEP_OUTPUT] = { .send = send_fixed, .answered = answer_order },
 	[VSMD_STEP_STOP] = { .send = send_order, .answered = answer_stop },
 	[VSMD_STEP_END_HOMING] = { .send = send_fixed, .answered = answer_stop },
 	[VSMD_STEP_END_SHAKING] = { .send = send_fixed, .answered = answer_stop },
@@ -648,6 +615,8 @@ enum db_step vsmd_begin_command(struct db_conversation *talk)
  * failed. */
 enum db_step vsmd_begun_by_all(struct db_conversation *talk)
 {
-	axis_of(talk)->watch.by_all = true;
-	return read_drive(talk, VSMD_READ_STATUS);
+	struct vsmd_axis *axis = axis_of(talk);
+
+	axis->watch.by_all = true;
+	return axis->link->read(talk, VSMD_READ_STATUS);
 }

@@ -36,11 +36,6 @@ static bool has_changed(float base, float speed)
 	return fabsf(speed - base) > CHANGE_SLACK + CHANGE_SHARE * larger_speed(base, speed);
 }
 
-static bool stands(const struct vsmd_axis *axis)
-{
-	return axis->last.status & VSMD_ST_STP;
-}
-
 /* The direction in which it has moved since the command, by its position; 0: not yet. */
 static int heading_of(const struct vsmd_axis *axis)
 {
@@ -65,36 +60,26 @@ bool vsmd_reports_no_speed(const struct vsmd_axis *axis)
 {
 	const struct vsmd_watch *watch = &axis->watch;
 
-	return watch->before.moving && !stands(axis) && watch->has_speed &&
+	return watch->before.moving && !(axis->last.status & VSMD_ST_STP) && watch->has_speed &&
 	       fabsf(watch->before.velocity) <= 0.0f && fabsf(watch->first_speed) <= 0.0f &&
 	       fabsf(axis->last.velocity) <= 0.0f;
-}
-
-/* The direction of the previous command; 0: not known. */
-static int heading_before(const struct vsmd_axis *axis)
-{
-	const struct vsmd_before *before = &axis->watch.before;
-
-	switch (before->goal.kind) {
-	case VSMD_GOAL_VELOCITY:
-		return sign_of((double)before->goal.velocity);
-	case VSMD_GOAL_POSITION:
-		return sign_of((double)before->goal.position - (double)before->position);
-	default:
-		return 0;
-	}
 }
 
 /* For a drive that does not report its speed, only the direction counts. */
 static enum vsmd_effect effect_by_heading(const struct vsmd_axis *axis, int wanted)
 {
-	int before = heading_before(axis);
+	const struct vsmd_before *before = &axis->watch.before;
+	int earlier = 0; /* the direction of the previous command; 0: not known */
 
+	if (before->goal.kind == VSMD_GOAL_VELOCITY)
+		earlier = sign_of((double)before->goal.velocity);
+	else if (before->goal.kind == VSMD_GOAL_POSITION)
+		earlier = sign_of((double)before->goal.position - (double)before->position);
 	if (heading_of(axis) != wanted)
 		return VSMD_EFFECT_ABSENT;
-	if (before == -wanted)
+	if (earlier == -wanted)
 		return VSMD_EFFECT_SHOWN;
-	return before == 0 ? VSMD_EFFECT_OPEN : VSMD_EFFECT_ABSENT;
+	return earlier == 0 ? VSMD_EFFECT_OPEN : VSMD_EFFECT_ABSENT;
 }
 
 /* The reference for a change of speed: that of a steady run, else the first one read. */
@@ -151,7 +136,7 @@ static enum vsmd_effect effect_of_velocity(const struct vsmd_axis *axis, float w
 	float speed = speed_of(axis);
 	float base = base_of(watch);
 
-	if (stands(axis))
+	if (axis->last.status & VSMD_ST_STP)
 		return shown_if(to_rest);
 	if (!watch->before.moving)
 		return shown_if(!to_rest);
@@ -204,7 +189,7 @@ static enum vsmd_effect effect_of_own_motion(const struct vsmd_axis *axis, uint3
 	/* Nothing else has cleared it before. */
 	if (end_bit == VSMD_ST_ZERO && (watch->before.status & ~axis->last.status & end_bit))
 		return VSMD_EFFECT_SHOWN;
-	if (stands(axis))
+	if (axis->last.status & VSMD_ST_STP)
 		return VSMD_EFFECT_ABSENT;
 	if (!watch->before.moving)
 		return VSMD_EFFECT_SHOWN;
@@ -221,7 +206,7 @@ static enum vsmd_effect effect_of_place(const struct vsmd_axis *axis, int32_t pl
 	float speed = larger_speed(before->velocity, axis->last.velocity);
 	double travel; /* at most, since it was read before the command */
 
-	if (stands(axis) && !before->moving)
+	if ((axis->last.status & VSMD_ST_STP) && !before->moving)
 		return shown_if(vsmd_is_at(axis, axis->last.position, place));
 	if (before->goal.kind == VSMD_GOAL_VELOCITY)
 		speed = larger_speed(speed, before->goal.velocity);
@@ -255,7 +240,7 @@ enum vsmd_effect vsmd_effect_of(const struct vsmd_axis *axis, const struct db_jo
 		return shown_if(status & VSMD_ST_PWR);
 	case DB_CMD_MOVE_ABSOLUTE:
 	case DB_CMD_MOVE_RELATIVE:
-		if (stands(axis))
+		if (axis->last.status & VSMD_ST_STP)
 			return shown_if(vsmd_is_at(axis, axis->last.position, axis->wanted));
 		return axis->watch.before.moving ? effect_of_new_target(axis, axis->wanted) :
 		                                   VSMD_EFFECT_SHOWN;
@@ -263,9 +248,9 @@ enum vsmd_effect vsmd_effect_of(const struct vsmd_axis *axis, const struct db_jo
 		return effect_of_velocity(axis, args->target_velocity);
 	case DB_CMD_MOVE_PRESET:
 		if (isnan(vsmd_preset_speed(axis)))
-			return stands(axis)              ? VSMD_EFFECT_ABSENT :
-			       axis->watch.before.moving ? VSMD_EFFECT_OPEN :
-			                                   VSMD_EFFECT_SHOWN;
+			return (axis->last.status & VSMD_ST_STP) ? VSMD_EFFECT_ABSENT :
+			       axis->watch.before.moving         ? VSMD_EFFECT_OPEN :
+			                                           VSMD_EFFECT_SHOWN;
 		return effect_of_velocity(axis, vsmd_preset_speed(axis));
 	case DB_CMD_HOME: /* first the previous end is cleared, then homing begins */
 		if (job->step == VSMD_STEP_CLEAR_HOMED)

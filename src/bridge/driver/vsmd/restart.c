@@ -24,13 +24,9 @@ struct pair {
 	uint32_t dropped; /* bits that were set before, and are not any more */
 	uint32_t kept;    /* bits that are set in both */
 	int32_t position;
+	double way; /* between the two */
 	db_time now;
 };
-
-static double way_of(const struct pair *pair)
-{
-	return fabs((double)pair->axis->last.position - (double)pair->position);
-}
 
 static bool is_far(const struct vsmd_axis *axis, double way)
 {
@@ -42,22 +38,12 @@ static bool is_at_beginning(const struct vsmd_axis *axis, int32_t position)
 	return fabs((double)position) <= fmax(axis->window, BEGINNING);
 }
 
-/* True if it is where it was, and not where counters begin: it has kept counting. */
-static bool counts_on(const struct vsmd_axis *axis, int32_t before, int32_t position)
+bool vsmd_counts_on(const struct vsmd_axis *axis, int32_t before, int32_t position)
 {
 	double way = fabs((double)before - (double)position);
 
 	return !is_far(axis, way) && (is_far(axis, fabs((double)position)) ||
 	                              (way <= 0.0 && !is_at_beginning(axis, position)));
-}
-
-/* A drive that switches its motor off at power-up would have it off. */
-static bool kept_power(const struct pair *pair)
-{
-	const struct db_nameplate *plate = &pair->axis->plate;
-
-	return (pair->kept & VSMD_ST_PWR) && (plate->valid[0] >> VSMD_PAE & 1) &&
-	       plate->values[VSMD_PAE].u == 0;
 }
 
 /* True if a sensor may be set to make its place the origin. */
@@ -85,7 +71,7 @@ static bool may_have_come(const struct pair *pair)
 	if (axis->away)
 		return axis->goal.kind == VSMD_GOAL_POSITION &&
 		       vsmd_is_at(axis, axis->goal.position, 0);
-	return way_of(pair) <= 2.0 * highest * seconds + fmax(axis->window, POSITION_NOISE);
+	return pair->way <= 2.0 * highest * seconds + fmax(axis->window, POSITION_NOISE);
 }
 
 /* True if it stands where counters begin, and cannot have moved there. */
@@ -94,7 +80,7 @@ static bool has_jumped(const struct pair *pair)
 	const struct vsmd_axis *axis = pair->axis;
 
 	if (!(pair->word & VSMD_ST_STP) || !is_at_beginning(axis, pair->position) ||
-	    !is_far(axis, way_of(pair)) || sensors_set_origin(axis))
+	    !is_far(axis, pair->way) || sensors_set_origin(axis))
 		return false;
 	if (!(pair->before & VSMD_ST_STP))
 		return !may_have_come(pair);
@@ -125,20 +111,13 @@ static bool is_asked_for(const struct pair *pair)
 	        axis->status_at <= axis->effect_until);
 }
 
-/* By itself it proves little: in some drives it is cleared after a while. */
-static bool handshake_counts(const struct pair *pair)
-{
-	const struct vsmd_axis *axis = pair->axis;
-
-	return (pair->dropped & VSMD_ST_HS) && (pair->word & VSMD_ST_STP) &&
-	       !(pair->kept & VSMD_ST_ZERO) &&
-	       (!axis->handshake_lapses ||
-	        axis->status_at - axis->handshake_since > HANDSHAKE_LAPSES);
-}
-
 static enum vsmd_verdict judge_signs(const struct pair *pair, unsigned signs, bool handshake)
 {
 	const struct vsmd_axis *axis = pair->axis;
+	const struct db_nameplate *plate = &axis->plate;
+	/* A drive that switches its motor off at power-up would have it off. */
+	bool kept_power = (pair->kept & VSMD_ST_PWR) && (plate->valid[0] >> VSMD_PAE & 1) &&
+	                  plate->values[VSMD_PAE].u == 0;
 
 	if (signs + handshake >= 2 || (axis->away && signs + handshake == 1))
 		return VSMD_RESTARTED;
@@ -146,21 +125,18 @@ static enum vsmd_verdict judge_signs(const struct pair *pair, unsigned signs, bo
 		return VSMD_MAY_HAVE_RESTARTED;
 	if (axis->away) {
 		/* It was silent, and nothing in its status indicates a restart. */
-		bool near = is_at_beginning(axis, pair->position) && !is_far(axis, way_of(pair));
+		bool near = is_at_beginning(axis, pair->position) && !is_far(axis, pair->way);
 
 		if (axis->params_differ)
 			return VSMD_RESTARTED;
-		if (!(pair->before & VSMD_ST_STP) || kept_power(pair) ||
-		    !(axis->placed || axis->homed))
+		if (!(pair->before & VSMD_ST_STP) || kept_power || !(axis->placed || axis->homed))
 			return VSMD_COUNTS_ON;
 		/* At 0 before and now: a restart would look the same. At another place than
 		 * before: the cause of the motion is unknown. */
-		return near || is_far(axis, way_of(pair)) ? VSMD_MAY_HAVE_RESTARTED :
-		                                            VSMD_COUNTS_ON;
+		return near || is_far(axis, pair->way) ? VSMD_MAY_HAVE_RESTARTED : VSMD_COUNTS_ON;
 	}
-	return handshake && !kept_power(pair) && (axis->placed || axis->homed) ?
-	               VSMD_MAY_HAVE_RESTARTED :
-	               VSMD_COUNTS_ON;
+	return handshake && !kept_power && (axis->placed || axis->homed) ? VSMD_MAY_HAVE_RESTARTED :
+	                                                                   VSMD_COUNTS_ON;
 }
 
 struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t position,
@@ -173,10 +149,11 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 		.dropped = axis->last.status & ~word,
 		.kept = axis->last.status & word,
 		.position = position,
+		.way = fabs((double)axis->last.position - (double)position),
 		.now = now,
 	};
 	struct vsmd_restart restart = { .verdict = VSMD_COUNTS_ON };
-	bool goes_on = counts_on(axis, axis->last.position, position) ||
+	bool goes_on = vsmd_counts_on(axis, axis->last.position, position) ||
 	               (axis->away && (pair.kept & VSMD_ST_ZERO));
 	bool power;
 	bool homing;
@@ -189,7 +166,11 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 	power = (pair.dropped & VSMD_ST_PWR) != 0;
 	homing = has_lost_homing(&pair);
 	jump = has_jumped(&pair);
-	handshake = handshake_counts(&pair);
+	/* By itself it proves little: in some drives it is cleared after a while. */
+	handshake = (pair.dropped & VSMD_ST_HS) && (word & VSMD_ST_STP) &&
+	            !(pair.kept & VSMD_ST_ZERO) &&
+	            (!axis->handshake_lapses ||
+	             axis->status_at - axis->handshake_since > HANDSHAKE_LAPSES);
 	/* A motor that is switched off loses its origin, too; one with power cannot be pushed to
 	 * 0. */
 	restart.origin_lost = (power && is_at_beginning(axis, position)) || homing ||
@@ -202,9 +183,4 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 	restart.verdict = judge_signs(&pair, (unsigned)power + homing + jump, handshake);
 	restart.reread = restart.verdict != VSMD_COUNTS_ON || handshake;
 	return restart;
-}
-
-bool vsmd_refutes_doubt(const struct vsmd_axis *axis, int32_t position)
-{
-	return counts_on(axis, axis->doubt.position, position);
 }

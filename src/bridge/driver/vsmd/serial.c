@@ -460,36 +460,33 @@ static enum db_step begin_conversation(struct db_conversation *talk)
 	return step;
 }
 
-/* The handler of this reply; null: it is no answer to what was sent last. */
-static conversation_fn *follow_reply(const struct db_job *job, const struct vsmd_reply *reply)
-{
-	bool status = reply->code == VSMD_REPLY_STATUS;
-
-	if (vsmd_is_command(job))
-		return status || (reply->code == VSMD_REPLY_PARAMS && job->step == VSMD_STEP_SAVE) ?
-		               vsmd_command_steps[job->step].answered :
-		               NULL;
-	if (reply->code == steps[job->step].expects)
-		return steps[job->step].answered;
-	/* Instead of a text: the drive does not know the request, or does not answer it now. */
-	return status && (reply->status.status & VSMD_ST_CMD_WRG) ? steps[job->step].refused : NULL;
-}
-
 static enum db_step answer_frame(struct db_conversation *talk, const uint8_t *frame, size_t length)
 {
 	const struct db_job *job = talk->job;
-	conversation_fn *follow;
+	conversation_fn *follow = NULL;
 	struct vsmd_reply reply;
 	enum db_step step;
+	bool status;
 
 	if (vsmd_serial_decode_reply(frame, length, &reply) != VSMD_OK)
 		return DB_STEP_IGNORE;
-	follow = follow_reply(job, &reply);
+	status = reply.code == VSMD_REPLY_STATUS;
+	if (vsmd_is_command(job)) {
+		if (status || (reply.code == VSMD_REPLY_PARAMS && job->step == VSMD_STEP_SAVE))
+			follow = vsmd_command_steps[job->step].answered;
+	} else if (reply.code == steps[job->step].expects) {
+		follow = steps[job->step].answered;
+	} else if (status && (reply.status.status & VSMD_ST_CMD_WRG)) {
+		/* Instead of a text: the drive does not know the request, or does not answer it
+		 * now. */
+		follow = steps[job->step].refused;
+	}
+	/* Else it is no answer to what was sent last. */
 	if (!follow)
 		return DB_STEP_IGNORE;
 	// cppcheck-suppress autoVariables ; it is taken away below
 	talk->reply = &reply;
-	if (reply.code == VSMD_REPLY_STATUS) {
+	if (status) {
 		vsmd_take_status(axis_of(talk), &reply.status, talk->now);
 		if (job->kind == DB_JOB_COMMAND && !db_command_is_stop(job->request->command))
 			vsmd_take_speed(axis_of(talk), reply.status.velocity);
@@ -530,11 +527,6 @@ static enum db_result check_param(const struct db_bus_config *bus, size_t param,
 }
 
 /* --- state ------------------------------------------------------------------------------------ */
-
-static void forget_state(struct db_device *device)
-{
-	vsmd_axis_gone(&device->axis);
-}
 
 static void init_device(struct db_device *device, struct db_device *first,
                         const struct db_bus_config *bus, const struct db_drive_config *drive)
@@ -633,7 +625,7 @@ const struct db_driver db_driver_vsmd_serial = {
 	.begin = begin_conversation,
 	.answer = answer_frame,
 	.lost = lose_answer,
-	.gone = forget_state,
+	.gone = vsmd_axis_gone,
 	.feedback = vsmd_write_feedback,
 	.nameplate = vsmd_get_nameplate,
 	.broadcast = write_broadcast,

@@ -264,8 +264,6 @@ void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request);
 /* A command is sent that changes position, power or homing bit: until that shows, such a change is
  * no restart. */
 void vsmd_expect_change(struct vsmd_axis *axis);
-/* The requested position move may have been accepted. */
-void vsmd_take_target(struct vsmd_axis *axis);
 /* The motion that a stop has to end: also one that the drive may have begun although its answer was
  * lost. */
 enum vsmd_motion vsmd_motion_to_end(const struct vsmd_axis *axis);
@@ -274,8 +272,8 @@ bool vsmd_is_input(const struct vsmd_axis *axis, unsigned port);
 /* input_ports of the drivers: ports whose mode was read as input. */
 unsigned vsmd_input_ports(const struct db_nameplate *plate);
 
-void vsmd_axis_gone(struct vsmd_axis *axis);
 /* Members of db_driver for the devices of both families, which begin with their axis. */
+void vsmd_axis_gone(struct db_device *device);
 void vsmd_write_feedback(const struct db_device *device, struct db_feedback *feedback);
 const struct db_nameplate *vsmd_get_nameplate(const struct db_device *device);
 

@@ -41,30 +41,31 @@ static struct xyza_step *step_of(const struct db_conversation *talk)
 
 /* --- going through a plan --------------------------------------------------------------------- */
 
-/* After its answer was lost, sending it again can do no harm. A second stop may end a program that
- * the first one has paused, which is no harm when it was to stop anyway. */
-static bool is_repeatable(const struct db_job *job, enum xyza_verb verb)
+static enum db_step send_planned(struct db_conversation *talk)
 {
-	switch (verb) {
+	const struct xyza_request *request = &step_of(talk)->request;
+	const struct db_job *job = talk->job;
+	bool repeatable = true; /* after its answer was lost, sending it again can do no harm */
+
+	switch (request->verb) {
 	case XYZA_MANUAL_JOG:
 	case XYZA_PROGRAM_START:
 	case XYZA_PROGRAM_CONTINUE:
 	case XYZA_PROGRAM_END:
-		return false;
+		repeatable = false;
+		break;
 	case XYZA_PROGRAM_STOP:
-		return job->kind != DB_JOB_COMMAND || job->request->command != DB_CMD_PAUSE_PROGRAM;
+		/* A second stop may end a program that the first one has paused, which is no harm
+		 * when it was to stop anyway. */
+		repeatable = job->kind != DB_JOB_COMMAND ||
+		             job->request->command != DB_CMD_PAUSE_PROGRAM;
+		break;
 	default:
-		return true;
+		break;
 	}
-}
-
-static enum db_step send_planned(struct db_conversation *talk)
-{
-	const struct xyza_request *request = &step_of(talk)->request;
-
 	if (!xyza_is_read(request->verb))
 		plan_of(talk)->acted = true;
-	return xyza_send(talk, *request, is_repeatable(talk->job, request->verb));
+	return xyza_send(talk, *request, repeatable);
 }
 
 /* Sends the plan's current step. */
@@ -88,13 +89,18 @@ static enum db_step refuse_job(struct db_conversation *talk)
 	return end_job(talk, DB_RESULT_REFUSED);
 }
 
-/* The plan is complete; for several parameters the next one's plan follows. */
-static enum db_step end_plan(struct db_conversation *talk)
+/* Sends the next step. When the plan is complete the next parameter's plan follows, or the job
+ * ends. */
+static enum db_step send_next(struct db_conversation *talk)
 {
 	const struct db_request *request = talk->job->request;
 	struct xyza_plan *plan = plan_of(talk);
 	struct db_device *device = talk->device;
 
+	plan->at++;
+	plan->entered = 0;
+	if (plan->at != plan->count)
+		return send_current(talk);
 	device->refused = false;
 	if (talk->job->kind == DB_JOB_COMMAND) {
 		switch (request->command) {
@@ -120,15 +126,6 @@ static enum db_step end_plan(struct db_conversation *talk)
 		return send_current(talk);
 	}
 	return end_job(talk, plan->unproven ? DB_RESULT_UNPROVEN : DB_RESULT_OK);
-}
-
-static enum db_step send_next(struct db_conversation *talk)
-{
-	struct xyza_plan *plan = plan_of(talk);
-
-	plan->at++;
-	plan->entered = 0;
-	return plan->at == plan->count ? end_plan(talk) : send_current(talk);
 }
 
 static enum db_step repeat_steps(struct db_conversation *talk, unsigned steps)
@@ -293,7 +290,8 @@ static enum db_step answer_before(struct db_conversation *talk)
 	return send_next(talk);
 }
 
-/* When all values that determine the ramp's time were read, it is written. */
+/* The item's value counts now. When all values that determine a ramp's time were read, that is
+ * written. */
 static enum db_step answer_learn(struct db_conversation *talk)
 {
 	const struct xyza_reply *reply = talk->reply;
@@ -303,6 +301,8 @@ static enum db_step answer_learn(struct db_conversation *talk)
 	uint32_t time;
 
 	xyza_learn_item(talk->device, step->request.item, reply->value, talk->now);
+	if (step->kind == STEP_REFRESH)
+		return send_next(talk);
 	if (step->request.item == XYZA_ITEM_BRAKE &&
 	    !(values[XYZA_BRAKE].u >> talk->device->axis & 1))
 		return refuse_job(talk);
@@ -315,14 +315,6 @@ static enum db_step answer_learn(struct db_conversation *talk)
 		plan->steps[i].value = time;
 		plan->steps[i].request.value = time;
 	}
-	return send_next(talk);
-}
-
-static enum db_step answer_refresh(struct db_conversation *talk)
-{
-	const struct xyza_reply *reply = talk->reply;
-
-	xyza_learn_item(talk->device, step_of(talk)->request.item, reply->value, talk->now);
 	return send_next(talk);
 }
 
@@ -600,7 +592,7 @@ const struct conversation_step xyza_plan_steps[] = {
 	[STEP_GUARD] = { send_planned, 0, answer_guard, send_next, lose_planned },
 	[STEP_BEFORE] = { send_planned, 0, answer_before, send_next, lose_planned },
 	[STEP_LEARN] = { send_planned, 0, answer_learn, refuse_job, lose_planned },
-	[STEP_REFRESH] = { send_planned, 0, answer_refresh, send_next, lose_planned },
+	[STEP_REFRESH] = { send_planned, 0, answer_learn, send_next, lose_planned },
 	[STEP_CHANGE] = { send_planned, 0, answer_change, refuse_change, lose_planned },
 	[STEP_UNTIL_STANDING] = { send_planned, 0, answer_standing, end_failed, lose_planned },
 	[STEP_EXPECT] = { send_planned, 0, answer_expected, refuse_effect, lose_planned },

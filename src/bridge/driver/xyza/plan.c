@@ -123,12 +123,18 @@ static void add_standstill(struct xyza_plan *plan, const struct db_device *devic
 
 /* --- motion ----------------------------------------------------------------------------------- */
 
-/* Manual mode moves one axis at a time, and none while a program runs. A condition that seems to
- * prevent the command is read once more: it may have ended since. */
-static void add_guards(struct xyza_plan *plan, const struct db_device *device)
+static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool negative, float speed)
 {
+	static const enum xyza_param needed[] = { XYZA_BRAKE, XYZA_ACCELERATION_TIME };
 	const struct db_device *first = device->first;
+	bool moves = !device->standing || device->jogging;
+	bool that_way = negative ? device->velocity < 0.0f : device->velocity > 0.0f;
 
+	if (device->jogging)
+		that_way = device->jog_negative == negative;
+	plan->same_way = moves && that_way && !device->stopping && !device->stops_for_speed;
+	/* Manual mode moves one axis at a time, and none while a program runs. A condition that
+	 * seems to prevent the command is read once more: it may have ended since. */
 	if (first->program_state == XYZA_PROGRAM_RUNNING)
 		add_read(plan, device, XYZA_PROGRAM_STATE, STEP_GUARD, UINT8_MAX,
 		         XYZA_PROGRAM_RUNNING);
@@ -138,25 +144,6 @@ static void add_guards(struct xyza_plan *plan, const struct db_device *device)
 		if (other && other != device && (other->jogging || !other->standing))
 			add_read(plan, other, XYZA_READ_STANDING, STEP_GUARD, UINT32_MAX, 0);
 	}
-}
-
-/* True if it moves in that direction, as far as known. */
-static bool goes_that_way(const struct db_device *device, bool negative)
-{
-	if (device->stopping)
-		return false;
-	if (device->jogging)
-		return device->jog_negative == negative;
-	return negative ? device->velocity < 0.0f : device->velocity > 0.0f;
-}
-
-static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool negative, float speed)
-{
-	static const enum xyza_param needed[] = { XYZA_BRAKE, XYZA_ACCELERATION_TIME };
-	bool moves = !device->standing || device->jogging;
-
-	plan->same_way = moves && goes_that_way(device, negative) && !device->stops_for_speed;
-	add_guards(plan, device);
 	if (moves && !plan->same_way)
 		add_standstill(plan, device);
 	if (speed > 0.0f)
@@ -224,73 +211,55 @@ static void plan_outputs(struct xyza_plan *plan, const struct db_device *device,
 		         (levels & mask) << XYZA_OUTPUTS_SHIFT);
 }
 
-/* Reads the program's state right before a command to it, and the state that results. */
-static void add_program_read(struct xyza_plan *plan, const struct db_device *device,
-                             enum xyza_plan_kind kind)
+/* The program's state is read right before the command, and the state that results after it. */
+static void plan_program(struct xyza_plan *plan, struct db_device *device,
+                         const struct db_request *request)
 {
-	if (device->first->program_part.pause > 0)
-		plan->unproven = true;
-	else
-		add_step(plan, device, XYZA_PROGRAM_STATE, kind);
-}
-
-static void plan_start(struct xyza_plan *plan, const struct db_device *device,
-                       const struct db_args *args)
-{
+	const struct db_args *args = request->args;
 	struct db_device *first = device->first;
+	bool starts = request->command == DB_CMD_START_PROGRAM;
+	bool readable = first->program_part.pause == 0;
+	enum xyza_verb verb;
 
-	add_program_read(plan, device, STEP_BEFORE);
-	if (args->program_delay > 0 || first->delayed) {
+	switch (request->command) {
+	case DB_CMD_START_PROGRAM:
+		verb = XYZA_PROGRAM_START;
+		break;
+	case DB_CMD_PAUSE_PROGRAM:
+		verb = XYZA_PROGRAM_STOP;
+		break;
+	case DB_CMD_CONTINUE_PROGRAM:
+		verb = XYZA_PROGRAM_CONTINUE;
+		break;
+	case DB_CMD_END_PROGRAM:
+	case DB_CMD_CLEAR_FAULT:
+		verb = XYZA_PROGRAM_END;
+		break;
+	case DB_CMD_SINGLE_STEP:
+		verb = args->output_value ? XYZA_PROGRAM_STEP_ON : XYZA_PROGRAM_STEP_OFF;
+		add_step(plan, device, verb, STEP_PLAIN);
+		plan->unproven = true;
+		return;
+	default:
+		return;
+	}
+	if (readable)
+		add_step(plan, device, XYZA_PROGRAM_STATE, STEP_BEFORE);
+	if (starts && (args->program_delay > 0 || first->delayed)) {
 		add_step(plan, device, XYZA_PROGRAM_DELAY,
 		         args->program_delay == 0 ? STEP_MAY_FAIL : STEP_PLAIN)
 			->request.number = (uint8_t)args->program_delay;
 		first->delayed = true;
 	}
-	add_step(plan, device, XYZA_PROGRAM_START, STEP_PLAIN)->request.number =
-		(uint8_t)args->program_number;
+	add_step(plan, device, verb, STEP_PLAIN)->request.number =
+		starts ? (uint8_t)args->program_number : 0;
+	if (readable)
+		add_step(plan, device, XYZA_PROGRAM_STATE, STEP_EXPECT_PROGRAM);
 	/* Before its delay is over a started program shows as idle. */
-	if (args->program_delay > 0)
-		plan->unproven = true;
-	add_program_read(plan, device, STEP_EXPECT_PROGRAM);
-}
-
-static void plan_program(struct xyza_plan *plan, const struct db_device *device,
-                         enum xyza_verb verb)
-{
-	add_program_read(plan, device, STEP_BEFORE);
-	add_step(plan, device, verb, STEP_PLAIN);
-	add_program_read(plan, device, STEP_EXPECT_PROGRAM);
+	plan->unproven = !readable || (starts && args->program_delay > 0);
 }
 
 /* --- all of them ------------------------------------------------------------------------------ */
-
-static void plan_program_command(struct xyza_plan *plan, const struct db_device *device,
-                                 const struct db_request *request)
-{
-	switch (request->command) {
-	case DB_CMD_START_PROGRAM:
-		plan_start(plan, device, request->args);
-		break;
-	case DB_CMD_PAUSE_PROGRAM:
-		plan_program(plan, device, XYZA_PROGRAM_STOP);
-		break;
-	case DB_CMD_CONTINUE_PROGRAM:
-		plan_program(plan, device, XYZA_PROGRAM_CONTINUE);
-		break;
-	case DB_CMD_END_PROGRAM:
-	case DB_CMD_CLEAR_FAULT:
-		plan_program(plan, device, XYZA_PROGRAM_END);
-		break;
-	case DB_CMD_SINGLE_STEP:
-		add_step(plan, device,
-		         request->args->output_value ? XYZA_PROGRAM_STEP_ON : XYZA_PROGRAM_STEP_OFF,
-		         STEP_PLAIN);
-		plan->unproven = true;
-		break;
-	default:
-		break;
-	}
-}
 
 void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
                        const struct db_request *request, bool out_of_step)
@@ -344,7 +313,7 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
 		             args->output_levels & args->output_mask);
 		break;
 	default:
-		plan_program_command(plan, device, request);
+		plan_program(plan, device, request);
 		break;
 	}
 }

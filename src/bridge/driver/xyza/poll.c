@@ -26,6 +26,7 @@ enum step {
 	STEP_PORTS,
 	STEP_PROGRAM,
 	STEP_ITEM,
+	STEPS
 };
 
 /* --- what is passed over ---------------------------------------------------------------------- */
@@ -33,11 +34,6 @@ enum step {
 static bool may_ask(const struct xyza_part *part, db_time now)
 {
 	return part->pause == 0 || now >= part->again_at;
-}
-
-static void note_part_answered(struct xyza_part *part)
-{
-	*part = (struct xyza_part){ .losses = 0 };
 }
 
 /* True when it is skipped from now on. */
@@ -120,24 +116,19 @@ static void doubt_item(struct db_device *first)
 		first->axes[turn->axis]->plate.doubtful = true;
 }
 
-/* An axis that was sent a stop is judged by the end of this reading. */
-static bool is_any_stopping(const struct db_device *first)
-{
-	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
-		if (first->axes[i] && first->axes[i]->stopping)
-			return true;
-	}
-	return false;
-}
-
 /* True if an item is to follow now that all axes were read. */
 static bool choose_item(struct db_device *first, db_time now)
 {
 	struct xyza_turn *turn = &first->turn;
 	unsigned phase = ++turn->polls % POWER_EVERY;
 
-	if (phase % (POWER_EVERY / 2) != 0 || is_any_stopping(first))
+	if (phase % (POWER_EVERY / 2) != 0)
 		return false;
+	/* An axis that was sent a stop is judged by the end of this reading. */
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (first->axes[i] && first->axes[i]->stopping)
+			return false;
+	}
 	turn->asked = XYZA_ITEM_ENABLE;
 	if (phase == 0)
 		return is_known(first, XYZA_X, turn->asked);
@@ -161,54 +152,26 @@ static bool choose_item(struct db_device *first, db_time now)
 	return false;
 }
 
-/* A reading that lost an answer is abandoned: the next one begins, and judges where it ended. */
-static void note_loss(struct db_device *first, db_time now)
-{
-	struct db_device *device;
-	bool any_answered = false;
-
-	if (!first->polling)
-		return;
-	switch (first->poll_step) {
-	case STEP_PORTS:
-		if (note_part_lost(&first->ports_part, now))
-			first->ports = 0;
-		break;
-	case STEP_PROGRAM:
-		if (note_part_lost(&first->program_part, now))
-			xyza_take_program(first,
-			                  &(struct xyza_reply){ .state = XYZA_PROGRAM_IDLE });
-		break;
-	case STEP_ITEM:
-		if (++*item_losses(&first->turn) >= XYZA_ITEM_TRIES)
-			doubt_item(first);
-		break;
-	default:
-		/* An axis that has answered exists, and continues to be read. */
-		device = first->axes[first->poll_axis];
-		for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++)
-			any_answered |= first->axes[i] && first->axes[i]->has_position;
-		if (device && !device->has_position && any_answered)
-			(void)note_part_lost(&device->part, now);
-		break;
-	}
-}
-
 /* --- questions -------------------------------------------------------------------------------- */
 
-/* Reads a value of the current axis, or of the controller. */
+/* Reads a value of the current axis, or of the controller, or an item. */
 static enum db_step send_read(struct db_conversation *talk)
 {
 	static const enum xyza_verb verbs[] = {
 		[STEP_STANDING] = XYZA_READ_STANDING,   [STEP_SIGN] = XYZA_READ_SIGN,
 		[STEP_MAGNITUDE] = XYZA_READ_MAGNITUDE, [STEP_SIGN_AGAIN] = XYZA_READ_SIGN,
 		[STEP_PORTS] = XYZA_READ_PORTS,         [STEP_PROGRAM] = XYZA_PROGRAM_STATE,
+		[STEP_ITEM] = XYZA_READ_ITEM,
 	};
+	const struct db_device *first = talk->device;
 	struct xyza_request request = { .verb = verbs[talk->job->step] };
+	bool item = talk->job->step == STEP_ITEM;
 
+	if (item)
+		request.item = first->turn.asked;
 	/* Not used after the last axis. */
 	// NOLINTNEXTLINE(clang-analyzer-optin.core.EnumCastOutOfRange)
-	request.axis = (enum xyza_axis)talk->device->poll_axis;
+	request.axis = (enum xyza_axis)(item ? first->turn.axis : first->poll_axis);
 	return xyza_send(talk, request, true);
 }
 
@@ -218,37 +181,22 @@ static enum db_step send_poll_step(struct db_conversation *talk, enum step step)
 	return send_step(talk, xyza_poll_steps, step);
 }
 
-static enum db_step end_poll(struct db_conversation *talk)
+/* All axes were read: what is the controller's own follows, from this step on, and then an item. */
+static enum db_step read_controller(struct db_conversation *talk, enum step from)
 {
-	talk->device->polling = false;
+	struct db_device *first = talk->device;
+
+	if (from == STEP_PORTS && may_ask(&first->ports_part, talk->now))
+		return send_poll_step(talk, STEP_PORTS);
+	if (from != STEP_ITEM && may_ask(&first->program_part, talk->now))
+		return send_poll_step(talk, STEP_PROGRAM);
+	if (choose_item(first, talk->now))
+		return send_poll_step(talk, STEP_ITEM);
+	first->polling = false;
 	return end_job(talk, DB_RESULT_OK);
 }
 
-static enum db_step send_item(struct db_conversation *talk)
-{
-	const struct xyza_turn *turn = &talk->device->turn;
-	struct xyza_request request = { .verb = XYZA_READ_ITEM, .item = turn->asked };
-
-	// NOLINTNEXTLINE(clang-analyzer-optin.core.EnumCastOutOfRange)
-	request.axis = (enum xyza_axis)turn->axis;
-	return xyza_send(talk, request, true);
-}
-
-/* All axes were read; an item may follow. */
-static enum db_step read_item(struct db_conversation *talk)
-{
-	return choose_item(talk->device, talk->now) ? send_poll_step(talk, STEP_ITEM) :
-	                                              end_poll(talk);
-}
-
-static enum db_step read_program(struct db_conversation *talk)
-{
-	if (!may_ask(&talk->device->program_part, talk->now))
-		return read_item(talk);
-	return send_poll_step(talk, STEP_PROGRAM);
-}
-
-/* Continue with this axis, or after the last one with the controller's ports. */
+/* Continue with this axis, or after the last one with the controller. */
 static enum db_step read_axis(struct db_conversation *talk, unsigned axis)
 {
 	struct db_device *first = talk->device;
@@ -259,29 +207,11 @@ static enum db_step read_axis(struct db_conversation *talk, unsigned axis)
 	first->poll_axis = axis;
 	first->poll_asked = talk->now;
 	first->sign_tries = 0;
-	if (axis < XYZA_AXIS_COUNT)
-		return send_poll_step(talk, STEP_STANDING);
-	return may_ask(&first->ports_part, talk->now) ? send_poll_step(talk, STEP_PORTS) :
-	                                                read_program(talk);
+	return axis < XYZA_AXIS_COUNT ? send_poll_step(talk, STEP_STANDING) :
+	                                read_controller(talk, STEP_PORTS);
 }
 
 /* --- what was read ---------------------------------------------------------------------------- */
-
-static void take_standing(struct db_device *device, const struct db_device *first)
-{
-	bool standing = first->poll_standing;
-
-	/* What was seen before the command shows nothing about the present. */
-	if (first->poll_commanded != device->commanded ||
-	    (standing && first->poll_asked < device->expected_by))
-		return;
-	device->standing = standing;
-	device->just_commanded = false;
-	if (standing)
-		device->jogging = device->stopping = false;
-	else
-		device->expected_by = 0;
-}
 
 /* Programs, and operators at its keys, set positions, too. */
 static void judge_restart(const struct db_device *first, struct db_device *device, int32_t position,
@@ -338,7 +268,15 @@ static void take_position(struct db_device *device, const struct db_device *firs
 	bool stands = first->poll_standing && first->poll_asked >= device->expected_by;
 	int32_t position;
 
-	take_standing(device, first);
+	/* What was seen before the command shows nothing about the present. */
+	if (first->poll_commanded == device->commanded && (stands || !first->poll_standing)) {
+		device->standing = first->poll_standing;
+		device->just_commanded = false;
+		if (device->standing)
+			device->jogging = device->stopping = false;
+		else
+			device->expected_by = 0;
+	}
 	/* Half of it may be from before it was written. */
 	if (first->poll_placed != device->placed || first->poll_taken < device->held_until ||
 	    !xyza_position(first->poll_magnitude, first->poll_negative, &position))
@@ -352,7 +290,7 @@ static void take_position(struct db_device *device, const struct db_device *firs
 	device->negative = first->poll_negative;
 	device->taken = first->poll_taken;
 	device->has_position = true;
-	note_part_answered(&device->part);
+	device->part = (struct xyza_part){ .losses = 0 };
 }
 
 /* True if nothing changed since the last time and nothing moves: the second read of the sign is not
@@ -367,58 +305,38 @@ static bool is_settled(const struct db_device *first, const struct db_device *de
 	       position == device->position;
 }
 
-static enum db_step answer_standing(struct db_conversation *talk)
-{
-	const struct xyza_reply *reply = talk->reply;
-	struct db_device *first = talk->device;
-	const struct db_device *device = first->axes[first->poll_axis];
-
-	if (!device)
-		return end_job(talk, DB_RESULT_FAILED);
-	first->poll_standing = reply->value == 1;
-	first->poll_commanded = device->commanded;
-	first->poll_placed = device->placed;
-	talk->unchanged = true;
-	return send_poll_step(talk, STEP_SIGN);
-}
-
-static enum db_step answer_sign(struct db_conversation *talk)
-{
-	const struct xyza_reply *reply = talk->reply;
-
-	talk->device->poll_negative = reply->value == 1;
-	talk->unchanged = true;
-	return send_poll_step(talk, STEP_MAGNITUDE);
-}
-
-static enum db_step answer_magnitude(struct db_conversation *talk)
-{
-	const struct xyza_reply *reply = talk->reply;
-	struct db_device *first = talk->device;
-	struct db_device *device = first->axes[first->poll_axis];
-
-	if (!device)
-		return end_job(talk, DB_RESULT_FAILED);
-	first->poll_magnitude = reply->value;
-	first->poll_taken = talk->now;
-	if (!is_settled(first, device)) {
-		talk->unchanged = true;
-		return send_poll_step(talk, STEP_SIGN_AGAIN);
-	}
-	take_position(device, first);
-	return read_axis(talk, first->poll_axis + 1);
-}
-
-static enum db_step answer_sign_again(struct db_conversation *talk)
+/* Standing, sign, magnitude and sign again of one axis. */
+static enum db_step answer_axis(struct db_conversation *talk)
 {
 	const struct xyza_reply *reply = talk->reply;
 	struct db_device *first = talk->device;
 	struct db_device *device = first->axes[first->poll_axis];
 	bool negative = reply->value == 1;
+	unsigned step = talk->job->step;
 
+	if (step == STEP_SIGN) {
+		first->poll_negative = negative;
+		talk->unchanged = true;
+		return send_poll_step(talk, STEP_MAGNITUDE);
+	}
 	if (!device)
 		return end_job(talk, DB_RESULT_FAILED);
-	if (first->poll_negative == negative) {
+	if (step == STEP_STANDING) {
+		first->poll_standing = reply->value == 1;
+		first->poll_commanded = device->commanded;
+		first->poll_placed = device->placed;
+		talk->unchanged = true;
+		return send_poll_step(talk, STEP_SIGN);
+	}
+	if (step == STEP_MAGNITUDE) {
+		first->poll_magnitude = reply->value;
+		first->poll_taken = talk->now;
+		if (!is_settled(first, device)) {
+			talk->unchanged = true;
+			return send_poll_step(talk, STEP_SIGN_AGAIN);
+		}
+		take_position(device, first);
+	} else if (first->poll_negative == negative) {
 		take_position(device, first);
 	} else if (++first->sign_tries < SIGN_TRIES) {
 		first->poll_negative = negative;
@@ -427,53 +345,46 @@ static enum db_step answer_sign_again(struct db_conversation *talk)
 	return read_axis(talk, first->poll_axis + 1);
 }
 
-/* For what is the controller's own a refusal is handled as an answer: it does not have this, and
- * the next part is read. */
-
-static enum db_step answer_ports(struct db_conversation *talk)
-{
-	const struct xyza_reply *reply = talk->reply;
-	struct db_device *first = talk->device;
-
-	if (reply->kind != XYZA_REPLY_FAILED) {
-		talk->unchanged = first->ports == reply->value;
-		first->ports = reply->value;
-	}
-	note_part_answered(&first->ports_part);
-	return read_program(talk);
-}
-
-static enum db_step answer_program(struct db_conversation *talk)
-{
-	const struct xyza_reply *reply = talk->reply;
-	struct db_device *first = talk->device;
-
-	if (reply->kind != XYZA_REPLY_FAILED) {
-		talk->unchanged = first->program_part.pause == 0 &&
-		                  reply->program == first->program &&
-		                  reply->state == first->program_state &&
-		                  reply->step == first->program_step;
-		xyza_take_program(first, reply);
-	}
-	note_part_answered(&first->program_part);
-	return read_item(talk);
-}
-
-static enum db_step answer_item(struct db_conversation *talk)
+/* Ports, program, and an item. A refusal is handled as an answer: the controller does not have
+ * this, and the next part is read. */
+static enum db_step answer_controller(struct db_conversation *talk)
 {
 	const struct xyza_reply *reply = talk->reply;
 	struct db_device *first = talk->device;
 	struct xyza_turn *turn = &first->turn;
-	struct db_device *owner = item_owner(first, turn->axis, turn->asked);
+	bool refused = reply->kind == XYZA_REPLY_FAILED;
+	struct db_device *owner;
 
-	if (reply->kind == XYZA_REPLY_FAILED) {
-		doubt_item(first);
-	} else {
-		*item_losses(turn) = 0;
-		if (owner)
+	switch (talk->job->step) {
+	case STEP_PORTS:
+		if (!refused) {
+			talk->unchanged = first->ports == reply->value;
+			first->ports = reply->value;
+		}
+		first->ports_part = (struct xyza_part){ .losses = 0 };
+		return read_controller(talk, STEP_PROGRAM);
+	case STEP_PROGRAM:
+		if (!refused) {
+			talk->unchanged = first->program_part.pause == 0 &&
+			                  reply->program == first->program &&
+			                  reply->state == first->program_state &&
+			                  reply->step == first->program_step;
+			xyza_take_program(first, reply);
+		}
+		first->program_part = (struct xyza_part){ .losses = 0 };
+		return read_controller(talk, STEP_ITEM);
+	case STEP_ITEM:
+	default:
+		owner = item_owner(first, turn->axis, turn->asked);
+		if (refused)
+			doubt_item(first);
+		else
+			*item_losses(turn) = 0;
+		if (!refused && owner)
 			xyza_learn_item(owner, turn->asked, reply->value, talk->now);
+		first->polling = false;
+		return end_job(talk, DB_RESULT_OK);
 	}
-	return end_poll(talk);
 }
 
 /* An axis that the controller does not have is not shown; the others are. */
@@ -483,24 +394,47 @@ static enum db_step refuse_axis(struct db_conversation *talk)
 }
 
 const struct conversation_step xyza_poll_steps[] = {
-	[STEP_STANDING] = { .send = send_read,
-	                    .answered = answer_standing,
-	                    .refused = refuse_axis },
-	[STEP_SIGN] = { .send = send_read, .answered = answer_sign, .refused = refuse_axis },
-	[STEP_MAGNITUDE] = { .send = send_read,
-	                     .answered = answer_magnitude,
-	                     .refused = refuse_axis },
-	[STEP_SIGN_AGAIN] = { .send = send_read,
-	                      .answered = answer_sign_again,
-	                      .refused = refuse_axis },
-	[STEP_PORTS] = { .send = send_read, .answered = answer_ports },
-	[STEP_PROGRAM] = { .send = send_read, .answered = answer_program },
-	[STEP_ITEM] = { .send = send_item, .answered = answer_item },
+	[STEP_STANDING] = { .send = send_read, .answered = answer_axis, .refused = refuse_axis },
+	[STEP_SIGN] = { .send = send_read, .answered = answer_axis, .refused = refuse_axis },
+	[STEP_MAGNITUDE] = { .send = send_read, .answered = answer_axis, .refused = refuse_axis },
+	[STEP_SIGN_AGAIN] = { .send = send_read, .answered = answer_axis, .refused = refuse_axis },
+	[STEP_PORTS] = { .send = send_read, .answered = answer_controller },
+	[STEP_PROGRAM] = { .send = send_read, .answered = answer_controller },
+	[STEP_ITEM] = { .send = send_read, .answered = answer_controller },
 };
 
+/* A reading that lost an answer is abandoned: the next one begins, and judges where it ended. */
 enum db_step xyza_begin_poll(struct db_conversation *talk)
 {
-	note_loss(talk->device, talk->now);
-	talk->device->polling = true;
+	struct db_device *first = talk->device;
+	struct db_device *device;
+	bool any_answered = false;
+
+	switch (first->polling ? first->poll_step : STEPS) {
+	case STEPS: /* the last reading has ended */
+		break;
+	case STEP_PORTS:
+		if (note_part_lost(&first->ports_part, talk->now))
+			first->ports = 0;
+		break;
+	case STEP_PROGRAM:
+		if (note_part_lost(&first->program_part, talk->now))
+			xyza_take_program(first,
+			                  &(struct xyza_reply){ .state = XYZA_PROGRAM_IDLE });
+		break;
+	case STEP_ITEM:
+		if (++*item_losses(&first->turn) >= XYZA_ITEM_TRIES)
+			doubt_item(first);
+		break;
+	default:
+		/* An axis that has answered exists, and continues to be read. */
+		device = first->axes[first->poll_axis];
+		for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++)
+			any_answered |= first->axes[i] && first->axes[i]->has_position;
+		if (device && !device->has_position && any_answered)
+			(void)note_part_lost(&device->part, talk->now);
+		break;
+	}
+	first->polling = true;
 	return read_axis(talk, 0);
 }

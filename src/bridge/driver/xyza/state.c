@@ -36,21 +36,6 @@ static void learn_one(struct db_device *device, enum xyza_param param, union db_
 	device->plate.generation++;
 }
 
-static void learn_param(struct db_device *device, enum xyza_param param, union db_value value,
-                        db_time now)
-{
-	struct db_device *const *axes = device->first->axes;
-
-	if (xyza_item_of_axis(xyza_param_item(param))) {
-		learn_one(device, param, value, now);
-		return;
-	}
-	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
-		if (axes[i])
-			learn_one(axes[i], param, value, now);
-	}
-}
-
 /* --- ramps ------------------------------------------------------------------------------------ */
 
 #define RAMP_PARAMS                                                      \
@@ -110,17 +95,27 @@ static uint64_t params_of(enum xyza_item item)
 
 void xyza_learn_item(struct db_device *device, enum xyza_item item, uint32_t content, db_time now)
 {
+	struct db_device *const *axes = device->first->axes;
+
 	device->unread &= ~(1u << item);
 	device->plate.missing[0] &= ~params_of(item);
 	for (unsigned i = 0; i < XYZA_PARAM_COUNT; i++) {
 		enum xyza_param param = (enum xyza_param)i;
+		union db_value value;
 
-		if (xyza_param_item(param) == item && (xyza_param_access(param) & XYZA_CAN_READ))
-			learn_param(device, param, xyza_param_get(param, content), now);
+		if (xyza_param_item(param) != item || !(xyza_param_access(param) & XYZA_CAN_READ))
+			continue;
+		value = xyza_param_get(param, content);
+		if (xyza_item_of_axis(item))
+			learn_one(device, param, value, now);
+		for (unsigned j = 0; !xyza_item_of_axis(item) && j < XYZA_AXIS_COUNT; j++) {
+			if (axes[j])
+				learn_one(axes[j], param, value, now);
+		}
 	}
 	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
-		if (device->first->axes[i])
-			show_ramps(device->first->axes[i]);
+		if (axes[i])
+			show_ramps(axes[i]);
 	}
 }
 
@@ -211,25 +206,6 @@ static enum db_axis_state state_of(const struct db_device *device)
 	return is_enabled(device) ? DB_AXIS_STANDSTILL : DB_AXIS_DISABLED;
 }
 
-static uint32_t status_of(const struct db_device *device, enum db_axis_state state)
-{
-	uint32_t status = 0;
-
-	if (is_enabled(device))
-		status |= DB_STATUS_ENABLED;
-	if (!device->standing || device->just_commanded)
-		status |= DB_STATUS_MOVING;
-	if (state == DB_AXIS_STOPPING)
-		status |= DB_STATUS_STOPPING;
-	if (state == DB_AXIS_ERROR_STOP)
-		status |= DB_STATUS_ERROR;
-	if (device->params_valid)
-		status |= DB_STATUS_PARAMS_VALID;
-	if (device->refused)
-		status |= DB_STATUS_REFUSED;
-	return status;
-}
-
 /* Pulses per millimetre of the axis, from the controller's data of motor and spindle; 0. */
 static float counts_per_unit(const struct db_nameplate *plate)
 {
@@ -260,7 +236,20 @@ void xyza_write_feedback(const struct db_device *device, struct db_feedback *fee
 {
 	const struct db_device *first = device->first;
 	enum db_axis_state state = state_of(device);
+	uint32_t status = 0;
 
+	if (is_enabled(device))
+		status |= DB_STATUS_ENABLED;
+	if (!device->standing || device->just_commanded)
+		status |= DB_STATUS_MOVING;
+	if (state == DB_AXIS_STOPPING)
+		status |= DB_STATUS_STOPPING;
+	if (state == DB_AXIS_ERROR_STOP)
+		status |= DB_STATUS_ERROR;
+	if (device->params_valid)
+		status |= DB_STATUS_PARAMS_VALID;
+	if (device->refused)
+		status |= DB_STATUS_REFUSED;
 	feedback->taken = device->taken;
 	feedback->position = device->position;
 	feedback->velocity = device->velocity;
@@ -278,7 +267,7 @@ void xyza_write_feedback(const struct db_device *device, struct db_feedback *fee
 	feedback->deceleration = deceleration_of(device);
 	feedback->error = state == DB_AXIS_ERROR_STOP ? DB_ERROR_INTERRUPTED : DB_ERROR_NONE;
 	feedback->state = (uint16_t)state;
-	feedback->status = status_of(device, state);
+	feedback->status = status;
 	restart_show(&device->restart, feedback);
 }
 

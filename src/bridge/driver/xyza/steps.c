@@ -87,55 +87,41 @@ enum db_step xyza_begin(struct db_conversation *talk)
 	}
 }
 
-/* A refused request was not carried out, so any request may be sent again. */
-static bool is_asked_again(struct db_conversation *talk, const struct xyza_reply *reply,
-                           bool planned)
-{
-	unsigned *refusals = &talk->device->refusals[talk->job->kind];
-
-	if (reply->kind == XYZA_REPLY_FAILED && *refusals < REFUSALS_MAX &&
-	    !(planned && xyza_is_refusal_final(talk))) {
-		(*refusals)++;
-		return true;
-	}
-	*refusals = 0;
-	return false;
-}
-
-/* Reads back what was sent. A written item may have undocumented bits, as they were read. */
-static bool read_own(const struct db_conversation *talk, struct xyza_request *request)
-{
-	const struct db_exchange *exchange = talk->exchange;
-	enum xyza_error error;
-
-	if (talk->job->kind == DB_JOB_POLL) {
-		*request = talk->device->poll_request;
-		return true;
-	}
-	error = xyza_decode_request(exchange->request, exchange->request_length, request);
-	return error == XYZA_OK || error == XYZA_ERR_RANGE;
-}
-
 enum db_step xyza_answer(struct db_conversation *talk, const uint8_t *frame, size_t length)
 {
 	const struct conversation_step *steps = steps_of(talk->job);
 	const struct conversation_step *step = &steps[talk->job->step];
+	unsigned *refusals = &talk->device->refusals[talk->job->kind];
+	const struct db_exchange *exchange = talk->exchange;
+	enum xyza_error error = XYZA_OK;
 	struct xyza_request request;
 	struct xyza_reply reply;
 	enum db_step next;
 
 	if (is_raw(talk->job))
 		return xyza_answer_raw(talk, frame, length);
-	if (xyza_decode_reply(frame, length, &reply) != XYZA_OK || !read_own(talk, &request))
+	if (xyza_decode_reply(frame, length, &reply) != XYZA_OK)
+		return DB_STEP_IGNORE;
+	/* What was sent is read back. A written item may have undocumented bits, as they were
+	 * read. */
+	if (talk->job->kind == DB_JOB_POLL)
+		request = talk->device->poll_request;
+	else
+		error = xyza_decode_request(exchange->request, exchange->request_length, &request);
+	if (error != XYZA_OK && error != XYZA_ERR_RANGE)
 		return DB_STEP_IGNORE;
 	/* A controller that accepts its new number at once may already answer with it. */
 	if (reply.object == xyza_new_number(&request))
 		request.object = reply.object;
 	if (!xyza_fits(&request, &reply))
 		return DB_STEP_IGNORE;
-	/* The exchange is sent again unchanged. */
-	if (is_asked_again(talk, &reply, steps == xyza_plan_steps))
+	/* A refused request was not carried out, so any request may be sent again, unchanged. */
+	if (reply.kind == XYZA_REPLY_FAILED && *refusals < REFUSALS_MAX &&
+	    !(steps == xyza_plan_steps && xyza_is_refusal_final(talk))) {
+		(*refusals)++;
 		return DB_STEP_SEND;
+	}
+	*refusals = 0;
 	// cppcheck-suppress autoVariables ; it is taken away below
 	talk->reply = &reply;
 	if (steps == xyza_plan_steps)

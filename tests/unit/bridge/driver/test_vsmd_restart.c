@@ -65,7 +65,7 @@ static void make(struct fixture *f, int32_t position, uint32_t word)
 
 static void silent(struct fixture *f)
 {
-	vsmd_axis_gone(&f->axis);
+	vsmd_axis_gone((struct db_device *)&f->axis);
 	f->now += 2000 * MS;
 }
 

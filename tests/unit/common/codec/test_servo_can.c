@@ -265,7 +265,7 @@ static void broadcasts(void **state)
 		struct servo_can_message message = { .kind = not_to_all[i],
 			                             .u = { .ack = { .code = 1 } } };
 
-		assert_false(servo_can_may_broadcast(message.kind));
+		assert_false(servo_can_shapes[message.kind].broadcast);
 		assert_refused(message, &plain, OUT_OF_RANGE);
 		message.node = 32;
 		assert_refused(message, &plain, OUT_OF_RANGE);
