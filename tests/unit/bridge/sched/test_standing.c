@@ -334,6 +334,20 @@ static void a_drive_that_comes_back_is_told_first_and_seen_anew(void **state)
 	assert_int_equal(judge(&standing, 0, false, T + 5110 * MS), STANDING_DONE);
 }
 
+/* What it moved like before it went does not make a slow motion after it look like braking. */
+static void a_drive_that_comes_back_slower_does_not_obey(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_suspend(&standing, &rules, T + 50 * MS);
+	standing_resume(&standing, T + 5000 * MS);
+	standing_stop_sent(&standing, true, 0, T + 5000 * MS);
+	assert_int_equal(judge(&standing, 300, true, T + 5010 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge(&standing, 300, true, T + 5020 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge(&standing, 100, true, T + 5030 * MS), STANDING_OBEYS);
+}
+
 /* Nothing of so short a time is used up before the drive is back. */
 static void a_short_patience_waits_for_a_drive_that_is_away(void **state)
 {
@@ -443,6 +457,7 @@ int main(void)
 		cmocka_unit_test(what_is_refused_gives_way_to_the_next_kind),
 		cmocka_unit_test(a_disable_ends_when_the_power_is_known_to_be_off),
 		cmocka_unit_test(a_drive_that_comes_back_is_told_first_and_seen_anew),
+		cmocka_unit_test(a_drive_that_comes_back_slower_does_not_obey),
 		cmocka_unit_test(a_short_patience_waits_for_a_drive_that_is_away),
 		cmocka_unit_test(coming_and_going_does_not_put_off_the_end),
 		cmocka_unit_test(losses_cost_the_drive_its_own_share),
