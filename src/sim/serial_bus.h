@@ -152,7 +152,6 @@ db_time sim_serial_bus_next(void *wire);
 extern const struct sim_wire_ops sim_serial_bus_ops;
 
 struct sim_faults *sim_serial_bus_faults(void *wire);
-void sim_serial_bus_set_baud(struct sim_serial_bus *bus, unsigned baud);
 
 /* --- for protocols ---------------------------------------------------------------------------- */
 

@@ -39,7 +39,7 @@ static bool open_can(struct sim_node *node, void *wire, const struct sim_bus_con
 		return false;
 	sim_vsmd_can_node_init(node->vsmd_can, node, &bus->style, bus->can.latency);
 	station = sim_vsmd_can_node_station(node->vsmd_can);
-	return sim_can_bus_attach(sim_can_line_bus(wire), &station);
+	return sim_can_bus_attach(((struct sim_can_line *)wire)->bus, &station);
 }
 
 static void close_drive(struct sim_node *node)

@@ -186,7 +186,7 @@ static inline db_time line_next(struct line *line)
 
 static inline struct sim_faults *line_faults(struct line *line)
 {
-	return line->serial ? sim_serial_bus_faults(line->serial) : sim_can_bus_faults(line->can);
+	return line->serial ? sim_serial_bus_faults(line->serial) : &line->can->faults;
 }
 
 static inline void line_power(struct line *line, size_t place, bool on, db_time now)

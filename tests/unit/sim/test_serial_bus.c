@@ -347,7 +347,7 @@ static void new_id_and_rate_come_with_power(void **state)
 	assert_int_equal(b->length, 0);
 	talk(b, "9 sts\n");
 	assert_int_equal(b->length, 21);
-	sim_serial_bus_set_baud(b->bus, 19200);
+	b->bus->config.baud = 19200;
 	talk(b, "9 sts\n");
 	assert_int_equal(b->length, 0);
 }
