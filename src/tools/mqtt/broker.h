@@ -31,7 +31,7 @@ struct db_mqtt_source_ops {
 	void (*sent)(void *source, int number, db_time now);
 	/* This broker can never accept it. */
 	void (*refused)(void *source);
-	void (*confirmed)(void *source, int number);
+	void (*confirmed)(void *source, int number); /* may be null */
 };
 
 struct db_mqtt_broker_ops {

@@ -21,19 +21,13 @@ static void add_out_of_memory(struct db_settings *settings)
 }
 
 /* One level of a topic, or with `levels` several. */
-static bool is_topic(const char *text, bool levels)
-{
-	size_t length = strlen(text);
-
-	return length > 0 && text[strcspn(text, "+#")] == '\0' && text[0] != '$' &&
-	       text[0] != '/' && text[length - 1] != '/' && !strstr(text, "//") &&
-	       (levels || !strchr(text, '/'));
-}
-
 static void check_topic(struct db_settings *settings, const char *section, const char *name,
                         const char *text, bool levels)
 {
-	if (!is_topic(text, levels))
+	size_t length = strlen(text);
+
+	if (length == 0 || text[strcspn(text, "+#")] != '\0' || text[0] == '$' || text[0] == '/' ||
+	    text[length - 1] == '/' || strstr(text, "//") || (!levels && strchr(text, '/')))
 		db_messages_add_error(
 			settings->messages, db_settings_line(settings, section, name),
 			"%s = %s cannot be a part of topics: no + and #, no $ first, no "
