@@ -29,11 +29,6 @@ struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_protocol *prot
 	return bus;
 }
 
-void sim_serial_bus_free(void *wire)
-{
-	free(wire);
-}
-
 bool sim_serial_bus_attach(struct sim_serial_bus *bus, struct sim_node *node)
 {
 	if (bus->node_count == SIM_SERIAL_DRIVES_MAX)
@@ -404,5 +399,5 @@ const struct sim_wire_ops sim_serial_bus_ops = {
 	.next = sim_serial_bus_next,
 	.faults = sim_serial_bus_faults,
 	.describe = wire_describe,
-	.free = sim_serial_bus_free,
+	.free = free,
 };

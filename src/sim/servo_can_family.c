@@ -114,7 +114,8 @@ static void power(struct sim_node *node, bool on, db_time now)
 
 static void stall(struct sim_node *node, bool stalled, db_time now)
 {
-	sim_servo_block(node->servo->drive, stalled, now);
+	sim_servo_advance(node->servo->drive, now);
+	node->servo->drive->blocked = stalled;
 }
 
 static void force_status(struct sim_node *node, uint32_t bits)

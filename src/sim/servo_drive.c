@@ -557,9 +557,3 @@ void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now)
 	if (faults && drive->config.temper.fault_power == SIM_SERVO_FAULT_DISABLES)
 		set_enabled(drive, false, now);
 }
-
-void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now)
-{
-	sim_servo_advance(drive, now);
-	drive->blocked = blocked;
-}

@@ -127,7 +127,7 @@ struct sim_servo {
 	db_time idle_until; /* it received a command, and has not begun */
 	double target;      /* counts, the position that position mode holds or approaches */
 	bool limited;       /* by max_current */
-	bool blocked;
+	bool blocked;       /* set from outside: the shaft is held, whatever the motor does */
 
 	/* Shown unchanged. */
 	uint16_t faults;
@@ -171,8 +171,6 @@ void sim_servo_set_reports(struct sim_servo *drive, enum sim_servo_report report
 void sim_servo_power(struct sim_servo *drive, bool on, db_time now);
 /* Sets the fault word; with a value other than 0 the motor has no power. */
 void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now);
-/* Holds the shaft, whatever the motor does. */
-void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now);
 
 /* True if nothing will change any more by itself. */
 bool sim_servo_settled(const struct sim_servo *drive);

@@ -67,30 +67,11 @@ static void queue_frame(struct sim_vsmd_can_node *node, const struct db_can_fram
 	node->queue[place].frame.id = id;
 }
 
-/* Queues a frame in this drive's form. */
-static void queue_dressed(struct sim_vsmd_can_node *node, const struct db_can_frame *frame,
-                          db_time due)
-{
-	enum sim_answers answers = node->node->drive->config.temper.answers;
-	struct db_can_frame dressed = *frame;
-
-	if (answers == SIM_ANSWERS_PADDED)
-		dressed.length = DB_CAN_DATA_MAX;
-	if (answers != SIM_ANSWERS_SINGLES || frame->length != DB_CAN_DATA_MAX) {
-		queue_frame(node, &dressed, due);
-		return;
-	}
-	dressed.length = DB_CAN_DATA_MAX / 2;
-	queue_frame(node, &dressed, due);
-	dressed.id++;
-	memcpy(dressed.data, frame->data + dressed.length, dressed.length);
-	queue_frame(node, &dressed, due);
-}
-
 static void queue_answer(struct sim_vsmd_can_node *node, enum vsmd_can_control control,
                          uint16_t host, unsigned first, const uint32_t *values, unsigned count,
                          db_time due)
 {
+	enum sim_answers answers = node->node->drive->config.temper.answers;
 	struct vsmd_can_style style = node->style;
 	struct db_can_frame frames[VSMD_CAN_READ_MAX / VSMD_CAN_FRAME_REGS];
 	int frame_count;
@@ -102,8 +83,20 @@ static void queue_answer(struct sim_vsmd_can_node *node, enum vsmd_can_control c
 	frame_count = vsmd_can_encode_answer(&style, node->node->drive->address, control, first,
 	                                     values, count, frames,
 	                                     sizeof(frames) / sizeof(frames[0]));
-	for (int i = 0; i < frame_count; i++)
-		queue_dressed(node, &frames[i], due);
+	/* In this drive's form. */
+	for (int i = 0; i < frame_count; i++) {
+		struct db_can_frame frame = frames[i];
+
+		if (answers == SIM_ANSWERS_PADDED)
+			frame.length = DB_CAN_DATA_MAX;
+		if (answers == SIM_ANSWERS_SINGLES && frames[i].length == DB_CAN_DATA_MAX) {
+			frame.length = DB_CAN_DATA_MAX / 2;
+			queue_frame(node, &frame, due);
+			frame.id++;
+			memcpy(frame.data, frames[i].data + frame.length, frame.length);
+		}
+		queue_frame(node, &frame, due);
+	}
 	node->node->replies++;
 }
 
@@ -347,7 +340,7 @@ static db_time next(void *self)
 	return due;
 }
 
-static void queue_report(struct sim_vsmd_can_node *node)
+static bool send(void *self, db_time now, struct db_can_frame *frame)
 {
 	static const struct {
 		uint8_t first;
@@ -358,25 +351,21 @@ static void queue_report(struct sim_vsmd_can_node *node)
 		[VSMD_CAN_REPORT_POSITION_STATUS] = { VSMD_CAN_STATUS_POSITION, 2 },
 		[VSMD_CAN_REPORT_POSITION] = { VSMD_CAN_STATUS_POSITION, 1 },
 	};
-	uint32_t values[VSMD_CAN_STATUS_REGS];
-	struct vsmd_status status;
-	unsigned first = parts[node->report].first;
-
-	sim_vsmd_report_status(node->node->drive, false, node->report_at, &status);
-	vsmd_can_put_status(&status, values);
-	queue_answer(node, VSMD_CAN_STATUS_REPLY, node->reporting_to, first, &values[first],
-	             parts[node->report].count, node->report_at);
-	node->report_at += node->interval;
-}
-
-static bool send(void *self, db_time now, struct db_can_frame *frame)
-{
 	struct sim_vsmd_can_node *node = self;
 
 	follow_power(node);
 	if (node->report != VSMD_CAN_REPORT_NONE && node->node->drive->powered &&
-	    node->report_at <= now)
-		queue_report(node);
+	    node->report_at <= now) {
+		uint32_t values[VSMD_CAN_STATUS_REGS];
+		struct vsmd_status status;
+		unsigned first = parts[node->report].first;
+
+		sim_vsmd_report_status(node->node->drive, false, node->report_at, &status);
+		vsmd_can_put_status(&status, values);
+		queue_answer(node, VSMD_CAN_STATUS_REPLY, node->reporting_to, first, &values[first],
+		             parts[node->report].count, node->report_at);
+		node->report_at += node->interval;
+	}
 	if (node->count == 0 || node->queue[node->first].due > now)
 		return false;
 	*frame = node->queue[node->first].frame;

@@ -538,12 +538,6 @@ void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity)
 	drive->identity[length] = '\0';
 }
 
-void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now)
-{
-	sim_vsmd_advance(drive, now);
-	drive->stalled = stalled;
-}
-
 void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now)
 {
 	if (number < 1 || number > SIM_VSMD_SENSORS)

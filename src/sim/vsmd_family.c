@@ -130,7 +130,8 @@ static void power(struct sim_node *node, bool on, db_time now)
 
 static void stall(struct sim_node *node, bool stalled, db_time now)
 {
-	sim_vsmd_stall(node->drive, stalled, now);
+	sim_vsmd_advance(node->drive, now);
+	node->drive->stalled = stalled;
 }
 
 static void force_status(struct sim_node *node, uint32_t bits)

@@ -111,25 +111,21 @@ static bool is_timed(const struct sim_xyza *controller)
 	return controller->starting || controller->state == XYZA_PROGRAM_RUNNING;
 }
 
-static void advance_axes(struct sim_xyza *controller, db_time now)
-{
-	sim_xyza_axes_advance(&controller->axes, now);
-	controller->now = now;
-}
-
 void sim_xyza_advance(struct sim_xyza *controller, db_time now)
 {
 	if (now < controller->now)
 		return;
 	while (controller->powered && is_timed(controller) && controller->step_end <= now) {
-		advance_axes(controller, controller->step_end);
+		sim_xyza_axes_advance(&controller->axes, controller->step_end);
+		controller->now = controller->step_end;
 		if (controller->single_step && controller->step < controller->config.steps &&
 		    controller->step > 0)
 			pause_program(controller, XYZA_PROGRAM_WAITING);
 		else
 			next_step(controller);
 	}
-	advance_axes(controller, now);
+	sim_xyza_axes_advance(&controller->axes, now);
+	controller->now = now;
 }
 
 bool sim_xyza_busy(const struct sim_xyza *controller)

@@ -416,7 +416,7 @@ static void send_messages(struct db_mqtt_broker *broker, db_time now)
 		/* A message that this broker can never accept is not repeated. */
 		if (result == MOSQ_ERR_OVERSIZE_PACKET || result == MOSQ_ERR_PAYLOAD_SIZE) {
 			broker->stats.refused++;
-			broker->source_ops->refused(broker->source);
+			broker->source_ops->sent(broker->source, 0, true, now);
 			continue;
 		}
 		if (result) {
@@ -425,7 +425,7 @@ static void send_messages(struct db_mqtt_broker *broker, db_time now)
 		}
 		broker->stats.sent++;
 		broker->stats.bytes += strlen(message.topic) + message.length;
-		broker->source_ops->sent(broker->source, message.qos > 0 ? number : 0, now);
+		broker->source_ops->sent(broker->source, message.qos > 0 ? number : 0, false, now);
 		if (!flush(broker, now))
 			return;
 	}

@@ -202,20 +202,6 @@ static void set_if_empty(struct db_settings *settings, char **text, const char *
 	}
 }
 
-static void check_values(struct db_settings *settings)
-{
-	const struct db_mqtt_config *config = settings->values;
-	const char *names = config->values.names;
-	size_t count = 0;
-
-	for (; names && *names; names += strlen(names) + 1)
-		count++;
-	if (count > VALUES_MAX)
-		db_messages_add_error(settings->messages,
-		                      db_settings_line(settings, "publish", "values"),
-		                      "values has %zu names; %d at most", count, VALUES_MAX);
-}
-
 static void check_sparkplug(struct db_settings *settings)
 {
 	const struct db_mqtt_config *config = settings->values;
@@ -252,9 +238,15 @@ static void check_sparkplug(struct db_settings *settings)
 static void check_whole(struct db_settings *settings, const void *host_name)
 {
 	struct db_mqtt_config *config = settings->values;
+	size_t values = 0;
 
 	check_broker(settings);
-	check_values(settings);
+	for (const char *name = config->values.names; name && *name; name += strlen(name) + 1)
+		values++;
+	if (values > VALUES_MAX)
+		db_messages_add_error(settings->messages,
+		                      db_settings_line(settings, "publish", "values"),
+		                      "values has %zu names; %d at most", values, VALUES_MAX);
 	set_if_empty(settings, &config->gateway, "", host_name);
 	set_if_empty(settings, &config->client_id, "drivebridge-", config->gateway);
 	if (!config->gateway || !config->client_id)

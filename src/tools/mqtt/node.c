@@ -283,15 +283,7 @@ static void on_lost(void *form)
 	}
 }
 
-static struct db_mqtt_waiting read_waiting(const void *form)
-{
-	const struct node *node = form;
-	struct db_mqtt_store_stats stats = db_mqtt_store_read_stats(node->store);
-
-	return (struct db_mqtt_waiting){ stats.messages, stats.bytes, stats.dropped };
-}
-
-static void on_figures(void *form, const struct db_mqtt_figures *figures)
+static uint64_t on_figures(void *form, const struct db_mqtt_figures *figures)
 {
 	struct node *node = form;
 	struct db_mqtt_store_stats stats = db_mqtt_store_read_stats(node->store);
@@ -299,6 +291,7 @@ static void on_figures(void *form, const struct db_mqtt_figures *figures)
 	(void)figures;
 	set_own(node, "buffered", json_integer((json_int_t)stats.messages));
 	set_own(node, "dropped", json_integer((json_int_t)stats.dropped));
+	return stats.dropped;
 }
 
 /* --- commands --------------------------------------------------------------------------------- */
@@ -614,10 +607,12 @@ static void begin_births(struct node *node, db_time now)
 }
 
 /* What was given out has been sent, or with `refused` is left out: too long for the broker. */
-static void settle(struct node *node, bool refused, db_time now)
+static void on_sent(void *form, int number, bool refused, db_time now)
 {
+	struct node *node = form;
 	struct device *device = node->prepared.device;
 
+	(void)number;
 	if (refused)
 		db_client_log(
 			DB_CLIENT_ERROR,
@@ -657,17 +652,6 @@ static void settle(struct node *node, bool refused, db_time now)
 	if (!refused)
 		node->seq = (node->seq + 1) % SEQ_COUNT;
 	node->prepared.what = NOTHING;
-}
-
-static void on_sent(void *form, int number, db_time now)
-{
-	(void)number;
-	settle(form, false, now);
-}
-
-static void on_refused(void *form)
-{
-	settle(form, true, db_client_now());
 }
 
 /* --- its life --------------------------------------------------------------------------------- */
@@ -733,8 +717,7 @@ const struct db_mqtt_form_ops db_mqtt_node = {
 	.source = { .will = write_will,
 	            .farewell = write_farewell,
 	            .next = find_next,
-	            .sent = on_sent,
-	            .refused = on_refused },
+	            .sent = on_sent },
 	.keep = keep,
 	.found = on_found,
 	.lost = on_lost,
@@ -742,7 +725,6 @@ const struct db_mqtt_form_ops db_mqtt_node = {
 	.troubles = on_troubles,
 	.figures = on_figures,
 	.result = on_result,
-	.waiting = read_waiting,
 	.connected = on_connected,
 	.disconnected = on_disconnected,
 	.is_open = is_open,

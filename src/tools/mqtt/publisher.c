@@ -165,9 +165,8 @@ static void publish_figures(struct db_mqtt_publisher *publisher)
 		.skipped = publisher->skipped,
 		.left_out = publisher->left_out,
 	};
-	uint64_t dropped = publisher->ops->waiting(publisher->form).dropped;
+	uint64_t dropped = publisher->ops->figures(publisher->form, &figures);
 
-	publisher->ops->figures(publisher->form, &figures);
 	if (dropped > publisher->dropped_told)
 		db_client_log(DB_CLIENT_WARNING,
 		              "the buffer is full: %llu messages more dropped, the oldest first",

@@ -10,6 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -57,7 +58,7 @@ static int teardown(void **state)
 {
 	struct bench *bench = *state;
 
-	sim_serial_bus_free(bench->bus);
+	free(bench->bus);
 	sim_vsmd_free(bench->nodes[0].drive);
 	sim_vsmd_free(bench->nodes[1].drive);
 	return 0;

@@ -508,12 +508,14 @@ static void a_blocked_shaft_stands(void **state)
 	struct bench b = make_running(SERVO_CAN_MODE_SPEED);
 
 	(void)state;
-	sim_servo_block(b.drive, true, b.now);
+	sim_servo_advance(b.drive, b.now);
+	b.drive->blocked = true;
 	tell_speed(&b, 500);
 	wait(&b, 500 * MS);
 	assert_true(b.drive->position == 0);
 	assert_true(b.drive->amperes > 1);
-	sim_servo_block(b.drive, false, b.now);
+	sim_servo_advance(b.drive, b.now);
+	b.drive->blocked = false;
 	wait(&b, 200 * MS);
 	assert_true(b.drive->rpm > 400);
 	sim_servo_free(b.drive);

@@ -73,7 +73,7 @@ static int teardown(void **state)
 {
 	struct bench *bench = *state;
 
-	sim_serial_bus_free(bench->bus);
+	free(bench->bus);
 	for (size_t i = 0; i < CONTROLLERS; i++)
 		sim_xyza_free(bench->nodes[i].xyza);
 	return 0;
