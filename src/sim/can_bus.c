@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define HOST_QUEUE 64
 #define GARBAGE_ID 0x7F0u /* an id that no station uses */
 
 /* Bits of an error frame and of the wait after it. */
@@ -22,41 +21,6 @@ size_t sim_can_text(const struct db_can_frame *frame, char text[SIM_CAN_TEXT_MAX
 		                   frame->data[i]);
 	return (size_t)length;
 }
-
-struct waiting {
-	struct db_can_frame frame;
-	db_time ready;
-};
-
-struct station {
-	struct sim_can_station ops;
-	bool has_frame; /* a frame from its queue is ready to send */
-	struct db_can_frame frame;
-	db_time ready;
-};
-
-struct sim_can_bus {
-	unsigned bitrate;
-	sim_can_trace_fn *trace;
-	void *context;
-	struct sim_faults faults;
-	struct sim_can_stats stats;
-	bool cut;
-
-	struct waiting host[HOST_QUEUE]; /* a ring */
-	size_t host_first;
-	size_t host_count;
-	struct waiting to_host[HOST_QUEUE]; /* a ring: echoes */
-	size_t to_host_first;
-	size_t to_host_count;
-	struct station stations[SIM_CAN_STATIONS_MAX];
-	size_t station_count;
-
-	bool on_wire;
-	struct db_can_frame frame;
-	const struct station *sender; /* null: the host */
-	db_time wire_end;
-};
 
 struct sim_can_bus *sim_can_bus_new(unsigned bitrate, sim_can_trace_fn *trace, void *context)
 {
@@ -83,26 +47,6 @@ bool sim_can_bus_attach(struct sim_can_bus *bus, const struct sim_can_station *s
 	return true;
 }
 
-size_t sim_can_bus_waiting(const struct sim_can_bus *bus)
-{
-	return bus->host_count;
-}
-
-struct sim_faults *sim_can_bus_faults(struct sim_can_bus *bus)
-{
-	return &bus->faults;
-}
-
-const struct sim_can_stats *sim_can_bus_stats(const struct sim_can_bus *bus)
-{
-	return &bus->stats;
-}
-
-bool sim_can_bus_is_cut(const struct sim_can_bus *bus)
-{
-	return bus->cut;
-}
-
 void sim_can_bus_cut(struct sim_can_bus *bus, bool cut)
 {
 	bus->cut = cut;
@@ -112,23 +56,24 @@ void sim_can_bus_cut(struct sim_can_bus *bus, bool cut)
 
 bool sim_can_bus_put(struct sim_can_bus *bus, const struct db_can_frame *frame, db_time now)
 {
-	struct waiting *place;
+	struct sim_can_waiting *place;
 
-	if (bus->cut || bus->host_count == HOST_QUEUE) {
+	if (bus->cut || bus->host_count == SIM_CAN_HOST_QUEUE) {
 		bus->stats.overflows++;
 		return false;
 	}
-	place = &bus->host[(bus->host_first + bus->host_count++) % HOST_QUEUE];
-	*place = (struct waiting){ .frame = *frame, .ready = now };
+	place = &bus->host[(bus->host_first + bus->host_count++) % SIM_CAN_HOST_QUEUE];
+	*place = (struct sim_can_waiting){ .frame = *frame, .ready = now };
 	return true;
 }
 
-static bool take_fault(struct sim_can_bus *bus, const struct station *station, enum sim_fault fault)
+static bool take_fault(struct sim_can_bus *bus, const struct sim_can_place *station,
+                       enum sim_fault fault)
 {
 	return sim_faults_take(station->ops.faults, fault) || sim_faults_take(&bus->faults, fault);
 }
 
-static bool is_silent(const struct sim_can_bus *bus, const struct station *station)
+static bool is_silent(const struct sim_can_bus *bus, const struct sim_can_place *station)
 {
 	return station->ops.faults->left[SIM_FAULT_SILENCE] != 0 ||
 	       bus->faults.left[SIM_FAULT_SILENCE] != 0;
@@ -136,47 +81,36 @@ static bool is_silent(const struct sim_can_bus *bus, const struct station *stati
 
 /* --- frames of drives ------------------------------------------------------------------------- */
 
-static db_time delay_of(struct sim_can_bus *bus, const struct station *station)
+/* Takes the next due frame from a drive's own queue, with the faults of its connection and of the
+ * bus. */
+static void fetch_frame(struct sim_can_bus *bus, struct sim_can_place *station, db_time now)
 {
-	if (sim_faults_take(station->ops.faults, SIM_FAULT_DELAY))
-		return (db_time)station->ops.faults->delay_ms * DB_NS_PER_MS;
-	if (sim_faults_take(&bus->faults, SIM_FAULT_DELAY))
-		return (db_time)bus->faults.delay_ms * DB_NS_PER_MS;
-	return 0;
-}
+	struct sim_faults *own = station->ops.faults;
 
-/* Applies faults to a frame that a drive wants to send. False: it is not sent at all. */
-static bool damage_frame(struct sim_can_bus *bus, const struct station *station,
-                         struct db_can_frame *frame)
-{
-	if (is_silent(bus, station) || take_fault(bus, station, SIM_FAULT_DROP))
-		return false;
-	if (take_fault(bus, station, SIM_FAULT_TRUNCATE))
-		frame->length /= 2;
-	if (take_fault(bus, station, SIM_FAULT_WRONG_ID)) {
-		/* Changes the sender to another drive. */
-		if (station->ops.sender_bit)
-			frame->id ^= station->ops.sender_bit;
-		else
-			frame->id ^= frame->id & DB_CAN_EXTENDED ? 1u << 10 : 1u << 1;
-	}
-	return true;
-}
-
-/* Takes the next due frame from a drive's own queue. */
-static void fetch_frame(struct sim_can_bus *bus, struct station *station, db_time now)
-{
 	while (!station->has_frame && station->ops.next(station->ops.self) <= now) {
 		db_time ready = station->ops.next(station->ops.self);
 		struct db_can_frame frame;
 
 		if (!station->ops.send(station->ops.self, now, &frame))
 			return;
-		if (!damage_frame(bus, station, &frame))
+		if (is_silent(bus, station) || take_fault(bus, station, SIM_FAULT_DROP))
 			continue;
+		if (take_fault(bus, station, SIM_FAULT_TRUNCATE))
+			frame.length /= 2;
+		if (take_fault(bus, station, SIM_FAULT_WRONG_ID)) {
+			/* Changes the sender to another drive. */
+			if (station->ops.sender_bit)
+				frame.id ^= station->ops.sender_bit;
+			else
+				frame.id ^= frame.id & DB_CAN_EXTENDED ? 1u << 10 : 1u << 1;
+		}
 		/* Frames after a late answer wait for it. */
+		if (sim_faults_take(own, SIM_FAULT_DELAY))
+			ready += (db_time)own->delay_ms * DB_NS_PER_MS;
+		else if (sim_faults_take(&bus->faults, SIM_FAULT_DELAY))
+			ready += (db_time)bus->faults.delay_ms * DB_NS_PER_MS;
 		station->frame = frame;
-		station->ready = ready + delay_of(bus, station);
+		station->ready = ready;
 		station->has_frame = true;
 	}
 }
@@ -190,20 +124,6 @@ static uint64_t rank_of(const struct db_can_frame *frame)
 	uint64_t id = frame->id & DB_CAN_ID_MASK;
 
 	return extended ? (id >> 18) << 20 | 1u << 19 | (id & 0x3FFFF) : id << 20;
-}
-
-struct candidate {
-	const struct db_can_frame *frame;
-	struct station *station; /* null: the host */
-	db_time ready;
-};
-
-static void consider_sender(struct candidate *best, const struct candidate *next, db_time start)
-{
-	if (next->ready > start)
-		return;
-	if (!best->frame || rank_of(next->frame) < rank_of(best->frame))
-		*best = *next;
 }
 
 /* When the next frame can start: the wire is free and a station is ready. */
@@ -220,60 +140,42 @@ static db_time start_time(const struct sim_can_bus *bus)
 	return ready < bus->wire_end ? bus->wire_end : ready;
 }
 
-static struct candidate arbitrate(struct sim_can_bus *bus, db_time start)
-{
-	struct candidate best = { .frame = NULL };
-
-	for (size_t i = 0; i < bus->station_count; i++) {
-		struct station *station = &bus->stations[i];
-
-		if (station->has_frame)
-			consider_sender(&best,
-			                &(struct candidate){ .frame = &station->frame,
-			                                     .station = station,
-			                                     .ready = station->ready },
-			                start);
-	}
-	if (bus->host_count > 0) {
-		const struct waiting *host = &bus->host[bus->host_first];
-		const struct db_can_frame *winner = best.frame;
-
-		consider_sender(&best,
-		                &(struct candidate){ .frame = &host->frame, .ready = host->ready },
-		                start);
-		bus->stats.arbitration_lost += winner && host->ready <= start &&
-		                               best.frame == winner;
-	}
-	return best;
-}
-
 /* --- the wire --------------------------------------------------------------------------------- */
 
-static db_time bits_time(const struct sim_can_bus *bus, unsigned bits)
-{
-	return (db_time)bits * DB_NS_PER_S / (db_time)bus->bitrate;
-}
-
+/* Of all that are ready at this time, the frame with the lowest rank goes on the wire. */
 static void start_frame(struct sim_can_bus *bus, db_time start)
 {
-	struct candidate best = arbitrate(bus, start);
+	const struct sim_can_waiting *host = &bus->host[bus->host_first];
+	bool host_sends = bus->host_count > 0 && host->ready <= start;
+	struct sim_can_place *sender = NULL;
 	db_time time;
 
-	if (!best.frame)
+	for (size_t i = 0; i < bus->station_count; i++) {
+		struct sim_can_place *station = &bus->stations[i];
+
+		if (station->has_frame && station->ready <= start &&
+		    (!sender || rank_of(&station->frame) < rank_of(&sender->frame)))
+			sender = station;
+	}
+	if (host_sends && sender && rank_of(&host->frame) >= rank_of(&sender->frame)) {
+		host_sends = false;
+		bus->stats.arbitration_lost++;
+	}
+	if (!host_sends && !sender)
 		return;
-	bus->frame = *best.frame;
-	bus->sender = best.station;
-	if (best.station) {
-		best.station->has_frame = false;
+	bus->sender = host_sends ? NULL : sender;
+	bus->frame = host_sends ? host->frame : sender->frame;
+	if (!host_sends) {
+		sender->has_frame = false;
 	} else {
-		bus->host_first = (bus->host_first + 1) % HOST_QUEUE;
+		bus->host_first = (bus->host_first + 1) % SIM_CAN_HOST_QUEUE;
 		bus->host_count--;
 		bus->stats.host_frames++;
 	}
-	time = bits_time(bus, db_can_frame_bits(&bus->frame));
+	time = (db_time)db_can_frame_bits(&bus->frame) * DB_NS_PER_S / (db_time)bus->bitrate;
 	/* All stations see a damaged frame and discard it, and it is sent again. */
-	if (best.station && take_fault(bus, best.station, SIM_FAULT_CORRUPT)) {
-		time += time / 2 + bits_time(bus, ERROR_BITS);
+	if (!host_sends && take_fault(bus, sender, SIM_FAULT_CORRUPT)) {
+		time += time / 2 + (db_time)ERROR_BITS * DB_NS_PER_S / (db_time)bus->bitrate;
 		bus->stats.corrupted++;
 	}
 	bus->on_wire = true;
@@ -286,19 +188,11 @@ static void start_frame(struct sim_can_bus *bus, db_time start)
 
 static void queue_to_host(struct sim_can_bus *bus, const struct db_can_frame *frame)
 {
-	if (bus->to_host_count < HOST_QUEUE)
-		bus->to_host[(bus->to_host_first + bus->to_host_count++) % HOST_QUEUE].frame =
-			*frame;
+	if (bus->to_host_count < SIM_CAN_HOST_QUEUE)
+		bus->to_host[(bus->to_host_first + bus->to_host_count++) % SIM_CAN_HOST_QUEUE]
+			.frame = *frame;
 	else
 		bus->stats.overflows++;
-}
-
-/* A request to one drive does not count as a loss of another drive. */
-static bool loses_frame(struct sim_can_bus *bus, const struct station *station)
-{
-	if (station->ops.wants && !station->ops.wants(station->ops.self, &bus->frame))
-		return false;
-	return take_fault(bus, station, SIM_FAULT_LOSE_REQUEST);
 }
 
 static void end_frame(struct sim_can_bus *bus)
@@ -320,10 +214,16 @@ static void end_frame(struct sim_can_bus *bus)
 		}
 	} else {
 		for (size_t i = 0; i < bus->station_count; i++) {
-			struct station *station = &bus->stations[i];
+			struct sim_can_place *station = &bus->stations[i];
+			const struct sim_can_station *ops = &station->ops;
 
-			if (!is_silent(bus, station) && !loses_frame(bus, station))
-				station->ops.receive(station->ops.self, &bus->frame, bus->wire_end);
+			if (is_silent(bus, station))
+				continue;
+			/* A request to one drive does not count as a loss of another drive. */
+			if ((!ops->wants || ops->wants(ops->self, &bus->frame)) &&
+			    take_fault(bus, station, SIM_FAULT_LOSE_REQUEST))
+				continue;
+			ops->receive(ops->self, &bus->frame, bus->wire_end);
 		}
 		if (sim_faults_take(&bus->faults, SIM_FAULT_ECHO))
 			queue_to_host(bus, &bus->frame);
@@ -337,7 +237,7 @@ bool sim_can_bus_run(struct sim_can_bus *bus, db_time now, struct db_can_frame *
 
 		if (bus->to_host_count > 0) {
 			*frame = bus->to_host[bus->to_host_first].frame;
-			bus->to_host_first = (bus->to_host_first + 1) % HOST_QUEUE;
+			bus->to_host_first = (bus->to_host_first + 1) % SIM_CAN_HOST_QUEUE;
 			bus->to_host_count--;
 			return true;
 		}
@@ -366,7 +266,7 @@ db_time sim_can_bus_next(struct sim_can_bus *bus)
 		return bus->wire_end;
 	next = start_time(bus);
 	for (size_t i = 0; i < bus->station_count; i++) {
-		struct station *station = &bus->stations[i];
+		struct sim_can_place *station = &bus->stations[i];
 		db_time due = station->has_frame ? DB_TIME_NEVER :
 		                                   station->ops.next(station->ops.self);
 

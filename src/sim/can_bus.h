@@ -53,7 +53,44 @@ struct sim_can_stats {
 	uint64_t busy_ns;          /* time the wire was in use */
 };
 
-struct sim_can_bus;
+#define SIM_CAN_HOST_QUEUE 64
+
+struct sim_can_waiting {
+	struct db_can_frame frame;
+	db_time ready;
+};
+
+/* A station and its next frame. */
+struct sim_can_place {
+	struct sim_can_station ops;
+	bool has_frame; /* a frame from its queue is ready to send */
+	struct db_can_frame frame;
+	db_time ready;
+};
+
+/* Anybody may read it, and set its faults. */
+struct sim_can_bus {
+	unsigned bitrate;
+	sim_can_trace_fn *trace;
+	void *context;
+	struct sim_faults faults;
+	struct sim_can_stats stats;
+	bool cut; /* see sim_can_bus_cut() */
+
+	struct sim_can_waiting host[SIM_CAN_HOST_QUEUE]; /* a ring */
+	size_t host_first;
+	size_t host_count; /* frames of the host that are not completely sent */
+	struct sim_can_waiting to_host[SIM_CAN_HOST_QUEUE]; /* a ring: echoes */
+	size_t to_host_first;
+	size_t to_host_count;
+	struct sim_can_place stations[SIM_CAN_STATIONS_MAX];
+	size_t station_count;
+
+	bool on_wire;
+	struct db_can_frame frame;
+	const struct sim_can_place *sender; /* null: the host */
+	db_time wire_end;
+};
 
 /* Null when out of memory. trace may be null. */
 struct sim_can_bus *sim_can_bus_new(unsigned bitrate, sim_can_trace_fn *trace, void *context);
@@ -71,14 +108,7 @@ bool sim_can_bus_run(struct sim_can_bus *bus, db_time now, struct db_can_frame *
 /* When sim_can_bus_run() has to be called next. */
 db_time sim_can_bus_next(struct sim_can_bus *bus);
 
-/* Frames of the host that are not completely sent. */
-size_t sim_can_bus_waiting(const struct sim_can_bus *bus);
-
 /* Bus off: the host is not connected. Waiting frames are dropped. */
 void sim_can_bus_cut(struct sim_can_bus *bus, bool cut);
-bool sim_can_bus_is_cut(const struct sim_can_bus *bus);
-
-struct sim_faults *sim_can_bus_faults(struct sim_can_bus *bus);
-const struct sim_can_stats *sim_can_bus_stats(const struct sim_can_bus *bus);
 
 #endif

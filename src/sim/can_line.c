@@ -1,14 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sim/can_line.h"
 
-#include "codec/slcan.h"
-
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define OUT_MAX 4096
 #define FRAME sizeof(struct db_can_frame)
 
 /* Contents of SocketCAN's error frames. */
@@ -17,27 +14,6 @@
 
 /* Frames that an adapter has room for. */
 #define ADAPTER_QUEUE 32
-
-struct sim_can_line {
-	struct sim_can_config config;
-	sim_trace_fn *trace;
-	void *context;
-	struct sim_can_bus *bus;
-	uint8_t out[OUT_MAX];
-	size_t out_length;
-
-	/* The adapter. */
-	struct slcan_reader reader;
-	bool open;
-	bool listens;
-	uint8_t digit; /* of the configured rate */
-	uint8_t flags;
-	uint32_t arbitration_reported; /* losses already reported by the flags */
-
-	/* Frames from an interface. */
-	uint8_t partial[FRAME];
-	size_t partial_length;
-};
 
 static void trace_frame(void *context, db_time time, char direction,
                         const struct db_can_frame *frame)
@@ -68,11 +44,6 @@ struct sim_can_line *sim_can_line_new(const struct sim_can_config *config, sim_t
 	return line;
 }
 
-struct sim_can_bus *sim_can_line_bus(struct sim_can_line *line)
-{
-	return line->bus;
-}
-
 static void put(struct sim_can_line *line, const void *bytes, size_t length)
 {
 	if (line->out_length + length > sizeof(line->out)) {
@@ -99,22 +70,16 @@ static void reply_kind(struct sim_can_line *line, enum slcan_reply_kind kind)
 	reply(line, &(struct slcan_reply){ .kind = kind });
 }
 
-static bool runs_at_the_bus_rate(const struct sim_can_line *line)
-{
-	return slcan_bitrate(line->digit) == line->config.bitrate;
-}
-
 static void send_frame(struct sim_can_line *line, const struct db_can_frame *frame, db_time now)
 {
 	/* With another rate no station understands the adapter, so none acknowledges. */
-	if (!line->open || line->listens || sim_can_bus_is_cut(line->bus) ||
-	    !runs_at_the_bus_rate(line)) {
+	if (!line->open || line->listens || line->bus->cut ||
+	    slcan_bitrate(line->digit) != line->config.bitrate) {
 		line->flags |= SLCAN_BUS_ERROR;
 		reply_kind(line, SLCAN_REPLY_REFUSED);
 		return;
 	}
-	if (sim_can_bus_waiting(line->bus) >= ADAPTER_QUEUE ||
-	    !sim_can_bus_put(line->bus, frame, now)) {
+	if (line->bus->host_count >= ADAPTER_QUEUE || !sim_can_bus_put(line->bus, frame, now)) {
 		line->flags |= SLCAN_TX_FULL;
 		reply_kind(line, SLCAN_REPLY_REFUSED);
 		return;
@@ -123,67 +88,61 @@ static void send_frame(struct sim_can_line *line, const struct db_can_frame *fra
 	                                   .extended = frame->id & DB_CAN_EXTENDED });
 }
 
-static void reply_flags(struct sim_can_line *line)
-{
-	const struct sim_can_stats *stats = sim_can_bus_stats(line->bus);
-
-	if (stats->arbitration_lost != line->arbitration_reported)
-		line->flags |= SLCAN_ARBITRATION_LOST;
-	line->arbitration_reported = stats->arbitration_lost;
-	if (sim_can_bus_is_cut(line->bus))
-		line->flags |= SLCAN_ERROR_PASSIVE | SLCAN_BUS_ERROR;
-	reply(line, &(struct slcan_reply){ .kind = SLCAN_REPLY_FLAGS, .flags = line->flags });
-	line->flags = 0;
-}
-
 static void obey(struct sim_can_line *line, const struct slcan_command *command, db_time now)
 {
+	const struct sim_can_stats *stats = &line->bus->stats;
+	enum slcan_reply_kind kind = SLCAN_REPLY_DONE;
+
 	switch (command->verb) {
 	case SLCAN_SEND:
 		send_frame(line, &command->frame, now);
-		break;
+		return;
 	case SLCAN_SET_RATE:
-		if (line->open) {
-			reply_kind(line, SLCAN_REPLY_REFUSED);
-		} else {
+		if (line->open)
+			kind = SLCAN_REPLY_REFUSED;
+		else
 			line->digit = command->digit;
-			reply_kind(line, SLCAN_REPLY_DONE);
-		}
 		break;
 	case SLCAN_OPEN:
 	case SLCAN_LISTEN:
 		if (line->open) {
-			reply_kind(line, SLCAN_REPLY_REFUSED);
-		} else {
-			line->open = true;
-			line->listens = (command->verb == SLCAN_LISTEN);
-			line->flags = 0;
-			reply_kind(line, SLCAN_REPLY_DONE);
+			kind = SLCAN_REPLY_REFUSED;
+			break;
 		}
+		line->open = true;
+		line->listens = (command->verb == SLCAN_LISTEN);
+		line->flags = 0;
 		break;
 	case SLCAN_CLOSE:
 		line->open = false;
-		reply_kind(line, SLCAN_REPLY_DONE);
 		break;
 	case SLCAN_FLAGS:
-		if (line->open)
-			reply_flags(line);
-		else
-			reply_kind(line, SLCAN_REPLY_REFUSED);
-		break;
+		if (!line->open) {
+			kind = SLCAN_REPLY_REFUSED;
+			break;
+		}
+		if (stats->arbitration_lost != line->arbitration_reported)
+			line->flags |= SLCAN_ARBITRATION_LOST;
+		line->arbitration_reported = stats->arbitration_lost;
+		if (line->bus->cut)
+			line->flags |= SLCAN_ERROR_PASSIVE | SLCAN_BUS_ERROR;
+		reply(line,
+		      &(struct slcan_reply){ .kind = SLCAN_REPLY_FLAGS, .flags = line->flags });
+		line->flags = 0;
+		return;
 	case SLCAN_VERSION:
 		reply(line, &(struct slcan_reply){ .kind = SLCAN_REPLY_VERSION, .text = "1013" });
-		break;
+		return;
 	case SLCAN_SERIAL:
 		reply(line, &(struct slcan_reply){ .kind = SLCAN_REPLY_SERIAL, .text = "DB01" });
-		break;
+		return;
 	case SLCAN_SET_BTR: /* rates outside of the table are not simulated */
-		reply_kind(line, SLCAN_REPLY_REFUSED);
+		kind = SLCAN_REPLY_REFUSED;
 		break;
 	default: /* an empty line, timestamps */
-		reply_kind(line, SLCAN_REPLY_DONE);
 		break;
 	}
+	reply_kind(line, kind);
 }
 
 static void take_adapter_byte(struct sim_can_line *line, uint8_t byte, db_time now)
@@ -208,28 +167,23 @@ static void take_adapter_byte(struct sim_can_line *line, uint8_t byte, db_time n
 
 /* --- both kinds ------------------------------------------------------------------------------- */
 
-static void take_frame_byte(struct sim_can_line *line, uint8_t byte, db_time now)
-{
-	struct db_can_frame frame;
-
-	line->partial[line->partial_length++] = byte;
-	if (line->partial_length < FRAME)
-		return;
-	line->partial_length = 0;
-	memcpy(&frame, line->partial, FRAME);
-	if (!(frame.id & (DB_CAN_ERROR | DB_CAN_REMOTE)))
-		(void)sim_can_bus_put(line->bus, &frame, now);
-}
-
 static void line_receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
 {
 	struct sim_can_line *line = wire;
+	struct db_can_frame frame;
 
 	for (size_t i = 0; i < length; i++) {
-		if (line->config.adapter)
+		if (line->config.adapter) {
 			take_adapter_byte(line, bytes[i], now);
-		else
-			take_frame_byte(line, bytes[i], now);
+			continue;
+		}
+		line->partial[line->partial_length++] = bytes[i];
+		if (line->partial_length < FRAME)
+			continue;
+		line->partial_length = 0;
+		memcpy(&frame, line->partial, FRAME);
+		if (!(frame.id & (DB_CAN_ERROR | DB_CAN_REMOTE)))
+			(void)sim_can_bus_put(line->bus, &frame, now);
 	}
 }
 
@@ -243,8 +197,8 @@ static size_t line_run(void *wire, db_time now, uint8_t *out, size_t size)
 
 	/* The fault "bus-off on" takes the host off the bus; an interface reports it by error
 	 * frames. */
-	off = sim_can_bus_faults(line->bus)->left[SIM_FAULT_BUS_OFF] != 0;
-	if (off != sim_can_bus_is_cut(line->bus)) {
+	off = line->bus->faults.left[SIM_FAULT_BUS_OFF] != 0;
+	if (off != line->bus->cut) {
 		sim_can_bus_cut(line->bus, off);
 		error.id = off ? ERROR_BUS_OFF : ERROR_RESTARTED;
 		if (!line->config.adapter)
@@ -254,7 +208,7 @@ static size_t line_run(void *wire, db_time now, uint8_t *out, size_t size)
 	       sim_can_bus_run(line->bus, now, &frame)) {
 		if (!line->config.adapter)
 			put(line, &frame, FRAME);
-		else if (line->open && runs_at_the_bus_rate(line))
+		else if (line->open && slcan_bitrate(line->digit) == line->config.bitrate)
 			reply(line,
 			      &(struct slcan_reply){ .kind = SLCAN_REPLY_FRAME, .frame = frame });
 	}
@@ -274,12 +228,12 @@ static db_time line_next(void *wire)
 
 static struct sim_faults *line_faults(void *wire)
 {
-	return sim_can_bus_faults(((struct sim_can_line *)wire)->bus);
+	return &((struct sim_can_line *)wire)->bus->faults;
 }
 
 static void line_describe(void *wire, char *text, size_t size)
 {
-	const struct sim_can_stats *stats = sim_can_bus_stats(((struct sim_can_line *)wire)->bus);
+	const struct sim_can_stats *stats = &((struct sim_can_line *)wire)->bus->stats;
 
 	snprintf(text, size,
 	         "frames=%" PRIu32 " requests=%" PRIu32 " replies=%" PRIu32

@@ -7,6 +7,7 @@
 #ifndef DRIVEBRIDGE_SIM_CAN_LINE_H
 #define DRIVEBRIDGE_SIM_CAN_LINE_H
 
+#include "codec/slcan.h"
 #include "sim/can_bus.h"
 #include "sim/wire.h"
 
@@ -16,14 +17,32 @@ struct sim_can_config {
 	db_time latency; /* a drive's response time */
 };
 
-struct sim_can_line;
+#define SIM_CAN_OUT_MAX 4096
+
+struct sim_can_line {
+	struct sim_can_config config;
+	sim_trace_fn *trace;
+	void *context;
+	struct sim_can_bus *bus; /* for sim_can_bus_attach() and the counters */
+	uint8_t out[SIM_CAN_OUT_MAX];
+	size_t out_length;
+
+	/* The adapter. */
+	struct slcan_reader reader;
+	bool open;
+	bool listens;
+	uint8_t digit; /* of the configured rate */
+	uint8_t flags;
+	uint32_t arbitration_reported; /* losses already reported by the flags */
+
+	/* Frames from an interface. */
+	uint8_t partial[sizeof(struct db_can_frame)];
+	size_t partial_length;
+};
 
 /* Null when out of memory. trace may be null. */
 struct sim_can_line *sim_can_line_new(const struct sim_can_config *config, sim_trace_fn *trace,
                                       void *context);
-
-/* For sim_can_bus_attach() and the counters. */
-struct sim_can_bus *sim_can_line_bus(struct sim_can_line *line);
 
 extern const struct sim_wire_ops sim_can_line_ops;
 

@@ -103,12 +103,13 @@ static const char *do_baud(struct request *request)
 {
 	char *end;
 	unsigned long baud = strtoul(request->rest, &end, 10);
+	struct sim_serial_bus *line = request->bus->wire;
 
 	if (!sim_families[request->bus->config->kind]->protocol || request->bus->config->replay)
 		return "baud is for serial lines";
 	if (end == request->rest || *end != '\0' || baud < 2400 || baud > 921600)
 		return "baud needs a rate of 2400 to 921600";
-	sim_serial_bus_set_baud(request->bus->wire, (unsigned)baud);
+	line->config.baud = (unsigned)baud;
 	return NULL;
 }
 
@@ -183,15 +184,20 @@ static char *cut_word(char *text, char **rest)
 
 static const char *find_target(struct request *request, enum target target)
 {
+	struct sim_world *world = request->world;
 	const char *name;
 
 	if (target == TARGET_NONE)
 		return NULL;
 	name = cut_word(request->rest, &request->rest);
-	if (target != TARGET_BUS)
-		request->node = sim_world_node(request->world, name);
-	if (target == TARGET_BUS || target == TARGET_ANY)
-		request->bus = sim_world_bus(request->world, name);
+	for (size_t i = 0; target != TARGET_BUS && i < world->node_count && !request->node; i++) {
+		if (strcmp(world->nodes[i].name, name) == 0)
+			request->node = &world->nodes[i];
+	}
+	for (size_t i = 0; target != TARGET_DRIVE && i < world->bus_count && !request->bus; i++) {
+		if (strcmp(world->buses[i].config->name, name) == 0)
+			request->bus = &world->buses[i];
+	}
 	if (!request->node && !request->bus)
 		return target == TARGET_BUS ? "no such bus" :
 		       target == TARGET_ANY ? "no such drive or bus" :

@@ -129,24 +129,6 @@ static void take_client(struct sim_control *control)
 	(void)close(fd);
 }
 
-/* False when the client does not read its answer: it is then disconnected rather than waited
- * for. */
-static bool answer_client(struct sim_control *control, struct client *client, char *line,
-                          db_time now)
-{
-	char *text = NULL;
-	size_t length = 0;
-	FILE *out = open_memstream(&text, &length);
-	bool sent;
-
-	if (!out)
-		return false;
-	sim_command(control->world, line, now, out);
-	sent = fclose(out) == 0 && send(client->fd, text, length, MSG_NOSIGNAL) == (ssize_t)length;
-	free(text);
-	return sent;
-}
-
 static void serve_client(struct sim_control *control, struct client *client, db_time now)
 {
 	ssize_t count = recv(client->fd, client->line + client->length,
@@ -162,9 +144,20 @@ static void serve_client(struct sim_control *control, struct client *client, db_
 	client->length += (size_t)count;
 	while ((end = memchr(client->line, '\n', client->length)) != NULL) {
 		size_t used = (size_t)(end - client->line) + 1;
+		char *text = NULL;
+		size_t length = 0;
+		FILE *out = open_memstream(&text, &length);
+		bool sent = false;
 
 		*end = '\0';
-		if (!answer_client(control, client, client->line, now)) {
+		if (out) {
+			sim_command(control->world, client->line, now, out);
+			sent = fclose(out) == 0 &&
+			       send(client->fd, text, length, MSG_NOSIGNAL) == (ssize_t)length;
+		}
+		free(text);
+		/* A client that does not read its answer is disconnected rather than waited for. */
+		if (!sent) {
 			drop_client(client);
 			return;
 		}

@@ -195,20 +195,6 @@ static int open_loop(struct loop *loop)
 	               0;
 }
 
-static void arm(struct loop *loop, db_time when)
-{
-	struct itimerspec setting = { .it_value = { 0, 0 } };
-
-	if (when == loop->armed)
-		return;
-	if (when != DB_TIME_NEVER) {
-		setting.it_value.tv_sec = when / DB_NS_PER_S;
-		setting.it_value.tv_nsec = when % DB_NS_PER_S;
-	}
-	(void)timerfd_settime(loop->timer, TFD_TIMER_ABSTIME, &setting, NULL);
-	loop->armed = when;
-}
-
 /* False when it is time to end. */
 static bool dispatch(struct loop *loop, const struct epoll_event *event,
                      struct sim_control *control, db_time now)
@@ -242,10 +228,19 @@ static int run(struct loop *loop, struct sim_world *world, struct sim_control *c
 	struct epoll_event events[16];
 
 	for (;;) {
+		db_time next = busy ? loop->armed : sim_world_next(world, clock_now());
 		int count;
 
-		if (!busy)
-			arm(loop, sim_world_next(world, clock_now()));
+		if (next != loop->armed) {
+			struct itimerspec setting = { .it_value = { 0, 0 } };
+
+			if (next != DB_TIME_NEVER) {
+				setting.it_value.tv_sec = next / DB_NS_PER_S;
+				setting.it_value.tv_nsec = next % DB_NS_PER_S;
+			}
+			(void)timerfd_settime(loop->timer, TFD_TIMER_ABSTIME, &setting, NULL);
+			loop->armed = next;
+		}
 		count = epoll_wait(loop->poll, events, 16, busy ? 0 : -1);
 		if (count < 0 && errno != EINTR)
 			return -1;

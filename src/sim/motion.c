@@ -28,18 +28,6 @@ void sim_motion_init(struct sim_motion *motion, db_time now)
 	};
 }
 
-void sim_motion_set_ramps(struct sim_motion *motion, double acc, double dec)
-{
-	motion->acc = acc;
-	motion->dec = dec;
-}
-
-void sim_motion_set_limits(struct sim_motion *motion, double min, double max)
-{
-	motion->limit_min = min;
-	motion->limit_max = max;
-}
-
 void sim_motion_set_position(struct sim_motion *motion, double position)
 {
 	double shift = position - motion->position;
@@ -225,15 +213,6 @@ static struct segment plan_position(const struct sim_motion *motion)
 		                 .end_velocity = motion->velocity };
 }
 
-static struct segment plan(const struct sim_motion *motion)
-{
-	if (motion->mode == SIM_MOTION_POSITION)
-		return plan_position(motion);
-	if (motion->mode == SIM_MOTION_VELOCITY)
-		return plan_velocity(motion, motion->target_velocity);
-	return plan_velocity(motion, 0.0);
-}
-
 /* Follows the segment for at most `seconds`; returns the time used. */
 static double follow(struct sim_motion *motion, const struct segment *segment, double seconds)
 {
@@ -282,7 +261,11 @@ void sim_motion_advance(struct sim_motion *motion, db_time now)
 		if (motion->mode == SIM_MOTION_SHAKING) {
 			left -= shake(motion, left);
 		} else {
-			struct segment segment = plan(motion);
+			bool runs = motion->mode == SIM_MOTION_VELOCITY;
+			struct segment segment =
+				motion->mode == SIM_MOTION_POSITION ?
+					plan_position(motion) :
+					plan_velocity(motion, runs ? motion->target_velocity : 0.0);
 
 			left -= follow(motion, &segment, left);
 		}

@@ -6,7 +6,8 @@
  * pulses/s^2.
  *
  * Every function except sim_motion_advance() acts at the moment of the last advance. Copying the
- * struct copies the motion, so a caller can compute the future.
+ * struct copies the motion, so a caller can compute the future. Ramps and soft limits may be set
+ * in the struct at any time.
  */
 #ifndef DRIVEBRIDGE_SIM_MOTION_H
 #define DRIVEBRIDGE_SIM_MOTION_H
@@ -42,8 +43,6 @@ struct sim_motion {
 };
 
 void sim_motion_init(struct sim_motion *motion, db_time now);
-void sim_motion_set_ramps(struct sim_motion *motion, double acc, double dec);
-void sim_motion_set_limits(struct sim_motion *motion, double min, double max);
 
 /* Gives the present place the number `position`; a running move keeps its physical target. */
 void sim_motion_set_position(struct sim_motion *motion, double position);

@@ -37,11 +37,6 @@ unsigned sim_port_host_baud(const struct sim_port *port)
 	return 0;
 }
 
-bool sim_port_is_pty(const char *device)
-{
-	return strcmp(device, "pty") == 0;
-}
-
 static int make_raw(int fd, unsigned baud)
 {
 	struct termios tio;
@@ -82,17 +77,6 @@ static int open_pty(struct sim_port *port, const gid_t *group)
 	return make_raw(port->slave, 0);
 }
 
-static int open_device(struct sim_port *port, const char *device, unsigned baud)
-{
-	if (strlen(device) >= sizeof(port->host))
-		return -ENAMETOOLONG;
-	strcpy(port->host, device);
-	port->fd = open(device, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
-	if (port->fd < 0)
-		return -errno;
-	return make_raw(port->fd, baud);
-}
-
 static int make_link(struct sim_port *port, const char *link)
 {
 	struct stat status;
@@ -117,7 +101,15 @@ int sim_port_open(struct sim_port *port, const char *device, unsigned baud, cons
 	int result;
 
 	*port = (struct sim_port){ .fd = -1, .slave = -1 };
-	result = sim_port_is_pty(device) ? open_pty(port, group) : open_device(port, device, baud);
+	if (strcmp(device, "pty") == 0) {
+		result = open_pty(port, group);
+	} else if (strlen(device) >= sizeof(port->host)) {
+		result = -ENAMETOOLONG;
+	} else {
+		strcpy(port->host, device);
+		port->fd = open(device, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+		result = port->fd < 0 ? -errno : make_raw(port->fd, baud);
+	}
 	if (result == 0 && link)
 		result = make_link(port, link);
 	if (result != 0)

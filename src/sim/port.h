@@ -18,9 +18,6 @@ struct sim_port {
 	char link[PATH_MAX]; /* symbolic link to it, "": none */
 };
 
-/* True if a device name means "make a pty". */
-bool sim_port_is_pty(const char *device);
-
 /* The speed that the host has set at its end of a pty; 0: no known one. */
 unsigned sim_port_host_baud(const struct sim_port *port);
 

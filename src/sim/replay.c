@@ -111,20 +111,12 @@ static bool read_time(const char *text, const char *end, db_time *time)
 	return true;
 }
 
-/* The last vertical bar of the line; null. */
-static const char *find_stroke(const char *text, const char *end)
-{
-	while (end > text && end[-1] != '|')
-		end--;
-	return end > text ? end : NULL;
-}
-
 /* The mistake in a line, in words; null: none. `store` receives its bytes. */
 static const char *read_line(struct sim_replay *replay, unsigned line, const char *text,
                              const char *end, db_time *asked, uint8_t *store)
 {
 	struct frame *frame = &replay->frames[replay->count];
-	const char *stroke = find_stroke(text, end);
+	const char *stroke = memrchr(text, '|', (size_t)(end - text));
 	db_time time;
 	int length;
 	char direction;
@@ -138,7 +130,7 @@ static const char *read_line(struct sim_replay *replay, unsigned line, const cha
 		return "right is one of > < ! = behind the time";
 	if (!stroke)
 		return "right are bytes behind a stroke, such as | 31 20 73";
-	length = read_bytes(stroke, end, store);
+	length = read_bytes(stroke + 1, end, store);
 	if (length <= 0)
 		return "right are bytes of two hexadecimal digits behind the stroke; a trace of "
 		       "CAN "
@@ -202,7 +194,7 @@ fail:
 	return NULL;
 }
 
-struct sim_replay *sim_replay_load(const char *path, FILE *log)
+struct sim_replay *sim_replay_load(const char *path, FILE *log, sim_trace_fn *trace, void *context)
 {
 	struct sim_replay *replay = NULL;
 	FILE *file = fopen(path, "re");
@@ -217,13 +209,11 @@ struct sim_replay *sim_replay_load(const char *path, FILE *log)
 	free(text);
 	if (file)
 		(void)fclose(file);
+	if (replay) {
+		replay->trace = trace;
+		replay->context = context;
+	}
 	return replay;
-}
-
-void sim_replay_set_trace(struct sim_replay *replay, sim_trace_fn *trace, void *context)
-{
-	replay->trace = trace;
-	replay->context = context;
 }
 
 void sim_replay_free(void *wire)
@@ -245,14 +235,6 @@ static size_t question_from(const struct sim_replay *replay, size_t at)
 	while (at < replay->count && !replay->frames[at].question)
 		at++;
 	return at;
-}
-
-/* Marks the question as asked; the first one not yet asked is expected next. */
-static void end_turn(struct sim_replay *replay, size_t question)
-{
-	replay->frames[question].asked = true;
-	while (replay->next < replay->count && replay->frames[replay->next].asked)
-		replay->next = question_from(replay, replay->next + 1);
 }
 
 static bool begins_with(const struct sim_replay *replay, size_t at)
@@ -291,16 +273,6 @@ static bool may_go_on(const struct sim_replay *replay)
 	return false;
 }
 
-static void answer(struct sim_replay *replay, size_t question, db_time now)
-{
-	for (size_t i = question + 1; i < replay->count && !replay->frames[i].question; i++) {
-		if (replay->answer_count == ANSWERS_MAX)
-			break;
-		replay->answers[replay->answer_count++] =
-			(struct answer){ .due = now + replay->frames[i].after, .frame = i };
-	}
-}
-
 /* Reports an unexpected question, once for each expected one. */
 static void report_mismatch(struct sim_replay *replay, bool known, const uint8_t *bytes,
                             size_t length)
@@ -335,32 +307,40 @@ static void drop_input(struct sim_replay *replay, size_t length, db_time now)
 /* False: there is no complete question left. */
 static bool take_question(struct sim_replay *replay, db_time now)
 {
-	size_t elsewhere;
+	size_t question = replay->next;
+	bool in_turn = question < replay->count && begins_with(replay, question);
 
 	if (replay->input_length == 0)
 		return false;
-	if (replay->next < replay->count && begins_with(replay, replay->next)) {
-		answer(replay, replay->next, now);
-		replay->in_turn++;
-		drop_input(replay, replay->frames[replay->next].length, now);
-		end_turn(replay, replay->next);
-		return true;
-	}
-	elsewhere = find_elsewhere(replay);
-	if (elsewhere != NOWHERE) {
-		report_mismatch(replay, true, replay->input, replay->frames[elsewhere].length);
-		answer(replay, elsewhere, now);
-		replay->out_of_turn++;
-		drop_input(replay, replay->frames[elsewhere].length, now);
-		end_turn(replay, elsewhere);
-		return true;
-	}
-	if (may_go_on(replay))
+	if (!in_turn)
+		question = find_elsewhere(replay);
+	if (question == NOWHERE) {
+		if (may_go_on(replay))
+			return false;
+		report_mismatch(replay, false, replay->input, replay->input_length);
+		replay->unknown++;
+		drop_input(replay, replay->input_length, now);
 		return false;
-	report_mismatch(replay, false, replay->input, replay->input_length);
-	replay->unknown++;
-	drop_input(replay, replay->input_length, now);
-	return false;
+	}
+	if (in_turn) {
+		replay->in_turn++;
+	} else {
+		report_mismatch(replay, true, replay->input, replay->frames[question].length);
+		replay->out_of_turn++;
+	}
+	/* Its answers are the lines up to the next question. */
+	for (size_t i = question + 1; i < replay->count && !replay->frames[i].question; i++) {
+		if (replay->answer_count == ANSWERS_MAX)
+			break;
+		replay->answers[replay->answer_count++] =
+			(struct answer){ .due = now + replay->frames[i].after, .frame = i };
+	}
+	drop_input(replay, replay->frames[question].length, now);
+	/* The first question not yet asked is expected next. */
+	replay->frames[question].asked = true;
+	while (replay->next < replay->count && replay->frames[replay->next].asked)
+		replay->next = question_from(replay, replay->next + 1);
+	return true;
 }
 
 /* --- as a wire -------------------------------------------------------------------------------- */

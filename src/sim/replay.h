@@ -23,11 +23,8 @@ struct sim_replay;
  * ...". Reports during the replay are written there too; it must outlive the replay. */
 struct sim_replay *sim_replay_parse(const char *text, const char *file, FILE *log);
 
-/* Records the traffic of the wire. */
-void sim_replay_set_trace(struct sim_replay *replay, sim_trace_fn *trace, void *context);
-
-/* The same from a file. */
-struct sim_replay *sim_replay_load(const char *path, FILE *log);
+/* The same from a file. `trace` receives the traffic of the wire; it may be null. */
+struct sim_replay *sim_replay_load(const char *path, FILE *log, sim_trace_fn *trace, void *context);
 /* `wire` is a struct sim_replay, or null. */
 void sim_replay_free(void *wire);
 

@@ -29,11 +29,6 @@ struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_protocol *prot
 	return bus;
 }
 
-void sim_serial_bus_free(void *wire)
-{
-	free(wire);
-}
-
 bool sim_serial_bus_attach(struct sim_serial_bus *bus, struct sim_node *node)
 {
 	if (bus->node_count == SIM_SERIAL_DRIVES_MAX)
@@ -47,11 +42,6 @@ struct sim_faults *sim_serial_bus_faults(void *wire)
 	struct sim_serial_bus *bus = wire;
 
 	return &bus->faults;
-}
-
-void sim_serial_bus_set_baud(struct sim_serial_bus *bus, unsigned baud)
-{
-	bus->config.baud = baud;
 }
 
 /* Wire time of this number of bytes, rounded up. */
@@ -71,13 +61,6 @@ static uint32_t random_below(struct sim_serial_bus *bus, uint32_t limit)
 	bus->random ^= bus->random >> 17;
 	bus->random ^= bus->random << 5;
 	return bus->random % limit;
-}
-
-static void trace_bytes(const struct sim_serial_bus *bus, db_time time, char direction,
-                        const void *bytes, size_t length)
-{
-	if (bus->trace)
-		bus->trace(bus->context, time, direction, bytes, length);
 }
 
 static struct sim_burst *new_burst(struct sim_serial_bus *bus)
@@ -105,33 +88,26 @@ static void send_burst(struct sim_serial_bus *bus, struct sim_burst *burst, char
 	burst->chunk = (burst->length + chunks - 1) / chunks;
 }
 
-static void echo_bytes(struct sim_serial_bus *bus, db_time start)
-{
-	struct sim_burst *burst;
-
-	if (!sim_faults_take(&bus->faults, SIM_FAULT_ECHO))
-		return;
-	burst = new_burst(bus);
-	if (!burst)
-		return;
-	memcpy(burst->bytes, bus->input, bus->input_length);
-	burst->length = bus->input_length;
-	send_burst(bus, burst, 'e', start);
-}
-
 static void end_request(struct sim_serial_bus *bus, db_time now)
 {
 	db_time end = bus->input_start + wire_time(bus, bus->input_length);
 	size_t untraced = bus->input_overflow ? 0 : bus->protocol->untraced;
 	struct sim_serial_line *line;
+	struct sim_burst *echo = NULL;
 
 	if (end < now)
 		end = now;
 	bus->request_end = end;
 	bus->stats.requests++;
-	trace_bytes(bus, now, '>', bus->input, bus->input_length - untraced);
-	if (!bus->input_overflow)
-		echo_bytes(bus, bus->input_start);
+	if (bus->trace)
+		bus->trace(bus->context, now, '>', bus->input, bus->input_length - untraced);
+	if (!bus->input_overflow && sim_faults_take(&bus->faults, SIM_FAULT_ECHO))
+		echo = new_burst(bus);
+	if (echo) {
+		memcpy(echo->bytes, bus->input, bus->input_length);
+		echo->length = bus->input_length;
+		send_burst(bus, echo, 'e', bus->input_start);
+	}
 	if (bus->input_overflow || bus->line_count == SIM_SERIAL_LINES_MAX) {
 		bus->stats.missed++;
 	} else {
@@ -368,7 +344,9 @@ static size_t emit_bytes(struct sim_serial_bus *bus, struct sim_burst *burst, ui
 			bus->reply_end = end;
 		if (burst->node)
 			burst->node->deaf_until = end + bus->config.turnaround + burst->node->deaf;
-		trace_bytes(bus, end, burst->direction, burst->bytes, burst->length);
+		if (bus->trace)
+			bus->trace(bus->context, end, burst->direction, burst->bytes,
+			           burst->length);
 		burst->used = false;
 		bus->current = NULL;
 	}
@@ -421,5 +399,5 @@ const struct sim_wire_ops sim_serial_bus_ops = {
 	.next = sim_serial_bus_next,
 	.faults = sim_serial_bus_faults,
 	.describe = wire_describe,
-	.free = sim_serial_bus_free,
+	.free = free,
 };

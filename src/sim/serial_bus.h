@@ -127,16 +127,16 @@ struct sim_serial_bus {
 	struct sim_burst *current; /* begun and not finished */
 };
 
-/* Null when out of memory. The protocol must outlive the bus; trace may be null. */
+/* Null when out of memory; to be freed with free(). The protocol must outlive the bus; trace may be
+ * null. */
 struct sim_serial_bus *sim_serial_bus_new(const struct sim_serial_protocol *protocol,
                                           const struct sim_serial_config *config,
                                           sim_trace_fn *trace, void *context);
-/* As the next ones a member of struct sim_wire_ops: `wire` is a struct sim_serial_bus. */
-void sim_serial_bus_free(void *wire);
 
 /* The node must outlive the bus. False when the bus is full. */
 bool sim_serial_bus_attach(struct sim_serial_bus *bus, struct sim_node *node);
 
+/* A member of struct sim_wire_ops, as the next two: `wire` is a struct sim_serial_bus. */
 void sim_serial_bus_receive(void *wire, const uint8_t *bytes, size_t length, db_time now);
 
 /*
@@ -152,7 +152,6 @@ db_time sim_serial_bus_next(void *wire);
 extern const struct sim_wire_ops sim_serial_bus_ops;
 
 struct sim_faults *sim_serial_bus_faults(void *wire);
-void sim_serial_bus_set_baud(struct sim_serial_bus *bus, unsigned baud);
 
 /* --- for protocols ---------------------------------------------------------------------------- */
 

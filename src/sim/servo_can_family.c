@@ -30,7 +30,7 @@ static bool open_drive(struct sim_node *node, void *wire, const struct sim_bus_c
 	node->servo->witness = node->witness;
 	station = sim_servo_node_station(node->servo);
 	station.faults = &node->faults;
-	return sim_can_bus_attach(sim_can_line_bus(wire), &station);
+	return sim_can_bus_attach(((struct sim_can_line *)wire)->bus, &station);
 }
 
 static void close_drive(struct sim_node *node)
@@ -50,16 +50,14 @@ static void advance(struct sim_node *node, db_time now)
 
 static unsigned moving_motors(const struct sim_node *node)
 {
-	return sim_servo_moving(node->servo->drive);
+	return !sim_servo_settled(node->servo->drive);
 }
 
 static void write_motion(const struct sim_node *node, db_time now, FILE *out)
 {
 	sim_servo_advance(node->servo->drive, now);
-	fprintf(out, " position=%.0f velocity=%g enabled=%d",
-	        sim_servo_state(node->servo->drive).position,
-	        sim_servo_state(node->servo->drive).speed,
-	        sim_servo_state(node->servo->drive).enabled);
+	fprintf(out, " position=%.0f velocity=%g enabled=%d", node->servo->drive->position,
+	        node->servo->drive->rpm, node->servo->drive->enabled);
 }
 
 static void write_state(struct sim_node *node, db_time now, FILE *out)
@@ -89,12 +87,10 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	        " position=%.0f velocity=%g current=%g mode=%s enabled=%d power=%d"
 	        " address=%u heard=%" PRIu32 " unknown=%" PRIu32 " moves=%" PRIu32
 	        " setpoint_us=%" PRId64,
-	        sim_servo_state(drive).position, sim_servo_state(drive).speed,
-	        sim_servo_state(drive).current,
-	        servo_can_mode_name((unsigned)sim_servo_state(drive).mode),
-	        sim_servo_state(drive).enabled, sim_servo_state(drive).powered, servo->address,
-	        servo->received, servo->unknown, sim_servo_state(drive).moves,
-	        sim_servo_state(drive).setpoint_at / DB_NS_PER_US);
+	        drive->position, drive->rpm, drive->amperes,
+	        servo_can_mode_name((unsigned)drive->mode), drive->enabled, drive->powered,
+	        servo->address, servo->received, servo->unknown, drive->moves,
+	        drive->setpoint_at / DB_NS_PER_US);
 	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
 		fprintf(out, " %s=%" PRIu32, counted[i].name, drive->counts[counted[i].kind]);
 }
@@ -118,7 +114,8 @@ static void power(struct sim_node *node, bool on, db_time now)
 
 static void stall(struct sim_node *node, bool stalled, db_time now)
 {
-	sim_servo_block(node->servo->drive, stalled, now);
+	sim_servo_advance(node->servo->drive, now);
+	node->servo->drive->blocked = stalled;
 }
 
 static void force_status(struct sim_node *node, uint32_t bits)

@@ -15,13 +15,6 @@ void sim_servo_node_init(struct sim_servo_node *node, const char *name, struct s
 	node->latency = latency;
 }
 
-static bool fills_up(const struct sim_servo_node *node)
-{
-	if (node->lengths == SIM_SERVO_MIXED)
-		return (node->answers + node->reports) % 2 == 1;
-	return node->lengths == SIM_SERVO_ALWAYS_EIGHT;
-}
-
 static bool enqueue(struct sim_servo_node *node, struct servo_can_message *message, db_time due)
 {
 	struct db_can_frame *frame;
@@ -35,7 +28,8 @@ static bool enqueue(struct sim_servo_node *node, struct servo_can_message *messa
 	if (servo_can_encode(message, &node->layout, frame) != SERVO_CAN_OK)
 		return false;
 	/* The encoder leaves the rest of a frame 0. */
-	if (fills_up(node))
+	if (node->lengths == SIM_SERVO_ALWAYS_EIGHT ||
+	    (node->lengths == SIM_SERVO_MIXED && (node->answers + node->reports) % 2 == 1))
 		frame->length = DB_CAN_DATA_MAX;
 	else if (node->lengths == SIM_SERVO_TOO_SHORT)
 		frame->length--;
@@ -48,7 +42,7 @@ static void report_to_witness(const struct sim_servo_node *node, const struct db
 {
 	char text[SIM_CAN_TEXT_MAX];
 
-	if (kind == SERVO_CAN_READ || !sim_servo_state(node->drive).powered)
+	if (kind == SERVO_CAN_READ || !node->drive->powered)
 		return;
 	(void)sim_can_text(frame, text);
 	sim_witness_report(&node->witness, now, text, known);
@@ -116,7 +110,7 @@ bool sim_servo_node_send(void *self, db_time now, struct db_can_frame *frame)
 	struct sim_servo_node *node = self;
 	struct servo_can_message report;
 
-	if (!sim_servo_state(node->drive).powered)
+	if (!node->drive->powered)
 		node->queued = 0;
 	while (sim_servo_report(node->drive, now, &report))
 		node->reports += enqueue(node, &report, now);

@@ -6,20 +6,6 @@
 
 static const char digits[] = "0123456789abcdef";
 
-void sim_servo_dialect_init(struct sim_servo_dialect *dialect)
-{
-	*dialect = (struct sim_servo_dialect){
-		.moving_bit = -1,
-		.demand_step = 1,
-		.move_step = 1,
-		.speed_step = 1,
-		.setpoint_step = 1,
-		.current_step = 0.1,
-		.current_setpoint_step = 0.1,
-	};
-	memcpy(dialect->places, digits, sizeof(dialect->places));
-}
-
 bool sim_servo_dialect_parse(const char *text, char places[SIM_SERVO_PLACES + 1])
 {
 	if (strlen(text) != SIM_SERVO_PLACES ||

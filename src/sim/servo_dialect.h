@@ -27,9 +27,6 @@ struct sim_servo_dialect {
 	double current_setpoint_step; /* A */
 };
 
-/* The document's values. */
-void sim_servo_dialect_init(struct sim_servo_dialect *dialect);
-
 /* True for valid `places`. */
 bool sim_servo_dialect_parse(const char *text, char places[SIM_SERVO_PLACES + 1]);
 

@@ -39,13 +39,18 @@ void sim_servo_config_init(struct sim_servo_config *config)
 		.deceleration = 10000,
 		.voltage = 480,
 		.temperature = 35,
+		/* The document's values. */
+		.dialect = {
+			.places = "0123456789abcdef",
+			.moving_bit = -1,
+			.demand_step = 1,
+			.move_step = 1,
+			.speed_step = 1,
+			.setpoint_step = 1,
+			.current_step = 0.1,
+			.current_setpoint_step = 0.1,
+		},
 	};
-	sim_servo_dialect_init(&config->dialect);
-}
-
-static bool keeps_demand(const struct sim_servo *drive)
-{
-	return drive->config.temper.demand != SIM_SERVO_DEMAND_POSITION;
 }
 
 /* What a loss of power resets. The encoder and the shaft keep their positions. */
@@ -64,7 +69,7 @@ static void boot_drive(struct sim_servo *drive, db_time now)
 	drive->acceleration = config->acceleration;
 	drive->deceleration = config->deceleration;
 	drive->faults = 0;
-	drive->target = keeps_demand(drive) ? 0 : drive->position;
+	drive->target = config->temper.demand == SIM_SERVO_DEMAND_POSITION ? drive->position : 0;
 	drive->planned = drive->position;
 	drive->idle_until = now;
 	for (size_t i = 0; i < SIM_SERVO_REPORTS; i++)
@@ -101,95 +106,70 @@ static double clamp_to(double value, double limit)
 	return value > limit ? limit : value < -limit ? -limit : value;
 }
 
-/* The profile approaches a speed: with the deceleration when that is slower. */
-static void ramp(struct sim_servo *drive, double wanted)
-{
-	bool slower = fabs(wanted) < fabs(drive->profile) || wanted * drive->profile < 0;
-	double most = (slower ? drive->deceleration : drive->acceleration) * STEP_S;
-
-	drive->profile += clamp_to(wanted - drive->profile, most);
-}
-
-/* The speed for position mode: low enough to stop at the target with the deceleration. */
-static double approach_speed(const struct sim_servo *drive)
-{
-	double left = drive->target - drive->position;
-	double per_rpm = drive->config.counts_per_turn / SECONDS_PER_MINUTE; /* counts/s */
-	double braking = sqrt(2.0 * drive->deceleration * fabs(left) / per_rpm);
-	double wanted = fabs(left) * POSITION_GAIN / per_rpm;
-
-	return copysign(fmin(fmin(wanted, braking), drive->max_speed), left);
-}
-
-/* The current that accelerates the motor to the profile's speed, within the limits of the current
- * loop. */
-static double speed_loop(struct sim_servo *drive)
+static double wanted_current(struct sim_servo *drive)
 {
 	const struct sim_servo_config *config = &drive->config;
-	double angular = (drive->profile - drive->rpm) / RPM_PER_RAD_S / SPEED_LOOP_S;
-	double torque = config->inertia * angular + config->load;
+	double wanted, most, angular, torque;
+	bool slower;
 
+	if (drive->mode == SERVO_CAN_MODE_CURRENT) {
+		drive->profile = drive->rpm;
+		/* The speed limit removes a current that would accelerate further. */
+		return fabs(drive->rpm) >= drive->max_speed && drive->current * drive->rpm > 0 ?
+		               0 :
+		               drive->current;
+	}
+	if (drive->mode == SERVO_CAN_MODE_SPEED) {
+		wanted = clamp_to(drive->speed, drive->max_speed);
+	} else {
+		/* Low enough to stop at the target with the deceleration. */
+		double left = drive->target - drive->position;
+		double per_rpm = config->counts_per_turn / SECONDS_PER_MINUTE; /* counts/s */
+		double braking = sqrt(2.0 * drive->deceleration * fabs(left) / per_rpm);
+
+		wanted = fabs(left) * POSITION_GAIN / per_rpm;
+		wanted = copysign(fmin(fmin(wanted, braking), drive->max_speed), left);
+	}
+	/* The profile approaches that speed: with the deceleration when that is slower. */
+	slower = fabs(wanted) < fabs(drive->profile) || wanted * drive->profile < 0;
+	most = (slower ? drive->deceleration : drive->acceleration) * STEP_S;
+	drive->profile += clamp_to(wanted - drive->profile, most);
+	/* The speed loop: the current that accelerates the motor to the profile's speed. */
+	angular = (drive->profile - drive->rpm) / RPM_PER_RAD_S / SPEED_LOOP_S;
+	torque = config->inertia * angular + config->load;
 	if (drive->profile != 0)
 		torque += copysign(config->friction, drive->profile);
 	return torque / config->torque_constant;
 }
 
-static double wanted_current(struct sim_servo *drive)
-{
-	double amperes = drive->current;
-
-	switch (drive->mode) {
-	case SERVO_CAN_MODE_SPEED:
-		ramp(drive, clamp_to(drive->speed, drive->max_speed));
-		return speed_loop(drive);
-	case SERVO_CAN_MODE_CURRENT:
-		drive->profile = drive->rpm;
-		/* The speed limit removes a current that would accelerate further. */
-		return fabs(drive->rpm) >= drive->max_speed && amperes * drive->rpm > 0 ? 0 :
-		                                                                          amperes;
-	default:
-		ramp(drive, approach_speed(drive));
-		return speed_loop(drive);
-	}
-}
-
-/* Friction slows down, but never reverses a motor, and holds a standing one. */
-static void turn_shaft(struct sim_servo *drive)
+static void step(struct sim_servo *drive)
 {
 	const struct sim_servo_config *config = &drive->config;
-	double torque = drive->amperes * config->torque_constant - config->load;
-	double before = drive->rpm;
-	double free_rpm = before + torque / config->inertia * RPM_PER_RAD_S * STEP_S;
-	double brake = config->friction / config->inertia * RPM_PER_RAD_S * STEP_S;
+	bool driven = drive->enabled && drive->faults == 0; /* the power stage is on */
+	double wanted = 0;
+	double torque, before, free_rpm, brake;
+	/* Calculates the reference at full speed. */
+	double most = drive->max_speed / SECONDS_PER_MINUTE * config->counts_per_turn;
 
+	drive->planned += clamp_to(drive->target - drive->planned, most * STEP_S);
+	if (driven && drive->time >= drive->idle_until)
+		wanted = wanted_current(drive);
+	else
+		drive->profile = drive->rpm;
+	drive->amperes = clamp_to(wanted, config->max_current);
+	drive->limited = drive->amperes != wanted;
+	/* The shaft turns. Friction slows down, but never reverses a motor, and holds a standing
+	 * one. */
+	torque = drive->amperes * config->torque_constant - config->load;
+	before = drive->rpm;
+	free_rpm = before + torque / config->inertia * RPM_PER_RAD_S * STEP_S;
+	brake = config->friction / config->inertia * RPM_PER_RAD_S * STEP_S;
 	drive->rpm = fabs(free_rpm) <= brake ? 0 : free_rpm - copysign(brake, free_rpm);
 	if (drive->blocked)
 		drive->rpm = 0;
 	drive->position += (before + drive->rpm) / 2.0 / SECONDS_PER_MINUTE *
 	                   config->counts_per_turn * STEP_S;
-}
-
-/* True if the power stage is on. */
-static bool is_driven(const struct sim_servo *drive)
-{
-	return drive->enabled && drive->faults == 0;
-}
-
-static void step(struct sim_servo *drive)
-{
-	double wanted = 0;
-	/* Calculates the reference at full speed. */
-	double most = drive->max_speed / SECONDS_PER_MINUTE * drive->config.counts_per_turn;
-
-	drive->planned += clamp_to(drive->target - drive->planned, most * STEP_S);
-	if (is_driven(drive) && drive->time >= drive->idle_until)
-		wanted = wanted_current(drive);
-	else
-		drive->profile = drive->rpm;
-	drive->amperes = clamp_to(wanted, drive->config.max_current);
-	drive->limited = drive->amperes != wanted;
-	turn_shaft(drive);
-	if (drive->mode == SERVO_CAN_MODE_POSITION && is_driven(drive) &&
+	if (drive->mode == SERVO_CAN_MODE_POSITION && driven &&
 	    fabs(drive->target - drive->position) <= AT_REST_COUNTS &&
 	    fabs(drive->rpm) <= AT_REST_RPM) {
 		drive->position = drive->target;
@@ -198,18 +178,17 @@ static void step(struct sim_servo *drive)
 	}
 	drive->time += STEP;
 	if (drive->shown_enabled != drive->enabled &&
-	    drive->time - drive->enabled_at >= drive->config.power_time)
+	    drive->time - drive->enabled_at >= config->power_time)
 		drive->shown_enabled = drive->enabled;
 }
 
-/* True if nothing will change any more by itself. */
-static bool has_settled(const struct sim_servo *drive)
+bool sim_servo_settled(const struct sim_servo *drive)
 {
 	if (drive->rpm != 0 || drive->shown_enabled != drive->enabled ||
 	    drive->planned != drive->target || drive->time < drive->idle_until ||
 	    fabs(drive->config.load) > drive->config.friction)
 		return false;
-	if (!is_driven(drive))
+	if (!drive->enabled || drive->faults != 0)
 		return drive->amperes == 0;
 	switch (drive->mode) {
 	case SERVO_CAN_MODE_SPEED:
@@ -224,7 +203,7 @@ static bool has_settled(const struct sim_servo *drive)
 void sim_servo_advance(struct sim_servo *drive, db_time now)
 {
 	while (now - drive->time >= STEP) {
-		if (has_settled(drive)) {
+		if (sim_servo_settled(drive)) {
 			drive->time += (now - drive->time) / STEP * STEP;
 			return;
 		}
@@ -248,13 +227,8 @@ static void go_to(struct sim_servo *drive, double target)
 
 static void hold_here(struct sim_servo *drive)
 {
-	if (!keeps_demand(drive))
+	if (drive->config.temper.demand == SIM_SERVO_DEMAND_POSITION)
 		go_to(drive, drive->position);
-}
-
-static void begin_late(struct sim_servo *drive, db_time now)
-{
-	drive->idle_until = now + drive->config.temper.motion_delay;
 }
 
 static void set_enabled(struct sim_servo *drive, bool enabled, db_time now)
@@ -281,28 +255,26 @@ static void set_mode(struct sim_servo *drive, const struct servo_can_message *me
 	hold_here(drive);
 }
 
-static void set_speed(struct sim_servo *drive, double speed, db_time now)
+/* With a synchronous drive, speed and current wait for the sync frame. */
+static void set_setpoint(struct sim_servo *drive, const struct servo_can_message *message,
+                         db_time now)
 {
-	if (drive->config.synchronous) {
-		drive->next_speed = speed;
-		drive->speed_staged = true;
-		return;
-	}
-	drive->speed = speed;
-	drive->setpoint_at = now;
-	begin_late(drive, now);
-}
+	const struct sim_servo_dialect *dialect = &drive->config.dialect;
+	bool waits = drive->config.synchronous;
 
-static void set_current(struct sim_servo *drive, double current, db_time now)
-{
-	if (drive->config.synchronous) {
-		drive->next_current = current;
-		drive->current_staged = true;
-		return;
+	if (message->kind == SERVO_CAN_SPEED) {
+		*(waits ? &drive->next_speed : &drive->speed) = message->u.speed *
+		                                                dialect->setpoint_step;
+		drive->speed_staged |= waits;
+	} else {
+		*(waits ? &drive->next_current : &drive->current) = message->u.current *
+		                                                    dialect->current_setpoint_step;
+		drive->current_staged |= waits;
 	}
-	drive->current = current;
+	if (waits)
+		return;
 	drive->setpoint_at = now;
-	begin_late(drive, now);
+	drive->idle_until = now + drive->config.temper.motion_delay;
 }
 
 static void set_words(struct sim_servo *drive, uint16_t word0, db_time now)
@@ -319,7 +291,7 @@ static void set_words(struct sim_servo *drive, uint16_t word0, db_time now)
 		return;
 	}
 	go_to(drive, target);
-	begin_late(drive, now);
+	drive->idle_until = now + drive->config.temper.motion_delay;
 	drive->moves++;
 }
 
@@ -330,12 +302,12 @@ static void move(struct sim_servo *drive, int64_t steps, db_time now)
 	double way = sim_servo_dialect_turn(dialect, (double)steps * dialect->move_step);
 	double target = dialect->moves_relatively ? drive->position + way : way;
 
-	if (!is_held(drive) && !keeps_demand(drive))
+	if (!is_held(drive) && drive->config.temper.demand == SIM_SERVO_DEMAND_POSITION)
 		return;
 	go_to(drive, target);
 	if (!is_held(drive))
 		return;
-	begin_late(drive, now);
+	drive->idle_until = now + drive->config.temper.motion_delay;
 	drive->moves++;
 }
 
@@ -349,16 +321,11 @@ static void set_internal_position(struct sim_servo *drive, unsigned slot, int32_
 		go_to(drive, drive->internal_positions[slot]);
 }
 
-/* True if the drive continues after a fault. */
-static bool goes_on(const struct sim_servo *drive)
-{
-	return drive->config.temper.fault_power != SIM_SERVO_FAULT_DISABLES;
-}
-
 static void obey(struct sim_servo *drive, const struct servo_can_message *message, unsigned slot,
                  db_time now)
 {
-	const struct sim_servo_dialect *dialect = &drive->config.dialect;
+	/* after a fault */
+	bool goes_on = drive->config.temper.fault_power != SIM_SERVO_FAULT_DISABLES;
 
 	switch (message->kind) {
 	case SERVO_CAN_SYNC:
@@ -371,17 +338,14 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 		drive->speed_staged = drive->current_staged = false;
 		break;
 	case SERVO_CAN_ENABLE:
-		set_enabled(drive, message->u.enable && (drive->faults == 0 || goes_on(drive)),
-		            now);
+		set_enabled(drive, message->u.enable && (drive->faults == 0 || goes_on), now);
 		break;
 	case SERVO_CAN_MODE:
 		set_mode(drive, message);
 		break;
 	case SERVO_CAN_SPEED:
-		set_speed(drive, message->u.speed * dialect->setpoint_step, now);
-		break;
 	case SERVO_CAN_CURRENT:
-		set_current(drive, message->u.current * dialect->current_setpoint_step, now);
+		set_setpoint(drive, message, now);
 		break;
 	case SERVO_CAN_POSITION:
 		set_internal_position(drive, slot, message->u.position);
@@ -390,7 +354,8 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 		move(drive, message->u.target, now);
 		break;
 	case SERVO_CAN_SET_FEEDBACK:
-		drive->position = sim_servo_dialect_turn(dialect, message->u.position);
+		drive->position = sim_servo_dialect_turn(&drive->config.dialect,
+		                                         message->u.position);
 		if (!drive->enabled)
 			hold_here(drive);
 		break;
@@ -408,21 +373,15 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 
 /* --- answers ---------------------------------------------------------------------------------- */
 
-/* A held position trembles. */
-static double add_dither(const struct sim_servo *drive)
-{
-	bool even = drive->time / DITHER_TIME % 2 == 0;
-
-	if (!is_held(drive) || drive->rpm != 0)
-		return 0;
-	return even ? drive->config.temper.dither : -drive->config.temper.dither;
-}
-
 static int32_t whole_position(const struct sim_servo *drive)
 {
-	double shown = sim_servo_dialect_turn(&drive->config.dialect,
-	                                      drive->position + add_dither(drive));
+	double shown = drive->position;
 
+	/* A held position trembles. */
+	if (is_held(drive) && drive->rpm == 0)
+		shown += drive->time / DITHER_TIME % 2 == 0 ? drive->config.temper.dither :
+		                                              -drive->config.temper.dither;
+	shown = sim_servo_dialect_turn(&drive->config.dialect, shown);
 	return (int32_t)(uint32_t)(int64_t)llrint(shown);
 }
 
@@ -438,15 +397,9 @@ static int16_t shown_current(const struct sim_servo *drive)
 	return sim_servo_dialect_steps(drive->amperes, drive->config.dialect.current_step);
 }
 
-static bool has_reached(const struct sim_servo *drive)
-{
-	double at = drive->config.temper.reached_by_profile ? drive->planned : drive->position;
-
-	return fabs(drive->target - at) <= drive->config.window;
-}
-
 static uint16_t status_bits(const struct sim_servo *drive)
 {
+	double at = drive->config.temper.reached_by_profile ? drive->planned : drive->position;
 	unsigned bits = 0;
 
 	if (drive->shown_enabled &&
@@ -456,7 +409,8 @@ static uint16_t status_bits(const struct sim_servo *drive)
 		bits |= SERVO_CAN_ST_ZERO_SPEED;
 	if (drive->mode == SERVO_CAN_MODE_SPEED && fabs(drive->rpm - drive->speed) <= REACHED_SPEED)
 		bits |= SERVO_CAN_ST_SPEED_REACHED;
-	if (drive->mode == SERVO_CAN_MODE_POSITION && has_reached(drive))
+	if (drive->mode == SERVO_CAN_MODE_POSITION &&
+	    fabs(drive->target - at) <= drive->config.window)
 		bits |= SERVO_CAN_ST_POSITION_REACHED;
 	if (drive->limited)
 		bits |= SERVO_CAN_ST_TORQUE_LIMITED;
@@ -600,33 +554,6 @@ void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now)
 {
 	sim_servo_advance(drive, now);
 	drive->faults = faults;
-	if (faults && !goes_on(drive))
+	if (faults && drive->config.temper.fault_power == SIM_SERVO_FAULT_DISABLES)
 		set_enabled(drive, false, now);
-}
-
-void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now)
-{
-	sim_servo_advance(drive, now);
-	drive->blocked = blocked;
-}
-
-bool sim_servo_moving(const struct sim_servo *drive)
-{
-	return !has_settled(drive);
-}
-
-/* --- what tests and the control socket see and set -------------------------------------------- */
-
-struct sim_servo_state sim_servo_state(const struct sim_servo *drive)
-{
-	return (struct sim_servo_state){
-		.powered = drive->powered,
-		.enabled = drive->enabled,
-		.mode = drive->mode,
-		.position = drive->position,
-		.speed = drive->rpm,
-		.current = drive->amperes,
-		.setpoint_at = drive->setpoint_at,
-		.moves = drive->moves,
-	};
 }

@@ -89,7 +89,8 @@ struct sim_servo_config {
 /* Fills in a small motor at 48 V with the vendor's report intervals. */
 void sim_servo_config_init(struct sim_servo_config *config);
 
-/* Its state, which anybody may read. What is shown unchanged may also be set from outside. */
+/* Its state, which anybody may read after sim_servo_advance(). What is shown unchanged may also be
+ * set from outside. */
 struct sim_servo {
 	struct sim_servo_config config;
 	db_time time; /* the motor has been advanced to this time */
@@ -107,6 +108,8 @@ struct sim_servo {
 	bool current_staged;
 	double next_speed;
 	double next_current;
+	/* When speed or current last came into force; the skew of a synchronous start is the
+	 * difference of two drives' times. */
 	db_time setpoint_at;
 	/* counts; without effect before CTRG rises */
 	double internal_positions[SERVO_CAN_SLOT_MAX + 1];
@@ -124,7 +127,7 @@ struct sim_servo {
 	db_time idle_until; /* it received a command, and has not begun */
 	double target;      /* counts, the position that position mode holds or approaches */
 	bool limited;       /* by max_current */
-	bool blocked;
+	bool blocked;       /* set from outside: the shaft is held, whatever the motor does */
 
 	/* Shown unchanged. */
 	uint16_t faults;
@@ -136,7 +139,7 @@ struct sim_servo {
 
 	db_time report_at[SIM_SERVO_REPORTS];  /* DB_TIME_NEVER: off */
 	uint32_t counts[SERVO_CAN_KIND_COUNT]; /* how often it received each kind of message */
-	uint32_t moves;
+	uint32_t moves;                        /* how often a position move began */
 };
 
 /* Powered on. Null when out of memory. Copies the configuration. */
@@ -168,25 +171,8 @@ void sim_servo_set_reports(struct sim_servo *drive, enum sim_servo_report report
 void sim_servo_power(struct sim_servo *drive, bool on, db_time now);
 /* Sets the fault word; with a value other than 0 the motor has no power. */
 void sim_servo_set_faults(struct sim_servo *drive, uint16_t faults, db_time now);
-/* Holds the shaft, whatever the motor does. */
-void sim_servo_block(struct sim_servo *drive, bool blocked, db_time now);
 
-/* State for tests. Call sim_servo_advance() before. */
-bool sim_servo_moving(const struct sim_servo *drive); /* something changes as time passes */
-
-struct sim_servo_state {
-	bool powered;
-	bool enabled;
-	enum servo_can_mode mode;
-	double position; /* counts, as fed back */
-	double speed;    /* rpm */
-	double current;  /* A */
-	/* When speed or current last came into force; the skew of a synchronous start is the
-	 * difference of two drives' times. */
-	db_time setpoint_at;
-	uint32_t moves; /* how often a position move began */
-};
-
-struct sim_servo_state sim_servo_state(const struct sim_servo *drive);
+/* True if nothing will change any more by itself. */
+bool sim_servo_settled(const struct sim_servo *drive);
 
 #endif

@@ -36,75 +36,42 @@ static void follow_power(struct sim_vsmd_can_node *node)
 		sim_vsmd_can_node_init(node, node->node, &style, node->latency);
 }
 
-/* "00080381#01", as other tools print it. */
-static void write_log(struct sim_node *node, const struct db_can_frame *frame, db_time now)
-{
-	struct sim_log_entry *entry = &node->log[node->received++ % SIM_LOG_LINES];
-	bool extended = frame->id & DB_CAN_EXTENDED;
-	int length = snprintf(entry->line, sizeof(entry->line), extended ? "%08X#" : "%03X#",
-	                      frame->id & DB_CAN_ID_MASK);
-
-	entry->time = now;
-	for (unsigned i = 0; i < frame->length; i++)
-		length += snprintf(entry->line + length, sizeof(entry->line) - (size_t)length,
-		                   "%02X", frame->data[i]);
-}
-
 /* --- answers ---------------------------------------------------------------------------------- */
-
-/* The id of an answer in this drive's form, in extended frames. */
-static uint32_t dress_id(const struct sim_vsmd_can_node *node, uint32_t id)
-{
-	switch (node->node->drive->config.temper.replies) {
-	case SIM_REPLIES_HOST_0:
-		return id & ~TARGET_BITS;
-	case SIM_REPLIES_BROADCAST:
-		return id | BROADCAST_BIT;
-	case SIM_REPLIES_STANDARD:
-		return (id & SENDER_AND_CONTROL_BITS) >> 2 | (id & VSMD_CAN_STD_REG_MAX);
-	case SIM_REPLIES_HOST:
-	default:
-		return id;
-	}
-}
 
 static void queue_frame(struct sim_vsmd_can_node *node, const struct db_can_frame *frame,
                         db_time due)
 {
 	size_t place = (node->first + node->count) % SIM_VSMD_CAN_QUEUE;
+	uint32_t id = frame->id;
 
 	if (node->count == SIM_VSMD_CAN_QUEUE)
 		return;
+	/* The id of an answer in this drive's form, in extended frames. */
+	switch (node->node->drive->config.temper.replies) {
+	case SIM_REPLIES_HOST_0:
+		id &= ~TARGET_BITS;
+		break;
+	case SIM_REPLIES_BROADCAST:
+		id |= BROADCAST_BIT;
+		break;
+	case SIM_REPLIES_STANDARD:
+		id = (id & SENDER_AND_CONTROL_BITS) >> 2 | (id & VSMD_CAN_STD_REG_MAX);
+		break;
+	case SIM_REPLIES_HOST:
+	default:
+		break;
+	}
 	node->count++;
 	node->queue[place].due = due;
 	node->queue[place].frame = *frame;
-	node->queue[place].frame.id = dress_id(node, frame->id);
-}
-
-/* Queues a frame in this drive's form. */
-static void queue_dressed(struct sim_vsmd_can_node *node, const struct db_can_frame *frame,
-                          db_time due)
-{
-	enum sim_answers answers = node->node->drive->config.temper.answers;
-	struct db_can_frame dressed = *frame;
-
-	if (answers == SIM_ANSWERS_PADDED)
-		dressed.length = DB_CAN_DATA_MAX;
-	if (answers != SIM_ANSWERS_SINGLES || frame->length != DB_CAN_DATA_MAX) {
-		queue_frame(node, &dressed, due);
-		return;
-	}
-	dressed.length = DB_CAN_DATA_MAX / 2;
-	queue_frame(node, &dressed, due);
-	dressed.id++;
-	memcpy(dressed.data, frame->data + dressed.length, dressed.length);
-	queue_frame(node, &dressed, due);
+	node->queue[place].frame.id = id;
 }
 
 static void queue_answer(struct sim_vsmd_can_node *node, enum vsmd_can_control control,
                          uint16_t host, unsigned first, const uint32_t *values, unsigned count,
                          db_time due)
 {
+	enum sim_answers answers = node->node->drive->config.temper.answers;
 	struct vsmd_can_style style = node->style;
 	struct db_can_frame frames[VSMD_CAN_READ_MAX / VSMD_CAN_FRAME_REGS];
 	int frame_count;
@@ -116,14 +83,21 @@ static void queue_answer(struct sim_vsmd_can_node *node, enum vsmd_can_control c
 	frame_count = vsmd_can_encode_answer(&style, node->node->drive->address, control, first,
 	                                     values, count, frames,
 	                                     sizeof(frames) / sizeof(frames[0]));
-	for (int i = 0; i < frame_count; i++)
-		queue_dressed(node, &frames[i], due);
-	node->node->replies++;
-}
+	/* In this drive's form. */
+	for (int i = 0; i < frame_count; i++) {
+		struct db_can_frame frame = frames[i];
 
-static bool answers_read(const struct sim_vsmd_temper *temper, unsigned count)
-{
-	return temper->read_max == 0 || count <= temper->read_max;
+		if (answers == SIM_ANSWERS_PADDED)
+			frame.length = DB_CAN_DATA_MAX;
+		if (answers == SIM_ANSWERS_SINGLES && frames[i].length == DB_CAN_DATA_MAX) {
+			frame.length = DB_CAN_DATA_MAX / 2;
+			queue_frame(node, &frame, due);
+			frame.id++;
+			memcpy(frame.data, frames[i].data + frame.length, frame.length);
+		}
+		queue_frame(node, &frame, due);
+	}
+	node->node->replies++;
 }
 
 static void read_status(struct sim_vsmd_can_node *node, uint16_t host, unsigned first,
@@ -131,6 +105,7 @@ static void read_status(struct sim_vsmd_can_node *node, uint16_t host, unsigned 
 {
 	uint32_t values[VSMD_CAN_REG_MAX + 1] = { 0 };
 	struct sim_vsmd *drive = node->node->drive;
+	const struct sim_vsmd_temper *temper = &drive->config.temper;
 	struct vsmd_status status;
 	char identity[VSMD_CAN_IDENTITY_MAX + 1];
 
@@ -139,8 +114,9 @@ static void read_status(struct sim_vsmd_can_node *node, uint16_t host, unsigned 
 	vsmd_can_put_status(&status, values);
 	snprintf(identity, sizeof(identity), "%.*s", VSMD_CAN_IDENTITY_MAX, drive->identity);
 	(void)vsmd_can_put_identity(identity, &values[VSMD_CAN_IDENTITY]);
-	if (first + count > VSMD_CAN_REG_MAX + 1 || !answers_read(&drive->config.temper, count) ||
-	    (drive->config.temper.hides_identity && first + count > VSMD_CAN_IDENTITY))
+	if (first + count > VSMD_CAN_REG_MAX + 1 ||
+	    (temper->read_max != 0 && count > temper->read_max) ||
+	    (temper->hides_identity && first + count > VSMD_CAN_IDENTITY))
 		return;
 	queue_answer(node, VSMD_CAN_STATUS_REPLY, host, first, &values[first], count,
 	             now + node->latency);
@@ -150,11 +126,12 @@ static void read_data(struct sim_vsmd_can_node *node, uint16_t host, unsigned fi
                       db_time now)
 {
 	uint32_t values[VSMD_CAN_READ_MAX] = { 0 };
+	const struct sim_vsmd_temper *temper = &node->node->drive->config.temper;
 
 	if (first > VSMD_CAN_DATA_LAST || count > VSMD_CAN_READ_MAX ||
-	    !sim_vsmd_has_registers(&node->node->drive->config.temper, first, count) ||
+	    !sim_vsmd_has_registers(temper, first, count) ||
 	    sim_vsmd_hides_params(node->node->drive) ||
-	    !answers_read(&node->node->drive->config.temper, count))
+	    (temper->read_max != 0 && count > temper->read_max))
 		return;
 	for (unsigned i = 0; i < count; i++) {
 		enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
@@ -232,44 +209,26 @@ static void shake(struct sim_vsmd_can_node *node, const struct vsmd_can_command 
 	(void)sim_vsmd_execute(node->node->drive, &start, now);
 }
 
-static enum vsmd_verb verb_of(enum vsmd_can_code code)
-{
-	switch (code) {
-	case VSMD_CAN_ENA:
-		return VSMD_ENA;
-	case VSMD_CAN_OFF:
-		return VSMD_OFF;
-	case VSMD_CAN_ORG:
-		return VSMD_ORG;
-	case VSMD_CAN_STP:
-		return VSMD_STP;
-	case VSMD_CAN_MOV:
-		return VSMD_MOV;
-	case VSMD_CAN_POS:
-		return VSMD_POS;
-	case VSMD_CAN_RMV:
-		return VSMD_RMV;
-	case VSMD_CAN_SAV:
-		return VSMD_SAV;
-	case VSMD_CAN_OUTPUT:
-		return VSMD_SENSOR_OUT;
-	case VSMD_CAN_ZERO_START:
-		return VSMD_ZERO_START;
-	case VSMD_CAN_ZERO_STOP:
-		return VSMD_ZERO_STOP;
-	case VSMD_CAN_SV:
-		return VSMD_SV;
-	case VSMD_CAN_NMOS:
-		return VSMD_NMOS;
-	default: /* VSMD_CAN_ENCODER */
-		return VSMD_ECLR;
-	}
-}
-
 static void act(struct sim_vsmd_can_node *node, const struct vsmd_can_command *command, db_time now)
 {
+	static const enum vsmd_verb verbs[] = {
+		[VSMD_CAN_ENA] = VSMD_ENA,
+		[VSMD_CAN_OFF] = VSMD_OFF,
+		[VSMD_CAN_ORG] = VSMD_ORG,
+		[VSMD_CAN_STP] = VSMD_STP,
+		[VSMD_CAN_MOV] = VSMD_MOV,
+		[VSMD_CAN_POS] = VSMD_POS,
+		[VSMD_CAN_RMV] = VSMD_RMV,
+		[VSMD_CAN_SAV] = VSMD_SAV,
+		[VSMD_CAN_OUTPUT] = VSMD_SENSOR_OUT,
+		[VSMD_CAN_ZERO_START] = VSMD_ZERO_START,
+		[VSMD_CAN_ZERO_STOP] = VSMD_ZERO_STOP,
+		[VSMD_CAN_SV] = VSMD_SV,
+		[VSMD_CAN_NMOS] = VSMD_NMOS,
+		[VSMD_CAN_ENCODER] = VSMD_ECLR,
+	};
 	struct vsmd_command order = {
-		.verb = verb_of(command->code),
+		.verb = verbs[command->code],
 		.has_value = command->code == VSMD_CAN_STP || command->has_position,
 		.has_velocity = command->has_velocity,
 		.position = command->position,
@@ -335,13 +294,16 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 	struct sim_vsmd *drive = node->node->drive;
 	struct vsmd_can_message message;
 	struct vsmd_can_id id;
+	struct sim_log_entry *entry;
 	enum vsmd_error error;
 	uint32_t refusals;
 
 	follow_power(node);
 	if (!drive->powered || vsmd_can_unpack_id(frame->id, &id) != VSMD_OK || !is_for(node, &id))
 		return;
-	write_log(node->node, frame, now);
+	entry = &node->node->log[node->node->received++ % SIM_LOG_LINES];
+	entry->time = now;
+	(void)sim_can_text(frame, entry->line);
 	sim_vsmd_note_request(drive, false, now);
 	refusals = drive->refusals;
 	error = vsmd_can_decode(&node->style, frame, &message);
@@ -355,21 +317,12 @@ static void receive(void *self, const struct db_can_frame *frame, db_time now)
 	}
 	if (error != VSMD_OK ||
 	    !(id.control == VSMD_CAN_COMMAND && (message.command.code == VSMD_CAN_READ_STATUS ||
-	                                         message.command.code == VSMD_CAN_READ_DATA))) {
-		const struct sim_node *sim = node->node;
-
-		sim_witness_report(&sim->witness, now,
-		                   sim->log[(sim->received - 1) % SIM_LOG_LINES].line,
-		                   sim->drive->refusals == refusals);
-	}
+	                                         message.command.code == VSMD_CAN_READ_DATA)))
+		sim_witness_report(&node->node->witness, now, entry->line,
+		                   drive->refusals == refusals);
 }
 
 /* --- sending ---------------------------------------------------------------------------------- */
-
-static bool is_reporting(const struct sim_vsmd_can_node *node)
-{
-	return node->report != VSMD_CAN_REPORT_NONE && node->node->drive->powered;
-}
 
 static db_time next(void *self)
 {
@@ -377,15 +330,17 @@ static db_time next(void *self)
 	db_time due;
 
 	follow_power(node);
-	due = is_reporting(node) ? node->report_at : DB_TIME_NEVER;
-	if (!node->node->drive->powered)
+	if (!node->node->drive->powered) {
 		node->count = 0;
+		return DB_TIME_NEVER;
+	}
+	due = node->report == VSMD_CAN_REPORT_NONE ? DB_TIME_NEVER : node->report_at;
 	if (node->count > 0 && node->queue[node->first].due < due)
 		due = node->queue[node->first].due;
 	return due;
 }
 
-static void queue_report(struct sim_vsmd_can_node *node)
+static bool send(void *self, db_time now, struct db_can_frame *frame)
 {
 	static const struct {
 		uint8_t first;
@@ -396,24 +351,21 @@ static void queue_report(struct sim_vsmd_can_node *node)
 		[VSMD_CAN_REPORT_POSITION_STATUS] = { VSMD_CAN_STATUS_POSITION, 2 },
 		[VSMD_CAN_REPORT_POSITION] = { VSMD_CAN_STATUS_POSITION, 1 },
 	};
-	uint32_t values[VSMD_CAN_STATUS_REGS];
-	struct vsmd_status status;
-	unsigned first = parts[node->report].first;
-
-	sim_vsmd_report_status(node->node->drive, false, node->report_at, &status);
-	vsmd_can_put_status(&status, values);
-	queue_answer(node, VSMD_CAN_STATUS_REPLY, node->reporting_to, first, &values[first],
-	             parts[node->report].count, node->report_at);
-	node->report_at += node->interval;
-}
-
-static bool send(void *self, db_time now, struct db_can_frame *frame)
-{
 	struct sim_vsmd_can_node *node = self;
 
 	follow_power(node);
-	if (is_reporting(node) && node->report_at <= now)
-		queue_report(node);
+	if (node->report != VSMD_CAN_REPORT_NONE && node->node->drive->powered &&
+	    node->report_at <= now) {
+		uint32_t values[VSMD_CAN_STATUS_REGS];
+		struct vsmd_status status;
+		unsigned first = parts[node->report].first;
+
+		sim_vsmd_report_status(node->node->drive, false, node->report_at, &status);
+		vsmd_can_put_status(&status, values);
+		queue_answer(node, VSMD_CAN_STATUS_REPLY, node->reporting_to, first, &values[first],
+		             parts[node->report].count, node->report_at);
+		node->report_at += node->interval;
+	}
 	if (node->count == 0 || node->queue[node->first].due > now)
 		return false;
 	*frame = node->queue[node->first].frame;

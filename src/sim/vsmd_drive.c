@@ -238,9 +238,12 @@ void sim_vsmd_note_request(struct sim_vsmd *drive, bool named, db_time now)
 	drive->offline_start = DB_TIME_NEVER;
 }
 
-static bool enable_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
+static bool switch_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
-	(void)command;
+	if (command->verb == VSMD_OFF) {
+		sim_mechanics_release(drive);
+		return true;
+	}
 	/* After enabling the motor stands, whatever its mode was. */
 	sim_mechanics_abandon(drive);
 	sim_motion_stop(&drive->motion);
@@ -248,37 +251,22 @@ static bool enable_motor(struct sim_vsmd *drive, const struct vsmd_command *comm
 	return true;
 }
 
-static bool disable_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
-{
-	(void)command;
-	sim_mechanics_release(drive);
-	return true;
-}
-
-static bool run_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
-{
-	float velocity = command->has_velocity ? command->velocity : drive->params[VSMD_SPD].f;
-
-	if (!is_enabled(drive))
-		return false;
-	sim_mechanics_abandon(drive);
-	drive->counts_spd = true;
-	sim_motion_run(&drive->motion, (double)velocity);
-	sim_mechanics_hold_limits(drive);
-	return true;
-}
-
 static bool move_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
+	bool endless = command->verb == VSMD_MOV;
 	float speed = command->has_velocity ? command->velocity : drive->params[VSMD_SPD].f;
 	double from = command->verb == VSMD_RMV ? round(drive->motion.position) : 0.0;
 	double target = from + command->position;
 
-	if (!is_enabled(drive) || target < (double)INT32_MIN || target > (double)INT32_MAX)
+	if (!is_enabled(drive) ||
+	    (!endless && (target < (double)INT32_MIN || target > (double)INT32_MAX)))
 		return false;
 	sim_mechanics_abandon(drive);
 	drive->counts_spd = true;
-	sim_motion_move(&drive->motion, target, (double)speed);
+	if (endless)
+		sim_motion_run(&drive->motion, (double)speed);
+	else
+		sim_motion_move(&drive->motion, target, (double)speed);
 	sim_mechanics_hold_limits(drive);
 	return true;
 }
@@ -315,6 +303,8 @@ static bool set_output(struct sim_vsmd *drive, const struct vsmd_command *comman
 {
 	uint32_t bit;
 
+	if (command->verb != VSMD_SENSOR_OUT)
+		return drive->config.external; /* the sv and nmos ports: nothing here sees them */
 	if (command->port < 1 || command->port > SIM_VSMD_SENSORS ||
 	    drive->params[(unsigned)VSMD_S1 + command->port - 1].u != 1)
 		return false;
@@ -324,15 +314,17 @@ static bool set_output(struct sim_vsmd *drive, const struct vsmd_command *comman
 	return true;
 }
 
-static bool set_external(struct sim_vsmd *drive, const struct vsmd_command *command)
+static bool home_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
-	(void)command;
-	return drive->config.external;
-}
-
-static bool start_homing(struct sim_vsmd *drive, const struct vsmd_command *command)
-{
-	(void)command;
+	if (command->verb == VSMD_ZERO_STOP) {
+		if (!drive->config.temper.keeps_zero)
+			drive->flags &= ~(uint32_t)VSMD_ST_ZERO;
+		if (drive->homing != SIM_HOMING_NONE) {
+			sim_mechanics_abandon(drive);
+			sim_motion_stop(&drive->motion);
+		}
+		return true;
+	}
 	if (!is_enabled(drive))
 		return false;
 	/* A zero stop is needed first: a set bit is left unchanged and nothing moves. */
@@ -344,52 +336,20 @@ static bool start_homing(struct sim_vsmd *drive, const struct vsmd_command *comm
 	return true;
 }
 
-static bool stop_homing(struct sim_vsmd *drive, const struct vsmd_command *command)
+static bool shake_motor(struct sim_vsmd *drive, const struct vsmd_command *command)
 {
-	(void)command;
-	if (!drive->config.temper.keeps_zero)
-		drive->flags &= ~(uint32_t)VSMD_ST_ZERO;
-	if (drive->homing != SIM_HOMING_NONE) {
-		sim_mechanics_abandon(drive);
-		sim_motion_stop(&drive->motion);
+	if (command->verb == VSMD_SHAKE_STOP) {
+		if (drive->shake != SIM_SHAKE_NONE) {
+			sim_mechanics_abandon(drive);
+			sim_motion_stop(&drive->motion);
+		}
+		return true;
 	}
-	return true;
-}
-
-static bool start_shake(struct sim_vsmd *drive, const struct vsmd_command *command)
-{
 	if (!is_enabled(drive))
 		return false;
 	sim_mechanics_shake(drive, command);
 	sim_mechanics_sense(drive);
 	return true;
-}
-
-static bool stop_shake(struct sim_vsmd *drive, const struct vsmd_command *command)
-{
-	(void)command;
-	if (drive->shake != SIM_SHAKE_NONE) {
-		sim_mechanics_abandon(drive);
-		sim_motion_stop(&drive->motion);
-	}
-	return true;
-}
-
-/* The nearest value that this drive accepts, or its present one. */
-static union db_value accepted_value(const struct sim_vsmd *drive,
-                                     const struct vsmd_setting *setting)
-{
-	const struct db_param *row = &vsmd_params[setting->param];
-	double number = db_value_number(row->type, setting->value);
-	union db_value value = setting->value;
-	double max = row->max_is_model ? drive->config.max_current : row->max;
-
-	if (sim_vsmd_takes(&drive->config, setting->param, value))
-		return value;
-	if (!db_value_from_number(row->type, fmin(fmax(number, row->min), max), &value) ||
-	    !sim_vsmd_takes(&drive->config, setting->param, value))
-		return drive->params[setting->param];
-	return value;
 }
 
 static bool write_settings(struct sim_vsmd *drive, const struct vsmd_command *command)
@@ -400,9 +360,20 @@ static bool write_settings(struct sim_vsmd *drive, const struct vsmd_command *co
 		if (!sim_vsmd_takes(&drive->config, setting->param, setting->value))
 			return false;
 	}
-	for (size_t i = 0; i < command->setting_count; i++)
-		drive->params[command->settings[i].param] = accepted_value(drive,
-		                                                           &command->settings[i]);
+	for (size_t i = 0; i < command->setting_count; i++) {
+		const struct vsmd_setting *setting = &command->settings[i];
+		const struct db_param *row = &vsmd_params[setting->param];
+		double max = row->max_is_model ? drive->config.max_current : row->max;
+		double number = db_value_number(row->type, setting->value);
+		union db_value value = setting->value;
+
+		/* Else the nearest value that this drive accepts, or its present one. */
+		if (!sim_vsmd_takes(&drive->config, setting->param, value) &&
+		    (!db_value_from_number(row->type, fmin(fmax(number, row->min), max), &value) ||
+		     !sim_vsmd_takes(&drive->config, setting->param, value)))
+			continue;
+		drive->params[setting->param] = value;
+	}
 	sim_mechanics_configure(drive);
 	return true;
 }
@@ -426,22 +397,22 @@ static bool save_params(struct sim_vsmd *drive, const struct vsmd_command *comma
 static handler_fn *const handlers[VSMD_VERB_COUNT] = {
 	[VSMD_DEV] = accept,
 	[VSMD_STS] = accept,
-	[VSMD_ENA] = enable_motor,
-	[VSMD_OFF] = disable_motor,
-	[VSMD_MOV] = run_motor,
+	[VSMD_ENA] = switch_motor,
+	[VSMD_OFF] = switch_motor,
+	[VSMD_MOV] = move_motor,
 	[VSMD_POS] = move_motor,
 	[VSMD_RMV] = move_motor,
 	[VSMD_STP] = stop_motor,
 	[VSMD_ORG] = set_origin,
 	[VSMD_ECLR] = clear_encoder,
 	[VSMD_SENSOR_OUT] = set_output,
-	[VSMD_SV] = set_external,
-	[VSMD_NMOS] = set_external,
-	[VSMD_ZERO_START] = start_homing,
-	[VSMD_ZERO_STOP] = stop_homing,
-	[VSMD_SHAKE_CYCLES] = start_shake,
-	[VSMD_SHAKE_TIME] = start_shake,
-	[VSMD_SHAKE_STOP] = stop_shake,
+	[VSMD_SV] = set_output,
+	[VSMD_NMOS] = set_output,
+	[VSMD_ZERO_START] = home_motor,
+	[VSMD_ZERO_STOP] = home_motor,
+	[VSMD_SHAKE_CYCLES] = shake_motor,
+	[VSMD_SHAKE_TIME] = shake_motor,
+	[VSMD_SHAKE_STOP] = shake_motor,
 	[VSMD_CFG_READ] = accept,
 	[VSMD_CFG_WRITE] = write_settings,
 	[VSMD_SAV] = save_params,
@@ -565,12 +536,6 @@ void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity)
 
 	memcpy(drive->identity, identity, length);
 	drive->identity[length] = '\0';
-}
-
-void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now)
-{
-	sim_vsmd_advance(drive, now);
-	drive->stalled = stalled;
 }
 
 void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now)

@@ -102,7 +102,6 @@ void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now);
 bool sim_vsmd_hides_params(const struct sim_vsmd *drive);
 /* cut off at the maximum */
 void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity);
-void sim_vsmd_stall(struct sim_vsmd *drive, bool stalled, db_time now);
 /* number 1..6; level 0 or 1, or -1 to let the sensor work again. */
 void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now);
 #endif

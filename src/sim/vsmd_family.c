@@ -39,7 +39,7 @@ static bool open_can(struct sim_node *node, void *wire, const struct sim_bus_con
 		return false;
 	sim_vsmd_can_node_init(node->vsmd_can, node, &bus->style, bus->can.latency);
 	station = sim_vsmd_can_node_station(node->vsmd_can);
-	return sim_can_bus_attach(sim_can_line_bus(wire), &station);
+	return sim_can_bus_attach(((struct sim_can_line *)wire)->bus, &station);
 }
 
 static void close_drive(struct sim_node *node)
@@ -130,7 +130,8 @@ static void power(struct sim_node *node, bool on, db_time now)
 
 static void stall(struct sim_node *node, bool stalled, db_time now)
 {
-	sim_vsmd_stall(node->drive, stalled, now);
+	sim_vsmd_advance(node->drive, now);
+	node->drive->stalled = stalled;
 }
 
 static void force_status(struct sim_node *node, uint32_t bits)

@@ -86,9 +86,8 @@ static void update_limits(struct sim_vsmd *drive)
 	/* Before the origin is found the soft limits have no reference. */
 	bool searching = drive->homing != SIM_HOMING_NONE && drive->homing != SIM_HOMING_SAFE;
 
-	sim_motion_set_limits(&drive->motion,
-	                      min == 0 || searching ? -(double)INFINITY : (double)min,
-	                      max == 0 || searching ? (double)INFINITY : (double)max);
+	drive->motion.limit_min = min == 0 || searching ? -(double)INFINITY : (double)min;
+	drive->motion.limit_max = max == 0 || searching ? (double)INFINITY : (double)max;
 }
 
 static void set_homing(struct sim_vsmd *drive, enum sim_homing homing)
@@ -120,8 +119,8 @@ void sim_mechanics_configure(struct sim_vsmd *drive)
 	struct sim_motion *motion = &drive->motion;
 	double speed = (double)drive->params[VSMD_SPD].f;
 
-	sim_motion_set_ramps(motion, (double)drive->params[VSMD_ACC].f,
-	                     (double)drive->params[VSMD_DEC].f);
+	motion->acc = (double)drive->params[VSMD_ACC].f;
+	motion->dec = (double)drive->params[VSMD_DEC].f;
 	update_limits(drive);
 	if (drive->counts_spd && motion->mode == SIM_MOTION_VELOCITY)
 		sim_motion_run(motion, speed);
@@ -318,44 +317,32 @@ static void update_shake(struct sim_vsmd *drive)
 	drive->flags |= VSMD_ST_ACT;
 }
 
-static void run_by_event(struct sim_vsmd *drive, double direction)
-{
-	if (!(drive->flags & VSMD_ST_PWR))
-		return;
-	sim_mechanics_abandon(drive);
-	sim_motion_run(&drive->motion, direction * fabs((double)drive->params[VSMD_SPD].f));
-}
-
-static void stop_by_event(struct sim_vsmd *drive, bool at_once, bool origin)
-{
-	if (drive->homing == SIM_HOMING_NONE)
-		sim_mechanics_abandon(drive);
-	if (at_once)
-		sim_motion_halt(&drive->motion);
-	else
-		sim_motion_stop(&drive->motion);
-	drive->origin_after_stop = origin;
-}
-
 static void sensor_event(struct sim_vsmd *drive, enum sensor_event event)
 {
+	double speed = fabs((double)drive->params[VSMD_SPD].f);
+
 	switch (event) {
 	case EVENT_ORIGIN:
 		sim_mechanics_set_position(drive, 0.0);
 		break;
 	case EVENT_STOP:
 	case EVENT_STOP_ORIGIN:
-		stop_by_event(drive, false, event == EVENT_STOP_ORIGIN);
-		break;
 	case EVENT_HALT:
 	case EVENT_HALT_ORIGIN:
-		stop_by_event(drive, true, event == EVENT_HALT_ORIGIN);
+		if (drive->homing == SIM_HOMING_NONE)
+			sim_mechanics_abandon(drive);
+		if (event == EVENT_HALT || event == EVENT_HALT_ORIGIN)
+			sim_motion_halt(&drive->motion);
+		else
+			sim_motion_stop(&drive->motion);
+		drive->origin_after_stop = event == EVENT_STOP_ORIGIN || event == EVENT_HALT_ORIGIN;
 		break;
 	case EVENT_RUN_POSITIVE:
-		run_by_event(drive, 1.0);
-		break;
 	case EVENT_RUN_NEGATIVE:
-		run_by_event(drive, -1.0);
+		if (!(drive->flags & VSMD_ST_PWR))
+			break;
+		sim_mechanics_abandon(drive);
+		sim_motion_run(&drive->motion, event == EVENT_RUN_POSITIVE ? speed : -speed);
 		break;
 	case EVENT_OFFLINE_START:
 		drive->flags |= VSMD_ST_ACTION;
@@ -400,23 +387,11 @@ void sim_mechanics_sense(struct sim_vsmd *drive)
 	}
 }
 
-static void encoder_error(struct sim_vsmd *drive)
-{
-	uint32_t reaction = drive->params[VSMD_EWR].u;
-
-	drive->flags |= VSMD_ST_ENC_ERR;
-	if (reaction == 0)
-		return;
-	sim_mechanics_abandon(drive);
-	sim_motion_halt(&drive->motion);
-	if (reaction == 2)
-		sim_mechanics_release(drive);
-}
-
 /* The shaft cannot follow. `before` is the motion before the step that just ended. */
 static void hold_shaft(struct sim_vsmd *drive, const struct sim_motion *before, double shaft)
 {
 	uint32_t retries = drive->params[VSMD_ERTY].u;
+	uint32_t reaction = drive->params[VSMD_EWR].u;
 
 	if (!closed_loop(drive)) {
 		drive->shaft_offset = shaft - drive->motion.position;
@@ -425,11 +400,20 @@ static void hold_shaft(struct sim_vsmd *drive, const struct sim_motion *before, 
 	drive->blocked += drive->motion.time - before->time;
 	drive->motion.position = shaft - drive->shaft_offset;
 	drive->motion.velocity = 0.0;
-	if (drive->homing == SIM_HOMING_END_STOP && drive->blocked >= RETRY_NS)
-		found_origin(drive);
-	else if (drive->homing != SIM_HOMING_END_STOP && retries > 0 &&
-	         drive->blocked >= (db_time)retries * RETRY_NS)
-		encoder_error(drive);
+	if (drive->homing == SIM_HOMING_END_STOP) {
+		if (drive->blocked >= RETRY_NS)
+			found_origin(drive);
+		return;
+	}
+	if (retries == 0 || drive->blocked < (db_time)retries * RETRY_NS)
+		return;
+	drive->flags |= VSMD_ST_ENC_ERR;
+	if (reaction == 0)
+		return;
+	sim_mechanics_abandon(drive);
+	sim_motion_halt(&drive->motion);
+	if (reaction == 2)
+		sim_mechanics_release(drive);
 }
 
 /* The first moment in (before, end] at which a sensor changes: sensors see whole pulses, not

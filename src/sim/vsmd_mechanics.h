@@ -56,7 +56,7 @@ struct sim_vsmd {
 	uint32_t flags; /* the stored status bits; the others are computed */
 	uint32_t forced_status;
 	bool powered;
-	bool stalled;
+	bool stalled; /* set from outside, after sim_vsmd_advance() */
 	bool hides_params;
 	bool flash_fails;
 

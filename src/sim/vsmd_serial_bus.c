@@ -30,42 +30,39 @@ static int encode_text(const struct sim_vsmd *drive, enum vsmd_reply_code code, 
 	                               SIM_SERIAL_REPLY_MAX);
 }
 
-static int encode(struct sim_vsmd *drive, enum vsmd_reply_code code, uint8_t id, db_time now,
-                  uint8_t *frame)
-{
-	char text[VSMD_SERIAL_FRAME_MAX];
-	struct vsmd_status status;
-	int length;
-
-	switch (code) {
-	case VSMD_REPLY_IDENTITY:
-		return encode_text(drive, code, id, drive->identity, strlen(drive->identity),
-		                   frame);
-	case VSMD_REPLY_PARAMS:
-		length = vsmd_serial_format_params(drive->params, text, sizeof(text));
-		if (length < 0)
-			return length;
-		return encode_text(drive, code, id, text, (size_t)length, frame);
-	case VSMD_REPLY_STATUS:
-	default:
-		sim_vsmd_report_status(drive, false, now, &status);
-		return vsmd_serial_encode_status(id, &status, frame, SIM_SERIAL_REPLY_MAX);
-	}
-}
-
 /* The reply put on the wire, or null. */
 static struct sim_burst *reply(struct sim_serial_bus *bus, struct sim_node *node,
                                enum vsmd_reply_code code, db_time now)
 {
 	struct sim_burst *burst = sim_serial_bus_begin(bus, node);
-	unsigned id = bus->config.rs485 ? node->drive->address : bus->config.reply_id;
+	struct sim_vsmd *drive = node->drive;
+	unsigned id = bus->config.rs485 ? drive->address : bus->config.reply_id;
+	char text[VSMD_SERIAL_FRAME_MAX];
+	struct vsmd_status status;
 	int length;
 
 	if (!burst)
 		return NULL;
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_WRONG_ID))
 		id = id % VSMD_SERIAL_ID_MAX + 1;
-	length = encode(node->drive, code, (uint8_t)id, now, burst->bytes);
+	switch (code) {
+	case VSMD_REPLY_IDENTITY:
+		length = encode_text(drive, code, (uint8_t)id, drive->identity,
+		                     strlen(drive->identity), burst->bytes);
+		break;
+	case VSMD_REPLY_PARAMS:
+		length = vsmd_serial_format_params(drive->params, text, sizeof(text));
+		if (length >= 0)
+			length = encode_text(drive, code, (uint8_t)id, text, (size_t)length,
+			                     burst->bytes);
+		break;
+	case VSMD_REPLY_STATUS:
+	default:
+		sim_vsmd_report_status(drive, false, now, &status);
+		length = vsmd_serial_encode_status((uint8_t)id, &status, burst->bytes,
+		                                   SIM_SERIAL_REPLY_MAX);
+		break;
+	}
 	if (length < 0)
 		return NULL;
 	sim_serial_bus_send(bus, node, burst, (size_t)length, now);
@@ -109,11 +106,14 @@ static struct sim_burst *serve_drive(struct sim_serial_bus *bus, struct sim_node
 	return burst;
 }
 
-static bool is_for(const struct sim_node *node, int id)
+static bool is_for(const struct sim_node *node, const struct vsmd_command *command, bool rs485)
 {
-	if (id == VSMD_SERIAL_BROADCAST)
+	if (!rs485)
+		return true;
+	if (command->id == VSMD_SERIAL_BROADCAST)
 		return !node->drive->config.temper.ignores_broadcast;
-	return id == (int)node->drive->address;
+	return command->id >= 0 && command->id <= VSMD_SERIAL_ID_MAX &&
+	       command->id == (int)node->drive->address;
 }
 
 /* A line as received by a drive. */
@@ -134,11 +134,6 @@ static void decode_line(struct request_line *received, bool rs485,
 	                                             received->settings, VSMD_PARAM_COUNT * 2);
 }
 
-static bool is_for_somebody(const struct vsmd_command *command, bool rs485)
-{
-	return !rs485 || (command->id >= 0 && command->id <= VSMD_SERIAL_ID_MAX);
-}
-
 static void process(struct sim_serial_bus *bus, const struct sim_serial_request *request)
 {
 	bool rs485 = bus->config.rs485;
@@ -152,9 +147,7 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 		struct sim_node *node = bus->nodes[i];
 		const struct request_line *received = &whole;
 		size_t missed = sim_serial_bus_missed(bus, node, request);
-
-		bool meant = is_for_somebody(&whole.command, rs485) &&
-		             (!rs485 || is_for(node, whole.command.id));
+		bool meant = is_for(node, &whole.command, rs485);
 
 		known |= meant;
 		bus->stats.missed += meant && missed > 0;
@@ -167,8 +160,7 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 			                                         request->start, request->end });
 			received = &rest;
 		}
-		if (!is_for_somebody(&received->command, rs485) ||
-		    (rs485 && !is_for(node, received->command.id)))
+		if (!is_for(node, &received->command, rs485))
 			continue;
 		answer = sim_serial_bus_overlap(bus, answer,
 		                                serve_drive(bus, node, &received->request,

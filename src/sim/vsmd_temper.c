@@ -144,18 +144,6 @@ int sim_vsmd_dress_text(const struct sim_vsmd_temper *temper, const char *text, 
 
 /* --- statuses --------------------------------------------------------------------------------- */
 
-static uint32_t with_bit(uint32_t word, uint32_t bit, bool set)
-{
-	return set ? word | bit : word & ~bit;
-}
-
-/* The deviation of a held motor from its position, alternating. */
-static int32_t tremble(struct sim_vsmd *drive)
-{
-	drive->trembled = !drive->trembled;
-	return drive->trembled ? drive->config.temper.trembles : 0;
-}
-
 void sim_vsmd_report_status(struct sim_vsmd *drive, bool read, db_time now,
                             struct vsmd_status *status)
 {
@@ -166,16 +154,20 @@ void sim_vsmd_report_status(struct sim_vsmd *drive, bool read, db_time now,
 	if (read && sim_vsmd_refusal(drive) == SIM_REFUSAL_CLEARED)
 		drive->flags &= ~(uint32_t)VSMD_ST_CMD_WRG;
 	sim_vsmd_status(drive, now, status);
-	if (status->status & VSMD_ST_STP)
-		status->position += temper->rests_off + tremble(drive);
+	if (status->status & VSMD_ST_STP) {
+		/* A held motor deviates from its position in every second report. */
+		drive->trembled = !drive->trembled;
+		status->position += temper->rests_off + (drive->trembled ? temper->trembles : 0);
+	}
 	if (temper->speed != SIM_SPEED_SIGNED)
 		status->velocity = temper->speed == SIM_SPEED_NONE ? 0.0f : fabsf(status->velocity);
 	if (temper->mirrored) {
 		status->position = -status->position;
 		status->velocity = -status->velocity;
 	}
-	status->status = with_bit(status->status, VSMD_ST_PWR, drive->power_bit.shown);
-	status->status = with_bit(status->status, VSMD_ST_STP, drive->standing_bit.shown);
+	status->status &= ~(uint32_t)(VSMD_ST_PWR | VSMD_ST_STP);
+	status->status |= drive->power_bit.shown ? VSMD_ST_PWR : 0;
+	status->status |= drive->standing_bit.shown ? VSMD_ST_STP : 0;
 	for (unsigned i = 0; i < SIM_VSMD_SENSORS && temper->hides_outputs; i++) {
 		if (drive->params[(unsigned)VSMD_S1 + i].u == 1)
 			status->status &= ~levels[i];

@@ -60,34 +60,13 @@ void sim_world_report(struct sim_world *world, const struct sim_node *node, cons
 		observe(observer, text, now);
 }
 
-/* Makes the wire, still without drives. */
-static int make_wire(struct sim_bus *bus)
-{
-	const struct sim_bus_config *config = bus->config;
-	const struct sim_serial_protocol *protocol = sim_families[config->kind]->protocol;
-
-	if (config->replay) {
-		bus->ops = &sim_replay_ops;
-		bus->wire = sim_replay_load(config->replay, stdout);
-		if (bus->wire)
-			sim_replay_set_trace(bus->wire, write_trace, bus);
-	} else if (protocol) {
-		bus->ops = &sim_serial_bus_ops;
-		bus->wire = sim_serial_bus_new(protocol, &config->serial, write_trace, bus);
-	} else {
-		bus->ops = &sim_can_line_ops;
-		bus->wire = sim_can_line_new(&config->can, write_trace, bus);
-	}
-	return bus->wire ? 0 : -1;
-}
-
 static int open_port(struct sim_bus *bus)
 {
 	const struct sim_bus_config *config = bus->config;
 	const char *link = config->link;
 	char path[PATH_MAX];
 
-	if (!link && config->folder && sim_port_is_pty(config->device)) {
+	if (!link && config->folder && strcmp(config->device, "pty") == 0) {
 		if (snprintf(path, sizeof(path), "%s/%s", config->folder, config->name) >=
 		    (int)sizeof(path))
 			return -ENAMETOOLONG;
@@ -103,6 +82,7 @@ static int open_port(struct sim_bus *bus)
 static int open_bus(struct sim_bus *bus)
 {
 	const struct sim_bus_config *config = bus->config;
+	const struct sim_serial_protocol *protocol = sim_families[config->kind]->protocol;
 	const char *place = config->interface ? config->interface : config->device;
 	const char *error;
 	int result;
@@ -119,7 +99,18 @@ static int open_bus(struct sim_bus *bus)
 		        strerror(-result));
 		return -1;
 	}
-	if (make_wire(bus) != 0)
+	/* The wire, still without drives. */
+	if (config->replay) {
+		bus->ops = &sim_replay_ops;
+		bus->wire = sim_replay_load(config->replay, stdout, write_trace, bus);
+	} else if (protocol) {
+		bus->ops = &sim_serial_bus_ops;
+		bus->wire = sim_serial_bus_new(protocol, &config->serial, write_trace, bus);
+	} else {
+		bus->ops = &sim_can_line_ops;
+		bus->wire = sim_can_line_new(&config->can, write_trace, bus);
+	}
+	if (!bus->wire)
 		return -1;
 	for (size_t i = 0; i < config->fault_count; i++) {
 		error = sim_world_fault(NULL, bus, config->faults[i], 0);
@@ -207,6 +198,7 @@ void sim_world_close(struct sim_world *world)
 
 int sim_bus_read(struct sim_bus *bus, db_time now)
 {
+	struct sim_serial_bus *line = bus->wire;
 	uint8_t bytes[4096];
 	ssize_t count = read(bus->port.fd, bytes, sizeof(bytes));
 
@@ -216,7 +208,7 @@ int sim_bus_read(struct sim_bus *bus, db_time now)
 	if (count == 0)
 		return -EPIPE;
 	if (bus->config->follows_host && sim_port_host_baud(&bus->port) != 0)
-		sim_serial_bus_set_baud(bus->wire, sim_port_host_baud(&bus->port));
+		line->config.baud = sim_port_host_baud(&bus->port);
 	bus->ops->receive(bus->wire, bytes, (size_t)count, now);
 	return 0;
 }
@@ -282,24 +274,6 @@ db_time sim_world_next(const struct sim_world *world, db_time now)
 			next = now + TICK_NS;
 	}
 	return next;
-}
-
-struct sim_bus *sim_world_bus(struct sim_world *world, const char *name)
-{
-	for (size_t i = 0; i < world->bus_count; i++) {
-		if (strcmp(world->buses[i].config->name, name) == 0)
-			return &world->buses[i];
-	}
-	return NULL;
-}
-
-struct sim_node *sim_world_node(struct sim_world *world, const char *name)
-{
-	for (size_t i = 0; i < world->node_count; i++) {
-		if (strcmp(world->nodes[i].name, name) == 0)
-			return &world->nodes[i];
-	}
-	return NULL;
 }
 
 const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text,

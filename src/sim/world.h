@@ -55,10 +55,6 @@ db_time sim_world_next(const struct sim_world *world, db_time now);
 void sim_world_report(struct sim_world *world, const struct sim_node *node, const char *text,
                       db_time now);
 
-/* Null when there is none of this name. */
-struct sim_bus *sim_world_bus(struct sim_world *world, const char *name);
-struct sim_node *sim_world_node(struct sim_world *world, const char *name);
-
 /* Sets a fault from its text, for a drive or (node null) for a bus: those of faults.h, for drives
  * also "stall [on|off]", and for those with a flash "flash fail|ok". Null, or the mistake. */
 const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text,

@@ -52,7 +52,8 @@ void sim_xyza_axes_run(struct sim_xyza_axes *axes, enum xyza_axis axis, double v
 	double min = fmin(content(axes, axis, XYZA_ITEM_MIN_SPEED), fabs(velocity));
 	double acceleration = ramp(axes, axis);
 
-	sim_motion_set_ramps(motion, acceleration, braking(axes, axis));
+	motion->acc = acceleration;
+	motion->dec = braking(axes, axis);
 	/* From standstill it starts with the lowest speed. */
 	if (!sim_motion_moving(motion) && acceleration > 0.0)
 		motion->velocity = copysign(min, velocity);
@@ -66,7 +67,7 @@ void sim_xyza_axes_stop(struct sim_xyza_axes *axes)
 		struct sim_motion *motion = &axes->list[axis].motion;
 
 		axes->list[axis].due = DB_TIME_NEVER;
-		sim_motion_set_ramps(motion, motion->acc, braking(axes, (enum xyza_axis)axis));
+		motion->dec = braking(axes, (enum xyza_axis)axis);
 		sim_motion_stop(motion);
 	}
 }
@@ -156,11 +157,4 @@ double sim_xyza_axes_position(const struct sim_xyza_axes *axes, enum xyza_axis a
 	if (position == 0.0)
 		return axes->list[axis].negative_zero ? -0.0 : 0.0;
 	return position;
-}
-
-void sim_xyza_axes_place(struct sim_xyza_axes *axes, enum xyza_axis axis, double position)
-{
-	axes->list[axis].due = DB_TIME_NEVER;
-	sim_motion_halt(&axes->list[axis].motion);
-	sim_xyza_axes_set_position(axes, axis, position);
 }

@@ -51,7 +51,4 @@ void sim_xyza_axes_set_position(struct sim_xyza_axes *axes, enum xyza_axis axis,
 /* Whole pulses; the sign of 0 is significant. */
 double sim_xyza_axes_position(const struct sim_xyza_axes *axes, enum xyza_axis axis);
 
-/* Puts an axis at this position, at standstill. */
-void sim_xyza_axes_place(struct sim_xyza_axes *axes, enum xyza_axis axis, double position);
-
 #endif

@@ -56,7 +56,7 @@ static struct sim_burst *serve_controller(struct sim_serial_bus *bus, struct sim
 	struct xyza_reply reply;
 	char text[XYZA_FRAME_MAX * HEX_DIGITS + 1];
 
-	if (!sim_xyza_state(node->xyza).powered || !sim_serial_bus_connects(bus, node) ||
+	if (!node->xyza->powered || !sim_serial_bus_connects(bus, node) ||
 	    sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
 		bus->stats.missed++;
 		return NULL;

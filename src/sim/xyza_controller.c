@@ -111,25 +111,21 @@ static bool is_timed(const struct sim_xyza *controller)
 	return controller->starting || controller->state == XYZA_PROGRAM_RUNNING;
 }
 
-static void advance_axes(struct sim_xyza *controller, db_time now)
-{
-	sim_xyza_axes_advance(&controller->axes, now);
-	controller->now = now;
-}
-
 void sim_xyza_advance(struct sim_xyza *controller, db_time now)
 {
 	if (now < controller->now)
 		return;
 	while (controller->powered && is_timed(controller) && controller->step_end <= now) {
-		advance_axes(controller, controller->step_end);
+		sim_xyza_axes_advance(&controller->axes, controller->step_end);
+		controller->now = controller->step_end;
 		if (controller->single_step && controller->step < controller->config.steps &&
 		    controller->step > 0)
 			pause_program(controller, XYZA_PROGRAM_WAITING);
 		else
 			next_step(controller);
 	}
-	advance_axes(controller, now);
+	sim_xyza_axes_advance(&controller->axes, now);
+	controller->now = now;
 }
 
 bool sim_xyza_busy(const struct sim_xyza *controller)
@@ -227,23 +223,21 @@ static bool accept(struct sim_xyza *controller, const struct xyza_request *reque
 	return true;
 }
 
-static bool write_magnitude(struct sim_xyza *controller, const struct xyza_request *request)
+static bool write_position(struct sim_xyza *controller, const struct xyza_request *request)
 {
-	bool negative = !controller->config.temper.amount_clears_sign &&
-	                signbit(sim_xyza_axes_position(&controller->axes, request->axis));
-	double magnitude = (double)request->value;
+	double position = sim_xyza_axes_position(&controller->axes, request->axis);
+	double magnitude;
+	bool negative;
 
+	if (request->verb == XYZA_WRITE_SIGN) {
+		magnitude = fabs(position);
+		negative = request->negative;
+	} else {
+		magnitude = (double)request->value;
+		negative = !controller->config.temper.amount_clears_sign && signbit(position);
+	}
 	sim_xyza_axes_set_position(&controller->axes, request->axis,
 	                           negative ? -magnitude : magnitude);
-	return true;
-}
-
-static bool write_sign(struct sim_xyza *controller, const struct xyza_request *request)
-{
-	double magnitude = fabs(sim_xyza_axes_position(&controller->axes, request->axis));
-
-	sim_xyza_axes_set_position(&controller->axes, request->axis,
-	                           request->negative ? -magnitude : magnitude);
 	return true;
 }
 
@@ -257,22 +251,18 @@ static bool write_output(struct sim_xyza *controller, const struct xyza_request 
 	return true;
 }
 
-/* True if the lowest speed would be above the highest one. */
-static bool crosses_speeds(const struct sim_xyza *controller, const struct xyza_request *request)
-{
-	if (request->item == XYZA_ITEM_MIN_SPEED)
-		return request->value >
-		       sim_xyza_content(controller, XYZA_ITEM_MAX_SPEED, request->axis);
-	return request->item == XYZA_ITEM_MAX_SPEED &&
-	       request->value < sim_xyza_content(controller, XYZA_ITEM_MIN_SPEED, request->axis);
-}
-
 static bool write_item(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	const struct sim_xyza_temper *temper = &controller->config.temper;
+	bool sets_min = request->item == XYZA_ITEM_MIN_SPEED;
+	bool sets_max = request->item == XYZA_ITEM_MAX_SPEED;
+	uint32_t min = sim_xyza_content(controller, XYZA_ITEM_MIN_SPEED, request->axis);
+	uint32_t max = sim_xyza_content(controller, XYZA_ITEM_MAX_SPEED, request->axis);
 	uint32_t content;
 
-	if (controller->config.temper.ordered_speeds && crosses_speeds(controller, request))
+	/* The lowest speed would be above the highest one. */
+	if (temper->ordered_speeds &&
+	    ((sets_min && request->value > max) || (sets_max && request->value < min)))
 		return false;
 	if (request->item == XYZA_ITEM_FACTORY_RESET) {
 		sim_xyza_axes_halt(&controller->axes);
@@ -281,9 +271,7 @@ static bool write_item(struct sim_xyza *controller, const struct xyza_request *r
 		return true;
 	}
 	content = request->value;
-	if (temper->clamps &&
-	    (request->item == XYZA_ITEM_MIN_SPEED || request->item == XYZA_ITEM_MAX_SPEED ||
-	     request->item == XYZA_ITEM_MANUAL_SPEED) &&
+	if (temper->clamps && (sets_min || sets_max || request->item == XYZA_ITEM_MANUAL_SPEED) &&
 	    content > SIM_XYZA_SPEED_MAX)
 		content = SIM_XYZA_SPEED_MAX;
 	sim_xyza_memory_set(&controller->memory, request->item, request->axis, content,
@@ -345,36 +333,26 @@ static bool program_stop(struct sim_xyza *controller, const struct xyza_request 
 	return true;
 }
 
-static bool program_start(struct sim_xyza *controller, const struct xyza_request *request)
+/* All requests about programs but their stops. */
+static bool run_program(struct sim_xyza *controller, const struct xyza_request *request)
 {
-	return start_program(controller, request->number);
-}
-
-static bool program_delay(struct sim_xyza *controller, const struct xyza_request *request)
-{
-	controller->delay = request->number;
-	return true;
-}
-
-static bool program_continue(struct sim_xyza *controller, const struct xyza_request *request)
-{
-	(void)request;
-	return resume_program(controller);
-}
-
-static bool program_end(struct sim_xyza *controller, const struct xyza_request *request)
-{
-	(void)request;
-	if (controller->state == XYZA_PROGRAM_RUNNING || controller->starting)
-		return false;
-	end_program(controller);
-	return true;
-}
-
-static bool step_mode(struct sim_xyza *controller, const struct xyza_request *request)
-{
-	controller->single_step = request->verb == XYZA_PROGRAM_STEP_ON;
-	return true;
+	switch (request->verb) {
+	case XYZA_PROGRAM_START:
+		return start_program(controller, request->number);
+	case XYZA_PROGRAM_CONTINUE:
+		return resume_program(controller);
+	case XYZA_PROGRAM_END:
+		if (controller->state == XYZA_PROGRAM_RUNNING || controller->starting)
+			return false;
+		end_program(controller);
+		return true;
+	case XYZA_PROGRAM_DELAY:
+		controller->delay = request->number;
+		return true;
+	default:
+		controller->single_step = request->verb == XYZA_PROGRAM_STEP_ON;
+		return true;
+	}
 }
 
 static handler_fn *const handlers[XYZA_VERB_COUNT] = {
@@ -384,8 +362,8 @@ static handler_fn *const handlers[XYZA_VERB_COUNT] = {
 	[XYZA_READ_STANDING] = accept,
 	[XYZA_READ_PORTS] = accept,
 	[XYZA_READ_ITEM] = accept,
-	[XYZA_WRITE_MAGNITUDE] = write_magnitude,
-	[XYZA_WRITE_SIGN] = write_sign,
+	[XYZA_WRITE_MAGNITUDE] = write_position,
+	[XYZA_WRITE_SIGN] = write_position,
 	[XYZA_WRITE_OUTPUT] = write_output,
 	[XYZA_WRITE_OUTPUTS] = write_output,
 	[XYZA_WRITE_ITEM] = write_item,
@@ -395,48 +373,39 @@ static handler_fn *const handlers[XYZA_VERB_COUNT] = {
 	[XYZA_MANUAL_CLEAR] = clear_position,
 	[XYZA_PROGRAM_QUICK_STOP] = program_stop,
 	[XYZA_PROGRAM_STOP] = program_stop,
-	[XYZA_PROGRAM_START] = program_start,
+	[XYZA_PROGRAM_START] = run_program,
 	[XYZA_PROGRAM_CLEAR] = clear_position,
-	[XYZA_PROGRAM_DELAY] = program_delay,
-	[XYZA_PROGRAM_CONTINUE] = program_continue,
-	[XYZA_PROGRAM_END] = program_end,
-	[XYZA_PROGRAM_STEP_ON] = step_mode,
-	[XYZA_PROGRAM_STEP_OFF] = step_mode,
+	[XYZA_PROGRAM_DELAY] = run_program,
+	[XYZA_PROGRAM_CONTINUE] = run_program,
+	[XYZA_PROGRAM_END] = run_program,
+	[XYZA_PROGRAM_STEP_ON] = run_program,
+	[XYZA_PROGRAM_STEP_OFF] = run_program,
 	[XYZA_PROGRAM_STATE] = accept,
 };
-
-static uint32_t read_value(const struct sim_xyza *controller, const struct xyza_request *request)
-{
-	double position = sim_xyza_axes_position(&controller->axes, request->axis);
-
-	switch (request->verb) {
-	case XYZA_READ_MAGNITUDE:
-		/* The counter is 32 bits wide and wraps in endless running. */
-		return (uint32_t)(int64_t)llround(fabs(position));
-	case XYZA_READ_SIGN:
-		return signbit(position) != 0;
-	case XYZA_READ_STANDING:
-		return controller->axes.list[request->axis].standing_bit.shown;
-	case XYZA_READ_PORTS:
-		return (uint32_t)controller->outputs << 16 | controller->inputs;
-	case XYZA_READ_ITEM:
-	default:
-		return sim_xyza_memory_show(&controller->memory, request->item, request->axis,
-		                            controller->now);
-	}
-}
 
 static void fill_reply(struct sim_xyza *controller, const struct xyza_request *request,
                        struct xyza_reply *reply)
 {
+	double position = sim_xyza_axes_position(&controller->axes, request->axis);
+	uint32_t value;
+
 	switch (request->verb) {
 	case XYZA_READ_MAGNITUDE:
+		/* The counter is 32 bits wide and wraps in endless running. */
+		value = (uint32_t)(int64_t)llround(fabs(position));
+		break;
 	case XYZA_READ_SIGN:
+		value = signbit(position) != 0;
+		break;
 	case XYZA_READ_STANDING:
+		value = controller->axes.list[request->axis].standing_bit.shown;
+		break;
 	case XYZA_READ_PORTS:
+		value = (uint32_t)controller->outputs << 16 | controller->inputs;
+		break;
 	case XYZA_READ_ITEM:
-		xyza_fill_data(request, read_value(controller, request), &controller->config.style,
-		               reply);
+		value = sim_xyza_memory_show(&controller->memory, request->item, request->axis,
+		                             controller->now);
 		break;
 	case XYZA_PROGRAM_STATE:
 		reply->kind = XYZA_REPLY_PROGRAM_STATE;
@@ -445,11 +414,12 @@ static void fill_reply(struct sim_xyza *controller, const struct xyza_request *r
 		                       (uint8_t)controller->state;
 		reply->program = (uint8_t)controller->program;
 		reply->step = (uint16_t)controller->step;
-		break;
+		return;
 	default:
 		reply->kind = XYZA_REPLY_DONE;
-		break;
+		return;
 	}
+	xyza_fill_data(request, value, &controller->config.style, reply);
 }
 
 /* SIM_XYZA_KIND_COUNT: no kind that can be ignored. */
@@ -536,23 +506,20 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 
 /* --- from outside ----------------------------------------------------------------------------- */
 
-static unsigned key(const struct sim_xyza *controller, enum xyza_param param)
-{
-	return xyza_param_get(param, sim_xyza_content(controller, XYZA_ITEM_KEYS, XYZA_X)).u;
-}
-
 static void press_key(struct sim_xyza *controller, unsigned number)
 {
-	if (number == key(controller, XYZA_START_KEY)) {
+	uint32_t keys = sim_xyza_content(controller, XYZA_ITEM_KEYS, XYZA_X);
+
+	if (number == xyza_param_get(XYZA_START_KEY, keys).u) {
 		if (!resume_program(controller))
 			(void)start_program(controller,
 			                    controller->program ? controller->program : 1);
-	} else if (number == key(controller, XYZA_STOP_KEY)) {
+	} else if (number == xyza_param_get(XYZA_STOP_KEY, keys).u) {
 		if (controller->state == XYZA_PROGRAM_RUNNING || controller->starting)
 			pause_program(controller, XYZA_PROGRAM_WAITING);
 		else
 			end_program(controller);
-	} else if (number == key(controller, XYZA_PAUSE_KEY)) {
+	} else if (number == xyza_param_get(XYZA_PAUSE_KEY, keys).u) {
 		pause_program(controller, XYZA_PROGRAM_WAITING);
 	}
 }
@@ -584,7 +551,9 @@ void sim_xyza_set_item(struct sim_xyza *controller, enum xyza_item item, enum xy
 void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t position, db_time now)
 {
 	sim_xyza_advance(controller, now);
-	sim_xyza_axes_place(&controller->axes, axis, position);
+	controller->axes.list[axis].due = DB_TIME_NEVER;
+	sim_motion_halt(&controller->axes.list[axis].motion);
+	sim_xyza_axes_set_position(&controller->axes, axis, position);
 }
 
 /* --- its behaviour ---------------------------------------------------------------------------- */
@@ -593,19 +562,6 @@ uint32_t sim_xyza_content(const struct sim_xyza *controller, enum xyza_item item
                           enum xyza_axis axis)
 {
 	return sim_xyza_memory_get(&controller->memory, item, axis);
-}
-
-struct sim_xyza_state sim_xyza_state(const struct sim_xyza *controller)
-{
-	return (struct sim_xyza_state){
-		.powered = controller->powered,
-		.inputs = controller->inputs,
-		.outputs = controller->outputs,
-		.program_state = controller->state,
-		.program = controller->program,
-		.step = controller->step,
-		.failures = controller->failures,
-	};
 }
 
 struct sim_xyza_axis_state sim_xyza_axis_state(const struct sim_xyza *controller,

@@ -98,7 +98,7 @@ struct sim_xyza {
 	bool starting;
 
 	uint32_t counts[XYZA_VERB_COUNT]; /* how often each verb was carried out */
-	uint32_t failures;
+	uint32_t failures;                /* requests that were answered as failed */
 };
 
 /* Fills in usual values; the caller then changes what it needs. */
@@ -134,21 +134,9 @@ void sim_xyza_set_item(struct sim_xyza *controller, enum xyza_item item, enum xy
 void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t position,
                     db_time now);
 
-/* State for tests. Call sim_xyza_advance() before. */
+/* State for tests; more is in the struct. Call sim_xyza_advance() before. */
 uint32_t sim_xyza_content(const struct sim_xyza *controller, enum xyza_item item,
                           enum xyza_axis axis);
-
-struct sim_xyza_state {
-	bool powered;
-	uint16_t inputs;
-	uint16_t outputs;
-	enum xyza_program_state program_state;
-	unsigned program;
-	unsigned step;
-	uint32_t failures; /* requests that were answered as failed */
-};
-
-struct sim_xyza_state sim_xyza_state(const struct sim_xyza *controller);
 
 struct sim_xyza_axis_state {
 	double position; /* pulses */

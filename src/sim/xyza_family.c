@@ -97,12 +97,10 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	fprintf(out,
 	        " inputs=0x%04x outputs=0x%04x program_state=%d program=%u step=%u power=%d"
 	        " address=%u heard=%" PRIu32 " replies=%" PRIu32 " failed=%" PRIu32,
-	        (unsigned)sim_xyza_state(node->xyza).inputs,
-	        (unsigned)sim_xyza_state(node->xyza).outputs,
-	        (int)sim_xyza_state(node->xyza).program_state, sim_xyza_state(node->xyza).program,
-	        sim_xyza_state(node->xyza).step, sim_xyza_state(node->xyza).powered,
+	        (unsigned)node->xyza->inputs, (unsigned)node->xyza->outputs, (int)node->xyza->state,
+	        node->xyza->program, node->xyza->step, node->xyza->powered,
 	        sim_xyza_content(node->xyza, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), node->received,
-	        node->replies, sim_xyza_state(node->xyza).failures);
+	        node->replies, node->xyza->failures);
 	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
 		fprintf(out, " %s=%" PRIu32, counted[i].name, node->xyza->counts[counted[i].verb]);
 }

@@ -151,7 +151,7 @@ static inline void rs485_begin(struct rs485 *line)
 
 static inline void rs485_free(struct rs485 *line)
 {
-	sim_serial_bus_free(line->wire);
+	free(line->wire);
 	for (size_t i = 0; i < line->bus->drive_count; i++)
 		sim_vsmd_free(line->nodes[i].drive);
 	fake_bus_free(line->bus);

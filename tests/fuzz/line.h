@@ -17,6 +17,8 @@
 #include "sim/vsmd_can_node.h"
 #include "transport/transport_private.h"
 
+#include <stdlib.h>
+
 #define LINE_DRIVES 4
 #define LINE_LATENCY (1 * DB_NS_PER_MS)
 
@@ -142,7 +144,7 @@ static inline void line_open(struct line *line, enum family family,
 
 static inline void line_close(struct line *line)
 {
-	sim_serial_bus_free(line->serial);
+	free(line->serial);
 	sim_can_bus_free(line->can);
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
 		sim_vsmd_free(line->nodes[i].drive);
@@ -186,7 +188,7 @@ static inline db_time line_next(struct line *line)
 
 static inline struct sim_faults *line_faults(struct line *line)
 {
-	return line->serial ? sim_serial_bus_faults(line->serial) : sim_can_bus_faults(line->can);
+	return line->serial ? sim_serial_bus_faults(line->serial) : &line->can->faults;
 }
 
 static inline void line_power(struct line *line, size_t place, bool on, db_time now)

@@ -74,19 +74,6 @@ void db_mqtt_acting_free(struct db_mqtt_acting *acting)
 	free(acting);
 }
 
-/* An error's name in the form of results: BadValue is bad_value. */
-static void name_error(const struct db_client_error *error, char *name, size_t size)
-{
-	size_t used = 0;
-
-	for (const char *at = db_client_error_short(error); *at && used + 2 < size; at++) {
-		if (isupper((unsigned char)*at) && used > 0)
-			name[used++] = '_';
-		name[used++] = (char)tolower((unsigned char)*at);
-	}
-	name[used] = '\0';
-}
-
 static void on_introduced(void *data, json_t *parameters, const struct db_client_error *error,
                           bool more)
 {
@@ -106,13 +93,20 @@ static void report(const struct db_mqtt_acting *acting, struct db_mqtt_outcome *
 {
 	const json_t *words = error ? error->parameters : parameters;
 	char name[64] = "";
+	size_t used = 0;
 
 	outcome->result = json_string_value(json_object_get(words, "result"));
 	outcome->repeated = json_is_true(json_object_get(words, "repeated"));
 	outcome->why = error ? error->text : "";
 	/* For an error the service gives the reason. */
 	if (error && !outcome->result) {
-		name_error(error, name, sizeof(name));
+		/* In the form of results: BadValue is bad_value. */
+		for (const char *at = db_client_error_short(error); *at && used + 2 < sizeof(name);
+		     at++) {
+			if (isupper((unsigned char)*at) && used > 0)
+				name[used++] = '_';
+			name[used++] = (char)tolower((unsigned char)*at);
+		}
 		outcome->refused = strcmp(error->name, DB_CLIENT_LOST) != 0 &&
 		                   strcmp(error->name, DB_STOPS_PENDING) != 0;
 	}

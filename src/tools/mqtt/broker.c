@@ -23,6 +23,10 @@
 #define CONNECT_MAX (15 * DB_NS_PER_S)
 #define MISC_INTERVAL (1 * DB_NS_PER_S)
 
+#define OLD_VERSION                                                                    \
+	"the broker does not speak MQTT 5; mqtt-version = 3.1.1 is for such brokers, " \
+	"without commands"
+
 enum state {
 	AWAY,
 	CONNECTING, /* until the port has answered */
@@ -107,13 +111,6 @@ static void set_reason(struct db_mqtt_broker *broker, const char *format, ...)
 	va_end(arguments);
 }
 
-static void note_old_version(struct db_mqtt_broker *broker)
-{
-	set_reason(broker, "%s",
-	           "the broker does not speak MQTT 5; mqtt-version = 3.1.1 is for such brokers, "
-	           "without commands");
-}
-
 static void on_connect(struct mosquitto *client, void *data, int code, int flags,
                        const mosquitto_property *properties)
 {
@@ -126,7 +123,7 @@ static void on_connect(struct mosquitto *client, void *data, int code, int flags
 		broker->accepted = true;
 	else if (code == MQTT_RC_UNSUPPORTED_PROTOCOL_VERSION &&
 	         broker->config->version == DB_MQTT_VERSION_5)
-		note_old_version(broker);
+		set_reason(broker, "%s", OLD_VERSION);
 	else
 		/* It answers in its own version of MQTT, which may differ from ours: below 128 it is 3.1.1. */
 		set_reason(broker, "the broker refuses the connection: %s",
@@ -170,7 +167,7 @@ static void on_publish(struct mosquitto *client, void *data, int number, int cod
 	}
 	if (number == broker->urgent)
 		broker->urgent = 0;
-	else
+	else if (broker->source_ops->confirmed)
 		broker->source_ops->confirmed(broker->source, number);
 }
 
@@ -258,7 +255,7 @@ static void fail(struct db_mqtt_broker *broker, int result, int cause, db_time n
 	         broker->config->version == DB_MQTT_VERSION_5)
 		/* Debian 13's library handles the short answer of 3.1.1 this way; that of 12
 		 * returns a code. */
-		note_old_version(broker);
+		set_reason(broker, "%s", OLD_VERSION);
 	else
 		set_reason(broker, "%s", mosquitto_strerror(result));
 	give_up(broker, now);
@@ -419,7 +416,7 @@ static void send_messages(struct db_mqtt_broker *broker, db_time now)
 		/* A message that this broker can never accept is not repeated. */
 		if (result == MOSQ_ERR_OVERSIZE_PACKET || result == MOSQ_ERR_PAYLOAD_SIZE) {
 			broker->stats.refused++;
-			broker->source_ops->refused(broker->source);
+			broker->source_ops->sent(broker->source, 0, true, now);
 			continue;
 		}
 		if (result) {
@@ -428,31 +425,18 @@ static void send_messages(struct db_mqtt_broker *broker, db_time now)
 		}
 		broker->stats.sent++;
 		broker->stats.bytes += strlen(message.topic) + message.length;
-		broker->source_ops->sent(broker->source, message.qos > 0 ? number : 0, now);
+		broker->source_ops->sent(broker->source, message.qos > 0 ? number : 0, false, now);
 		if (!flush(broker, now))
 			return;
 	}
-}
-
-/* Reads what came through the gate. The library processes a few packets at a time. */
-static int read_passed(struct db_mqtt_broker *broker)
-{
-	int result = MOSQ_ERR_SUCCESS;
-	int waiting = 0;
-
-	while (!result && mosquitto_socket(broker->client) >= 0 &&
-	       ioctl(mosquitto_socket(broker->client), FIONREAD, &waiting) == 0 && waiting > 0) {
-		errno = 0;
-		result = mosquitto_loop_read(broker->client, 1);
-	}
-	return result;
 }
 
 /* 0 or an error of the library; an error of the gate is translated. */
 static int read_some(struct db_mqtt_broker *broker)
 {
 	enum db_mqtt_gate_end end;
-	int result;
+	int result = MOSQ_ERR_SUCCESS;
+	int waiting = 0;
 	int cause;
 
 	/* Reading also continues the TLS handshake, whatever poll() reports. */
@@ -461,7 +445,12 @@ static int read_some(struct db_mqtt_broker *broker)
 		return mosquitto_loop_read(broker->client, 1);
 	end = db_mqtt_gate_receive(broker->gate);
 	cause = errno;
-	result = read_passed(broker);
+	/* What came through the gate. The library processes a few packets at a time. */
+	while (!result && mosquitto_socket(broker->client) >= 0 &&
+	       ioctl(mosquitto_socket(broker->client), FIONREAD, &waiting) == 0 && waiting > 0) {
+		errno = 0;
+		result = mosquitto_loop_read(broker->client, 1);
+	}
 	if (result || end == DB_MQTT_GATE_OPEN)
 		return result;
 	if (end == DB_MQTT_GATE_WRONG)
@@ -596,7 +585,8 @@ void db_mqtt_broker_renew(struct db_mqtt_broker *broker)
 void db_mqtt_broker_look(struct db_mqtt_broker *broker, int64_t us)
 {
 	if (broker->files)
-		db_mqtt_tls_files_look(broker->files, us);
+		db_certificate_pair_look(&broker->files->pair, broker->config->certificate_file,
+		                         us / 1000000);
 }
 
 void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter, int qos, bool kept)
@@ -624,6 +614,6 @@ struct db_mqtt_broker_stats db_mqtt_broker_read_stats(const struct db_mqtt_broke
 	struct db_mqtt_broker_stats stats = broker->stats;
 
 	if (broker->files)
-		stats.certificate_ends = db_mqtt_tls_files_end(broker->files);
+		stats.certificate_ends = broker->files->pair.facts.ends;
 	return stats;
 }

@@ -24,14 +24,13 @@ struct db_mqtt_source_ops {
 	/* What is published before this program leaves on purpose; with MQTT 5 the will is, too.
 	 * NULL, or false: nothing but the will. */
 	bool (*farewell)(void *source, struct db_mqtt_message *message);
-	/* The next message to be sent, the same one until one of the two calls below; false: there
-	 * is none now. Valid until the next call of the source. */
+	/* The next message to be sent, the same one until the call below; false: there is none now.
+	 * Valid until the next call of the source. */
 	bool (*next)(void *source, db_time now, struct db_mqtt_message *message);
-	/* It was sent with this number, whose confirmation will be reported; 0: it needs none. */
-	void (*sent)(void *source, int number, db_time now);
-	/* This broker can never accept it. */
-	void (*refused)(void *source);
-	void (*confirmed)(void *source, int number);
+	/* It was sent with this number, whose confirmation will be reported; 0: it needs none. Or
+	 * `refused`, then with 0: this broker can never accept it. */
+	void (*sent)(void *source, int number, bool refused, db_time now);
+	void (*confirmed)(void *source, int number); /* may be null */
 };
 
 struct db_mqtt_broker_ops {

@@ -6,24 +6,19 @@
 
 #include <string.h>
 
-static bool is_usual(const char *name)
-{
-	static const char *const usual[] = { "axis_state",     "error",           "status",
-		                             "position",       "velocity",        "position_units",
-		                             "velocity_units", "must_stand_cause" };
-
-	for (size_t i = 0; i < sizeof(usual) / sizeof(usual[0]); i++) {
-		if (strcmp(usual[i], name) == 0)
-			return true;
-	}
-	return false;
-}
+static const char *const usual[] = {
+	"axis_state",     "error",          "status",           "position", "velocity",
+	"position_units", "velocity_units", "must_stand_cause", NULL
+};
 
 /* What every message has in addition to its values, or whose changes nobody needs. */
-static bool is_frame(const char *name)
+static const char *const frame[] = { "quality", "timestamp_us", "age_ms", NULL };
+
+static bool is_one_of(const char *name, const char *const *names)
 {
-	return strcmp(name, "quality") == 0 || strcmp(name, "timestamp_us") == 0 ||
-	       strcmp(name, "age_ms") == 0;
+	while (*names && strcmp(*names, name) != 0)
+		names++;
+	return *names != NULL;
 }
 
 json_t *db_mqtt_choose_registers(const struct db_mqtt_config *config, const json_t *registers)
@@ -41,21 +36,11 @@ json_t *db_mqtt_choose_registers(const struct db_mqtt_config *config, const json
 		/* Process data come first, up to the first writable register. */
 		process = process && !json_is_true(json_object_get(reg, "writable"));
 		if (values->word == DB_SETTING_NAMED   ? db_setting_list_has(values, name) :
-		    values->word == DB_MQTT_VALUES_ALL ? process && !is_frame(name) :
-		                                         is_usual(name))
+		    values->word == DB_MQTT_VALUES_ALL ? process && !is_one_of(name, frame) :
+		                                         is_one_of(name, usual))
 			(void)json_array_append(chosen, reg);
 	}
 	return chosen;
-}
-
-void db_mqtt_choose_drives(const struct db_mqtt_config *config, json_t *drives)
-{
-	for (size_t i = json_array_size(drives);
-	     config->drives.word == DB_SETTING_NAMED && i-- > 0;) {
-		if (!db_setting_list_has(&config->drives,
-		                         db_client_text(json_array_get(drives, i), "name")))
-			(void)json_array_remove(drives, i);
-	}
 }
 
 json_t *db_mqtt_collect_names(const struct db_mqtt_config *config,

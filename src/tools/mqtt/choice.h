@@ -6,9 +6,6 @@
 #include "client/plant.h"
 #include "mqtt/config.h"
 
-/* Removes the drives that are not to be published. */
-void db_mqtt_choose_drives(const struct db_mqtt_config *config, json_t *drives);
-
 /* The published registers of a drive: a new array. */
 json_t *db_mqtt_choose_registers(const struct db_mqtt_config *config, const json_t *registers);
 

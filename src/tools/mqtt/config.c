@@ -21,19 +21,13 @@ static void add_out_of_memory(struct db_settings *settings)
 }
 
 /* One level of a topic, or with `levels` several. */
-static bool is_topic(const char *text, bool levels)
-{
-	size_t length = strlen(text);
-
-	return length > 0 && text[strcspn(text, "+#")] == '\0' && text[0] != '$' &&
-	       text[0] != '/' && text[length - 1] != '/' && !strstr(text, "//") &&
-	       (levels || !strchr(text, '/'));
-}
-
 static void check_topic(struct db_settings *settings, const char *section, const char *name,
                         const char *text, bool levels)
 {
-	if (!is_topic(text, levels))
+	size_t length = strlen(text);
+
+	if (length == 0 || text[strcspn(text, "+#")] != '\0' || text[0] == '$' || text[0] == '/' ||
+	    text[length - 1] == '/' || strstr(text, "//") || (!levels && strchr(text, '/')))
 		db_messages_add_error(
 			settings->messages, db_settings_line(settings, section, name),
 			"%s = %s cannot be a part of topics: no + and #, no $ first, no "
@@ -208,20 +202,6 @@ static void set_if_empty(struct db_settings *settings, char **text, const char *
 	}
 }
 
-static void check_values(struct db_settings *settings)
-{
-	const struct db_mqtt_config *config = settings->values;
-	const char *names = config->values.names;
-	size_t count = 0;
-
-	for (; names && *names; names += strlen(names) + 1)
-		count++;
-	if (count > VALUES_MAX)
-		db_messages_add_error(settings->messages,
-		                      db_settings_line(settings, "publish", "values"),
-		                      "values has %zu names; %d at most", count, VALUES_MAX);
-}
-
 static void check_sparkplug(struct db_settings *settings)
 {
 	const struct db_mqtt_config *config = settings->values;
@@ -258,9 +238,15 @@ static void check_sparkplug(struct db_settings *settings)
 static void check_whole(struct db_settings *settings, const void *host_name)
 {
 	struct db_mqtt_config *config = settings->values;
+	size_t values = 0;
 
 	check_broker(settings);
-	check_values(settings);
+	for (const char *name = config->values.names; name && *name; name += strlen(name) + 1)
+		values++;
+	if (values > VALUES_MAX)
+		db_messages_add_error(settings->messages,
+		                      db_settings_line(settings, "publish", "values"),
+		                      "values has %zu names; %d at most", values, VALUES_MAX);
 	set_if_empty(settings, &config->gateway, "", host_name);
 	set_if_empty(settings, &config->client_id, "drivebridge-", config->gateway);
 	if (!config->gateway || !config->client_id)

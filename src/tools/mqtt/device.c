@@ -234,13 +234,13 @@ bool db_mqtt_device_take(struct db_mqtt_points *points, const json_t *values, in
 	json_int_t taken = json_integer_value(json_object_get(values, "timestamp_us"));
 	json_int_t quality = json_integer_value(json_object_get(values, "quality"));
 	const json_t *state = json_object_get(values, "axis_state");
-	const struct db_mqtt_point *point;
 
 	/* With `stale = value` a drive that does not answer is uncertain, but its state tells. */
 	if (quality == 0 || (json_is_integer(state) && json_integer_value(state) == STATE_OFFLINE))
 		return false;
 	db_mqtt_points_rate(points, quality >= GOOD_FROM ? DB_MQTT_GOOD : DB_MQTT_STALE);
-	for (size_t i = 0; (point = db_mqtt_points_at(points, i)) != NULL; i++) {
+	for (size_t i = 0; i < points->count; i++) {
+		const struct db_mqtt_point *point = &points->list[i];
 		json_t *value = json_object_get(values, point->what);
 
 		if (point->kind == DB_MQTT_VALUE)

@@ -232,7 +232,6 @@ void db_mqtt_discovery_announce(const struct db_mqtt_config *config,
 		.document = document,
 		.context = context,
 	};
-	json_t *registers = db_mqtt_picture_registers(picture);
 	const char *name;
 	const json_t *reg;
 
@@ -242,7 +241,7 @@ void db_mqtt_discovery_announce(const struct db_mqtt_config *config,
 		if (!isalnum((unsigned char)*at) && *at != '-')
 			*at = '_';
 	}
-	json_object_foreach(registers, name, reg) put_value(&announcement, name, reg);
+	json_object_foreach(picture->registers, name, reg) put_value(&announcement, name, reg);
 	for (size_t i = 0; i < sizeof(commands) / sizeof(commands[0]); i++)
 		put_button(&announcement, commands[i], json_object_get(stops, commands[i]));
 }

@@ -21,13 +21,6 @@ struct db_mqtt_figures {
 	uint64_t left_out; /* refusals that were not answered */
 };
 
-/* What waits for the broker. */
-struct db_mqtt_waiting {
-	size_t messages;
-	size_t bytes;
-	uint64_t dropped; /* since the start of this program */
-};
-
 enum db_mqtt_kind {
 	DB_MQTT_NOTHING, /* nothing that the caller is to act upon */
 	DB_MQTT_COMMAND,
@@ -59,9 +52,9 @@ struct db_mqtt_form_ops {
 	void (*event)(void *form, json_t *event);
 	void (*bus_figures)(void *form, json_t *buses);
 	void (*troubles)(void *form, const struct db_client_troubles *troubles, const json_t *news);
-	void (*figures)(void *form, const struct db_mqtt_figures *figures);
+	/* Returns the number of messages that were dropped since the start of this program. */
+	uint64_t (*figures)(void *form, const struct db_mqtt_figures *figures);
 	void (*result)(void *form, const struct db_mqtt_outcome *outcome);
-	struct db_mqtt_waiting (*waiting)(const void *form);
 
 	/* There is a connection: subscribes, and begins to send. */
 	void (*connected)(void *form, struct db_mqtt_broker *broker);

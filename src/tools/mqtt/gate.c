@@ -69,37 +69,13 @@ int db_mqtt_gate_fd(const struct db_mqtt_gate *gate)
 	return gate->broker;
 }
 
-/* The number of bytes in whole packets. *wrong: the next bytes are no valid packet. */
-static size_t count_whole(const struct db_mqtt_gate *gate, bool *wrong)
-{
-	enum db_mqtt_verdict verdict;
-	size_t whole = 0;
-	size_t length;
-
-	while ((verdict = db_mqtt_packet_check(gate->in + whole, gate->in_used - whole,
-	                                       gate->version_5, &length)) == DB_MQTT_PACKET_WHOLE)
-		whole += length;
-	*wrong = verdict == DB_MQTT_PACKET_WRONG;
-	return whole;
-}
-
-/* False: the library's end is closed or full; it is never full, because the library reads all
- * before more bytes arrive. */
-static bool pass_on(struct db_mqtt_gate *gate, size_t count)
-{
-	if (count > 0 &&
-	    send(gate->library, gate->in, count, MSG_DONTWAIT | MSG_NOSIGNAL) != (ssize_t)count)
-		return false;
-	gate->in_used -= count;
-	memmove(gate->in, gate->in + count, gate->in_used);
-	return true;
-}
-
 enum db_mqtt_gate_end db_mqtt_gate_receive(struct db_mqtt_gate *gate)
 {
 	ssize_t got = recv(gate->broker, gate->in + gate->in_used, IN_MAX - gate->in_used,
 	                   MSG_DONTWAIT);
-	bool wrong;
+	enum db_mqtt_verdict verdict;
+	size_t whole = 0;
+	size_t length;
 
 	if (got == 0)
 		return DB_MQTT_GATE_CLOSED;
@@ -108,32 +84,40 @@ enum db_mqtt_gate_end db_mqtt_gate_receive(struct db_mqtt_gate *gate)
 		               DB_MQTT_GATE_OPEN :
 		               DB_MQTT_GATE_BROKEN;
 	gate->in_used += (size_t)got;
-	if (!pass_on(gate, count_whole(gate, &wrong)))
+	/* Whole packets are passed on, as many as there are. */
+	while ((verdict = db_mqtt_packet_check(gate->in + whole, gate->in_used - whole,
+	                                       gate->version_5, &length)) == DB_MQTT_PACKET_WHOLE)
+		whole += length;
+	/* The library's end is closed or full; it is never full, because the library reads all
+	 * before more bytes arrive. */
+	if (whole > 0 &&
+	    send(gate->library, gate->in, whole, MSG_DONTWAIT | MSG_NOSIGNAL) != (ssize_t)whole)
 		return DB_MQTT_GATE_BROKEN;
-	return wrong ? DB_MQTT_GATE_WRONG : DB_MQTT_GATE_OPEN;
-}
-
-/* Reads the library's bytes for the broker; false: there are none. */
-static bool fetch(struct db_mqtt_gate *gate)
-{
-	ssize_t got = recv(gate->library, gate->out, OUT_MAX, MSG_DONTWAIT);
-
-	gate->out_sent = 0;
-	gate->out_used = got > 0 ? (size_t)got : 0;
-	return got > 0;
+	gate->in_used -= whole;
+	memmove(gate->in, gate->in + whole, gate->in_used);
+	return verdict == DB_MQTT_PACKET_WRONG ? DB_MQTT_GATE_WRONG : DB_MQTT_GATE_OPEN;
 }
 
 bool db_mqtt_gate_send(struct db_mqtt_gate *gate)
 {
-	while (db_mqtt_gate_is_choked(gate) || fetch(gate)) {
-		ssize_t sent = send(gate->broker, gate->out + gate->out_sent,
-		                    gate->out_used - gate->out_sent, MSG_DONTWAIT | MSG_NOSIGNAL);
+	for (;;) {
+		ssize_t sent;
 
+		/* The library's next bytes for the broker. */
+		if (!db_mqtt_gate_is_choked(gate)) {
+			ssize_t got = recv(gate->library, gate->out, OUT_MAX, MSG_DONTWAIT);
+
+			gate->out_sent = 0;
+			gate->out_used = got > 0 ? (size_t)got : 0;
+			if (got <= 0)
+				return true;
+		}
+		sent = send(gate->broker, gate->out + gate->out_sent,
+		            gate->out_used - gate->out_sent, MSG_DONTWAIT | MSG_NOSIGNAL);
 		if (sent < 0)
 			return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
 		gate->out_sent += (size_t)sent;
 	}
-	return true;
 }
 
 bool db_mqtt_gate_is_choked(const struct db_mqtt_gate *gate)

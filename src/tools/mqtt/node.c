@@ -170,17 +170,6 @@ static json_t *keep(void *form, json_t *received, bool commands)
 	return db_mqtt_device_keep(node->config, received, commands);
 }
 
-/* Data that wait keep their meaning as long as the drive has the same metrics. */
-static void forget_others(struct node *node, const struct device *former, size_t count)
-{
-	for (size_t i = 0; i < count; i++) {
-		const struct device *now = find_device(node, former[i].name);
-
-		if (!now || !db_mqtt_points_are_same(former[i].points, now->points))
-			db_mqtt_store_forget(node->store, former[i].name);
-	}
-}
-
 static void on_found(void *form, const json_t *description, const struct db_plant_drive *drives,
                      size_t count, const json_t *stops)
 {
@@ -212,7 +201,13 @@ static void on_found(void *form, const json_t *description, const struct db_plan
 		(void)add_own(node->points, name, DB_MQTT_STRING,
 		              "What is wrong with this drive; none: nothing");
 	}
-	forget_others(node, former, former_count);
+	/* Data that wait keep their meaning as long as the drive has the same metrics. */
+	for (size_t i = 0; i < former_count; i++) {
+		const struct device *now = find_device(node, former[i].name);
+
+		if (!now || !db_mqtt_points_are_same(former[i].points, now->points))
+			db_mqtt_store_forget(node->store, former[i].name);
+	}
 	clear_devices(former, former_count);
 	node->prepared.what = NOTHING;
 	set_own(node, "service", json_string("online"));
@@ -288,15 +283,7 @@ static void on_lost(void *form)
 	}
 }
 
-static struct db_mqtt_waiting read_waiting(const void *form)
-{
-	const struct node *node = form;
-	struct db_mqtt_store_stats stats = db_mqtt_store_read_stats(node->store);
-
-	return (struct db_mqtt_waiting){ stats.messages, stats.bytes, stats.dropped };
-}
-
-static void on_figures(void *form, const struct db_mqtt_figures *figures)
+static uint64_t on_figures(void *form, const struct db_mqtt_figures *figures)
 {
 	struct node *node = form;
 	struct db_mqtt_store_stats stats = db_mqtt_store_read_stats(node->store);
@@ -304,6 +291,7 @@ static void on_figures(void *form, const struct db_mqtt_figures *figures)
 	(void)figures;
 	set_own(node, "buffered", json_integer((json_int_t)stats.messages));
 	set_own(node, "dropped", json_integer((json_int_t)stats.dropped));
+	return stats.dropped;
 }
 
 /* --- commands --------------------------------------------------------------------------------- */
@@ -371,21 +359,12 @@ static bool is_open(const void *form)
 	return node->born && !node->wants_birth;
 }
 
-/* The device whose DCMD this is; NULL: it is none. */
-static struct device *find_commanded(const struct node *node, const char *topic)
-{
-	struct db_mqtt_topic head = topic_of(node, "DCMD", "");
-	size_t length = strlen(head.text);
-
-	if (strncmp(topic, head.text, length) != 0 || topic[length] != '/')
-		return NULL;
-	return find_device(node, topic + length + 1);
-}
-
 static enum db_mqtt_kind take(void *form, const char *topic, const void *bytes, size_t length,
                               const json_t *stops, struct db_mqtt_received *received)
 {
 	struct node *node = form;
+	struct db_mqtt_topic head = topic_of(node, "DCMD", "");
+	size_t head_length = strlen(head.text);
 	const struct device *device;
 	bool alive;
 
@@ -398,7 +377,9 @@ static enum db_mqtt_kind take(void *form, const char *topic, const void *bytes, 
 			node->wants_birth = true;
 		return DB_MQTT_NOTHING;
 	}
-	device = find_commanded(node, topic);
+	if (strncmp(topic, head.text, head_length) != 0 || topic[head_length] != '/')
+		return DB_MQTT_NOTHING;
+	device = find_device(node, topic + head_length + 1);
 	if (!device)
 		return DB_MQTT_NOTHING;
 	(void)snprintf(received->drive, sizeof(received->drive), "%s", device->name);
@@ -626,10 +607,12 @@ static void begin_births(struct node *node, db_time now)
 }
 
 /* What was given out has been sent, or with `refused` is left out: too long for the broker. */
-static void settle(struct node *node, bool refused, db_time now)
+static void on_sent(void *form, int number, bool refused, db_time now)
 {
+	struct node *node = form;
 	struct device *device = node->prepared.device;
 
+	(void)number;
 	if (refused)
 		db_client_log(
 			DB_CLIENT_ERROR,
@@ -669,23 +652,6 @@ static void settle(struct node *node, bool refused, db_time now)
 	if (!refused)
 		node->seq = (node->seq + 1) % SEQ_COUNT;
 	node->prepared.what = NOTHING;
-}
-
-static void on_sent(void *form, int number, db_time now)
-{
-	(void)number;
-	settle(form, false, now);
-}
-
-static void on_refused(void *form)
-{
-	settle(form, true, db_client_now());
-}
-
-static void on_confirmed(void *form, int number)
-{
-	(void)form;
-	(void)number;
 }
 
 /* --- its life --------------------------------------------------------------------------------- */
@@ -751,9 +717,7 @@ const struct db_mqtt_form_ops db_mqtt_node = {
 	.source = { .will = write_will,
 	            .farewell = write_farewell,
 	            .next = find_next,
-	            .sent = on_sent,
-	            .refused = on_refused,
-	            .confirmed = on_confirmed },
+	            .sent = on_sent },
 	.keep = keep,
 	.found = on_found,
 	.lost = on_lost,
@@ -761,7 +725,6 @@ const struct db_mqtt_form_ops db_mqtt_node = {
 	.troubles = on_troubles,
 	.figures = on_figures,
 	.result = on_result,
-	.waiting = read_waiting,
 	.connected = on_connected,
 	.disconnected = on_disconnected,
 	.is_open = is_open,

@@ -213,16 +213,6 @@ static void make_id(const struct order *order, const void *bytes, size_t length,
 	               order->run ? order->run->what : "write", sum);
 }
 
-static void judge(struct order *order)
-{
-	if (order->run && json_object_size(order->written) > 0)
-		refuse(order, "either a command or registers are written, not both");
-	if (!order->run && json_object_size(order->written) == 0)
-		refuse(order, "there is no command, and nothing to be written");
-	if (order->untimed)
-		refuse(order, "neither its metrics nor the payload have a time");
-}
-
 /* Moves what was read to the command, which owns it then. */
 static void fill_command(struct order *order, const void *bytes, size_t length,
                          struct db_mqtt_command *command)
@@ -288,7 +278,12 @@ const char *db_mqtt_order_read(const struct db_mqtt_points *points, const json_t
 			take_metric(&order, payload, payload->metrics[i]);
 		*alive = order.alive && !order.run && !order.stop &&
 		         json_object_size(order.written) == 0;
-		judge(&order);
+		if (order.run && json_object_size(order.written) > 0)
+			refuse(&order, "either a command or registers are written, not both");
+		if (!order.run && json_object_size(order.written) == 0)
+			refuse(&order, "there is no command, and nothing to be written");
+		if (order.untimed)
+			refuse(&order, "neither its metrics nor the payload have a time");
 		fill_command(&order, bytes, length, command);
 	} else {
 		refuse(&order, "out of memory");

@@ -7,17 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct db_mqtt_picture {
-	json_t *drive;
-	json_t *registers; /* by name */
-	json_t *values;    /* as last published */
-	char quality[16];
-	int64_t us;   /* of the data; 0: never */
-	bool changed; /* since the state was published */
-	bool published;
-	db_time published_at;
-};
-
 struct db_mqtt_picture *db_mqtt_picture_new(const json_t *drive, const json_t *registers)
 {
 	struct db_mqtt_picture *picture = calloc(1, sizeof(*picture));
@@ -58,11 +47,6 @@ const char *db_mqtt_picture_name(const struct db_mqtt_picture *picture)
 	const char *name = json_string_value(json_object_get(picture->drive, "name"));
 
 	return name ? name : "";
-}
-
-json_t *db_mqtt_picture_registers(const struct db_mqtt_picture *picture)
-{
-	return picture->registers;
 }
 
 char *db_mqtt_picture_dump(const json_t *json)

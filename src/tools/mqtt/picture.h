@@ -11,7 +11,16 @@
 #include <jansson.h>
 #include <stdbool.h>
 
-struct db_mqtt_picture;
+struct db_mqtt_picture {
+	json_t *drive;
+	json_t *registers; /* those that are published, by name */
+	json_t *values;    /* as last published */
+	char quality[16];
+	int64_t us;   /* of the data; 0: never */
+	bool changed; /* since the state was published */
+	bool published;
+	db_time published_at;
+};
 
 /* The drive from Describe, and its published registers from Registers; both stay the caller's. NULL
  * without memory; freed with db_mqtt_picture_free(), NULL is allowed. */
@@ -19,9 +28,6 @@ struct db_mqtt_picture *db_mqtt_picture_new(const json_t *drive, const json_t *r
 void db_mqtt_picture_free(struct db_mqtt_picture *picture);
 
 const char *db_mqtt_picture_name(const struct db_mqtt_picture *picture);
-
-/* The published registers, an object by their names. Belongs to the picture. */
-json_t *db_mqtt_picture_registers(const struct db_mqtt_picture *picture);
 
 /*
  * Takes the values of one sample; `us` is when it was sent, for a drive that does not know the time

@@ -248,7 +248,7 @@ static void on_bus_figures(void *form, json_t *buses)
 	                  "values", figures));
 }
 
-static void on_figures(void *form, const struct db_mqtt_figures *figures)
+static uint64_t on_figures(void *form, const struct db_mqtt_figures *figures)
 {
 	struct plain *plain = form;
 	const struct db_mqtt_broker_stats *broker = &figures->broker;
@@ -266,14 +266,7 @@ static void on_figures(void *form, const struct db_mqtt_figures *figures)
 			(json_int_t)outbox.bytes, "skipped", (json_int_t)figures->skipped,
 			"left_out", (json_int_t)figures->left_out, "certificate_ends_s",
 			broker->certificate_ends ? json_integer(broker->certificate_ends) : NULL));
-}
-
-static struct db_mqtt_waiting read_waiting(const void *form)
-{
-	const struct plain *plain = form;
-	struct db_mqtt_outbox_stats stats = db_mqtt_outbox_read_stats(plain->outbox);
-
-	return (struct db_mqtt_waiting){ stats.messages, stats.bytes, stats.dropped };
+	return outbox.dropped;
 }
 
 /* --- commands --------------------------------------------------------------------------------- */
@@ -393,22 +386,16 @@ static bool find_next(void *form, db_time now, struct db_mqtt_message *message)
 	return true;
 }
 
-static void on_sent(void *form, int number, db_time now)
+static void on_sent(void *form, int number, bool refused, db_time now)
 {
 	struct plain *plain = form;
 
+	(void)refused;
 	(void)now;
 	if (number > 0)
 		db_mqtt_outbox_sent(plain->outbox, number);
 	else
 		db_mqtt_outbox_sent_for_good(plain->outbox);
-}
-
-static void on_refused(void *form)
-{
-	struct plain *plain = form;
-
-	db_mqtt_outbox_sent_for_good(plain->outbox);
 }
 
 static void on_confirmed(void *form, int number)
@@ -456,7 +443,6 @@ const struct db_mqtt_form_ops db_mqtt_plain = {
 	.source = { .will = write_will,
 	            .next = find_next,
 	            .sent = on_sent,
-	            .refused = on_refused,
 	            .confirmed = on_confirmed },
 	.keep = keep,
 	.found = on_found,
@@ -467,7 +453,6 @@ const struct db_mqtt_form_ops db_mqtt_plain = {
 	.troubles = on_troubles,
 	.figures = on_figures,
 	.result = on_result,
-	.waiting = read_waiting,
 	.connected = on_connected,
 	.is_open = is_open,
 	.take = take,

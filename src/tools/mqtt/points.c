@@ -8,17 +8,6 @@
 /* The metric of a drive whose values are one instance of a template. */
 #define INSTANCE "drive"
 
-struct db_mqtt_points {
-	struct db_mqtt_aliases *aliases;
-	char *owner;
-	char *template;
-	int64_t instance; /* alias of the metric that is the instance */
-	struct db_mqtt_point *list;
-	size_t count;
-	enum db_mqtt_quality quality;
-	bool rated; /* the quality has changed since it was written */
-};
-
 bool db_mqtt_aliases_open(struct db_mqtt_aliases *aliases)
 {
 	*aliases = (struct db_mqtt_aliases){ .known = json_object() };
@@ -89,25 +78,14 @@ void db_mqtt_points_free(struct db_mqtt_points *points)
 	free(points);
 }
 
-static struct db_mqtt_point *find(const struct db_mqtt_points *points, const char *name,
-                                  int64_t alias)
+struct db_mqtt_point *db_mqtt_points_find(const struct db_mqtt_points *points, const char *name,
+                                          int64_t alias)
 {
 	for (size_t i = 0; i < points->count; i++) {
 		if (name ? strcmp(points->list[i].name, name) == 0 : points->list[i].alias == alias)
 			return &points->list[i];
 	}
 	return NULL;
-}
-
-const struct db_mqtt_point *db_mqtt_points_find(const struct db_mqtt_points *points,
-                                                const char *name, int64_t alias)
-{
-	return find(points, name, alias);
-}
-
-const struct db_mqtt_point *db_mqtt_points_at(const struct db_mqtt_points *points, size_t index)
-{
-	return index < points->count ? &points->list[index] : NULL;
 }
 
 bool db_mqtt_points_add(struct db_mqtt_points *points, const struct db_mqtt_point *point)
@@ -143,7 +121,7 @@ bool db_mqtt_points_add(struct db_mqtt_points *points, const struct db_mqtt_poin
 
 void db_mqtt_points_set(struct db_mqtt_points *points, const char *name, json_t *value, int64_t us)
 {
-	struct db_mqtt_point *point = find(points, name, 0);
+	struct db_mqtt_point *point = db_mqtt_points_find(points, name, 0);
 
 	if (!point) {
 		json_decref(value);

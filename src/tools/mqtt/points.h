@@ -45,7 +45,16 @@ struct db_mqtt_point {
 	bool changed;
 };
 
-struct db_mqtt_points;
+struct db_mqtt_points {
+	struct db_mqtt_aliases *aliases;
+	char *owner;
+	char *template;
+	int64_t instance; /* alias of the metric that is the instance */
+	struct db_mqtt_point *list;
+	size_t count;
+	enum db_mqtt_quality quality;
+	bool rated; /* the quality has changed since it was written */
+};
 
 /* `owner`: a device, "" is the node. `template`: the definition that its values are an instance of;
  * "": they are metrics of their own. NULL without memory; freed with db_mqtt_points_free(), NULL is
@@ -68,9 +77,8 @@ void db_mqtt_points_rate(struct db_mqtt_points *points, enum db_mqtt_quality qua
 bool db_mqtt_points_have_news(const struct db_mqtt_points *points);
 
 /* By the name, or with NULL by the alias. NULL: there is none. */
-const struct db_mqtt_point *db_mqtt_points_find(const struct db_mqtt_points *points,
-                                                const char *name, int64_t alias);
-const struct db_mqtt_point *db_mqtt_points_at(const struct db_mqtt_points *points, size_t index);
+struct db_mqtt_point *db_mqtt_points_find(const struct db_mqtt_points *points, const char *name,
+                                          int64_t alias);
 
 /* Adds all of them with all that is to be known of them, or those that have changed. None has
  * changed after that. `us`: now. */

@@ -33,6 +33,7 @@ struct db_mqtt_publisher {
 	struct db_plant *plant;
 	struct db_mqtt_acting *acting;
 	struct db_mqtt_senders *senders;
+	struct db_mqtt_topic echo;
 	db_time figures_at;
 	db_time echo_at;    /* DB_TIME_NEVER without a connection, or without commands */
 	db_time echoed;     /* when the latest returned echo was sent */
@@ -48,12 +49,6 @@ struct db_mqtt_publisher {
 	uint64_t skipped;      /* samples that the service left out */
 	uint64_t dropped_told; /* messages, when it was last logged */
 };
-
-static struct db_mqtt_topic echo_topic(const struct db_mqtt_publisher *publisher)
-{
-	return db_mqtt_topic_of_gateway(publisher->config->prefix, publisher->config->gateway,
-	                                "echo");
-}
 
 /* --- the plant -------------------------------------------------------------------------------- */
 
@@ -71,11 +66,19 @@ static void on_skipped(void *context, int64_t count)
 	publisher->skipped += (uint64_t)count;
 }
 
+/* Removes the drives that are not to be published. */
 static void choose_drives(void *context, json_t *description)
 {
 	const struct db_mqtt_publisher *publisher = context;
+	const struct db_setting_list *chosen = &publisher->config->drives;
+	json_t *drives = json_object_get(description, "drives");
 
-	db_mqtt_choose_drives(publisher->config, json_object_get(description, "drives"));
+	if (chosen->word != DB_SETTING_NAMED)
+		return;
+	for (size_t i = json_array_size(drives); i-- > 0;) {
+		if (!db_setting_list_has(chosen, db_client_text(json_array_get(drives, i), "name")))
+			(void)json_array_remove(drives, i);
+	}
 }
 
 static json_t *keep(void *context, const char *drive, json_t *received, bool commands)
@@ -86,29 +89,13 @@ static json_t *keep(void *context, const char *drive, json_t *received, bool com
 	return publisher->ops->keep(publisher->form, received, commands);
 }
 
-/* Begins the stream of the published values. */
-static void subscribe(struct db_mqtt_publisher *publisher, const struct db_plant_drive *drives,
-                      size_t count)
-{
-	json_t *values = db_mqtt_collect_names(publisher->config, drives, count);
-	json_t *names = json_array();
-
-	for (size_t i = 0; i < count; i++)
-		(void)json_array_append(names, json_object_get(drives[i].description, "name"));
-	/* No drives would mean all of them. */
-	if (count > 0)
-		db_plant_subscribe(publisher->plant, names, values, publisher->config->interval_ms,
-		                   false);
-	json_decref(names);
-	json_decref(values);
-}
-
 static void on_found(void *context, json_t *description, const struct db_plant_drive *drives,
                      size_t count)
 {
 	struct db_mqtt_publisher *publisher = context;
 	const char *version = json_string_value(json_object_get(description, "version"));
 	int64_t service = json_integer_value(json_object_get(description, "started_us"));
+	json_t *values, *names;
 
 	/* Another run of the service does not remember earlier ids. */
 	if (service != publisher->service)
@@ -128,7 +115,16 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
 	}
 	db_client_log(DB_CLIENT_NOTICE, "connected to drivebridged %s; drives: %zu",
 	              version ? version : "", count);
-	subscribe(publisher, drives, count);
+	/* The stream of the published values. No drives would mean all of them. */
+	values = db_mqtt_collect_names(publisher->config, drives, count);
+	names = json_array();
+	for (size_t i = 0; i < count; i++)
+		(void)json_array_append(names, json_object_get(drives[i].description, "name"));
+	if (count > 0)
+		db_plant_subscribe(publisher->plant, names, values, publisher->config->interval_ms,
+		                   false);
+	json_decref(names);
+	json_decref(values);
 }
 
 static void on_troubles(void *context, const struct db_client_troubles *troubles,
@@ -169,9 +165,8 @@ static void publish_figures(struct db_mqtt_publisher *publisher)
 		.skipped = publisher->skipped,
 		.left_out = publisher->left_out,
 	};
-	uint64_t dropped = publisher->ops->waiting(publisher->form).dropped;
+	uint64_t dropped = publisher->ops->figures(publisher->form, &figures);
 
-	publisher->ops->figures(publisher->form, &figures);
 	if (dropped > publisher->dropped_told)
 		db_client_log(DB_CLIENT_WARNING,
 		              "the buffer is full: %llu messages more dropped, the oldest first",
@@ -204,7 +199,7 @@ static void send_echo(struct db_mqtt_publisher *publisher)
 			config->keepalive_s);
 	(void)snprintf(text, sizeof(text), "%u %lld", publisher->echo_mark,
 	               (long long)db_client_now());
-	db_mqtt_broker_send_now(publisher->broker, echo_topic(publisher).text, text);
+	db_mqtt_broker_send_now(publisher->broker, publisher->echo.text, text);
 	publisher->echo_at = db_client_now() + config->age_ms * DB_NS_PER_MS / 4;
 }
 
@@ -224,7 +219,7 @@ static void on_broker_connected(void *context)
 	publisher->heard = db_client_now();
 	publisher->subscribed = db_client_now();
 	/* A dropped echo would look like a lost broker. */
-	db_mqtt_broker_subscribe(publisher->broker, echo_topic(publisher).text, 1, false);
+	db_mqtt_broker_subscribe(publisher->broker, publisher->echo.text, 1, false);
 }
 
 /* Senders of commands cannot stop a drive any more: the drives lose their client. */
@@ -300,38 +295,24 @@ static void handle_command(struct db_mqtt_publisher *publisher,
 	                   arrival.now);
 }
 
-/* Only he who has commanded the drive keeps it going, and as long as he may. */
-static void feed(struct db_mqtt_publisher *publisher, const char *drive, const char *sender)
-{
-	struct db_grant grant = db_mqtt_senders_grant(publisher->senders, sender);
-	bool named = publisher->config->senders == DB_MQTT_SENDERS_TOPIC;
-
-	if (!named || (sender[0] && db_grant_has(&grant, DB_MAY_MOVE, drive)))
-		db_mqtt_acting_feed(publisher->acting, drive, named ? sender : NULL,
-		                    db_client_now());
-}
-
-static void take_echo(struct db_mqtt_publisher *publisher, const char *text, db_time now)
-{
-	unsigned mark;
-	long long sent;
-
-	if (sscanf(text, "%u %lld", &mark, &sent) == 2 && mark == publisher->echo_mark &&
-	    sent > publisher->echoed && sent <= now)
-		publisher->echoed = sent;
-}
-
 static void on_message(void *context, const char *topic, const char *text, size_t length,
                        bool retained)
 {
 	struct db_mqtt_publisher *publisher = context;
+	const struct db_mqtt_config *config = publisher->config;
 	db_time now = db_client_now();
-	bool current = now - publisher->echoed <= publisher->config->age_ms * DB_NS_PER_MS;
+	bool current = now - publisher->echoed <= config->age_ms * DB_NS_PER_MS;
+	bool named = config->senders == DB_MQTT_SENDERS_TOPIC;
 	struct db_mqtt_received received = { .wrong = NULL };
+	struct db_grant grant;
+	unsigned mark;
+	long long sent;
 
 	publisher->heard = now;
-	if (strcmp(topic, echo_topic(publisher).text) == 0) {
-		take_echo(publisher, text, now);
+	if (strcmp(topic, publisher->echo.text) == 0) {
+		if (sscanf(text, "%u %lld", &mark, &sent) == 2 && mark == publisher->echo_mark &&
+		    sent > publisher->echoed && sent <= now)
+			publisher->echoed = sent;
 		return;
 	}
 	switch (publisher->ops->take(publisher->form, topic, text, length,
@@ -340,8 +321,14 @@ static void on_message(void *context, const char *topic, const char *text, size_
 		handle_command(publisher, &received, retained);
 		break;
 	case DB_MQTT_ALIVE:
-		if (current && !retained)
-			feed(publisher, received.drive, received.sender);
+		if (!current || retained)
+			break;
+		/* Only he who has commanded the drive keeps it going, and as long as he may. */
+		grant = db_mqtt_senders_grant(publisher->senders, received.sender);
+		if (!named ||
+		    (received.sender[0] && db_grant_has(&grant, DB_MAY_MOVE, received.drive)))
+			db_mqtt_acting_feed(publisher->acting, received.drive,
+			                    named ? received.sender : NULL, db_client_now());
 		break;
 	case DB_MQTT_NOTHING:
 		break;
@@ -390,6 +377,7 @@ struct db_mqtt_publisher *db_mqtt_publisher_new(sd_event *loop, const struct db_
 	publisher->plant = db_plant_new(loop, &wishes, &plant_ops, publisher);
 	publisher->acting = db_mqtt_acting_new(loop, config->socket, publish_result, publisher);
 	publisher->senders = db_mqtt_senders_new(config);
+	publisher->echo = db_mqtt_topic_of_gateway(config->prefix, config->gateway, "echo");
 	publisher->echo_at = DB_TIME_NEVER;
 	if (publisher->form && publisher->broker && publisher->plant && publisher->acting &&
 	    publisher->senders)

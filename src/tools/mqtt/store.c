@@ -28,11 +28,6 @@ struct db_mqtt_store *db_mqtt_store_new(size_t messages, size_t bytes)
 	return store;
 }
 
-static size_t size_of(const struct db_mqtt_stored *stored)
-{
-	return sizeof(*stored) + stored->length;
-}
-
 /* What was sent does not wait. */
 static void put_last(struct db_mqtt_store *store, enum db_mqtt_shelf shelf,
                      struct db_mqtt_stored *stored)
@@ -70,7 +65,7 @@ static bool free_first(struct db_mqtt_store *store, enum db_mqtt_shelf shelf)
 
 	if (!stored)
 		return false;
-	store->stats.bytes -= size_of(stored);
+	store->stats.bytes -= sizeof(*stored) + stored->length;
 	free(stored);
 	return true;
 }
@@ -92,28 +87,23 @@ static bool has_room(const struct db_mqtt_store *store, size_t bytes)
 	       store->stats.bytes + bytes <= store->bytes_max;
 }
 
-/* Copies of what was sent are the first to go, then the oldest of what waits. */
-static bool make_room(struct db_mqtt_store *store, size_t bytes)
-{
-	static const enum db_mqtt_shelf order[] = { DB_MQTT_SHELF_PARKED, DB_MQTT_SHELF_LATER,
-		                                    DB_MQTT_SHELF_NOW };
-
-	while (store->stats.bytes + bytes > store->bytes_max &&
-	       free_first(store, DB_MQTT_SHELF_SENT))
-		;
-	for (size_t i = 0; i < sizeof(order) / sizeof(order[0]); i++) {
-		while (!has_room(store, bytes) && free_first(store, order[i]))
-			store->stats.dropped++;
-	}
-	return has_room(store, bytes);
-}
-
 void db_mqtt_store_add(struct db_mqtt_store *store, enum db_mqtt_shelf shelf, const char *device,
                        const uint8_t *metrics, size_t length)
 {
+	static const enum db_mqtt_shelf order[] = { DB_MQTT_SHELF_PARKED, DB_MQTT_SHELF_LATER,
+		                                    DB_MQTT_SHELF_NOW };
 	size_t size = sizeof(struct db_mqtt_stored) + length;
-	struct db_mqtt_stored *stored = make_room(store, size) ? malloc(size) : NULL;
+	struct db_mqtt_stored *stored;
 
+	/* Copies of what was sent are the first to go, then the oldest of what waits. */
+	while (store->stats.bytes + size > store->bytes_max &&
+	       free_first(store, DB_MQTT_SHELF_SENT))
+		;
+	for (size_t i = 0; i < sizeof(order) / sizeof(order[0]); i++) {
+		while (!has_room(store, size) && free_first(store, order[i]))
+			store->stats.dropped++;
+	}
+	stored = has_room(store, size) ? malloc(size) : NULL;
 	if (!stored) {
 		store->stats.dropped++;
 		return;
@@ -223,7 +213,7 @@ void db_mqtt_store_forget(struct db_mqtt_store *store, const char *device)
 				continue;
 			}
 			store->stats.dropped += waits;
-			store->stats.bytes -= size_of(at);
+			store->stats.bytes -= sizeof(*at) + at->length;
 			free(at);
 		}
 	}

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/tls_files.h"
-#include "certificates/pair.h"
 #include "client/clock.h"
 #include "client/log.h"
 
@@ -10,26 +9,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-/* A file of this process alone. */
-struct copy {
-	int fd; /* -1: there is none */
-	char path[32];
-};
-
-struct db_mqtt_tls_files {
-	const struct db_mqtt_config *config;
-	struct db_certificate_file authorities;
-	struct db_certificate_pair pair;
-	struct copy copies[DB_MQTT_TLS_FILES];
-};
-
-static int64_t wall_s(void)
-{
-	return db_client_wall_us() / 1000000;
-}
-
 /* False with an error in the log: then the copy is as before. */
-static bool copy_file(struct copy *copy, const struct db_certificate_file *file)
+static bool copy_file(struct db_mqtt_tls_copy *copy, const struct db_certificate_file *file)
 {
 	int fd = memfd_create("drivebridge-tls", MFD_CLOEXEC);
 
@@ -52,7 +33,8 @@ static bool load_authorities(const struct db_mqtt_config *config, struct db_cert
 	struct db_certificate_facts facts;
 
 	return db_certificate_file_read(file, config->ca_file, why) &&
-	       db_certificate_check_list(file, wall_s(), &facts, why) != DB_CERTIFICATE_WRONG;
+	       db_certificate_check_list(file, db_client_wall_us() / 1000000, &facts, why) !=
+	               DB_CERTIFICATE_WRONG;
 }
 
 static bool load(struct db_mqtt_tls_files *files)
@@ -70,7 +52,7 @@ static bool load(struct db_mqtt_tls_files *files)
 	if (!config->certificate_file[0])
 		return true;
 	state = db_certificate_pair_load(&files->pair, config->certificate_file, config->key_file,
-	                                 wall_s(), why);
+	                                 db_client_wall_us() / 1000000, why);
 	if (state != DB_CERTIFICATE_GOOD)
 		db_client_log(DB_CLIENT_ERROR, "%s", why);
 	return state != DB_CERTIFICATE_WRONG &&
@@ -109,14 +91,9 @@ void db_mqtt_tls_files_free(struct db_mqtt_tls_files *files)
 const char *db_mqtt_tls_files_path(const struct db_mqtt_tls_files *files,
                                    enum db_mqtt_tls_file file)
 {
-	const struct copy *copy = &files->copies[file];
+	const struct db_mqtt_tls_copy *copy = &files->copies[file];
 
 	return copy->fd >= 0 ? copy->path : NULL;
-}
-
-int64_t db_mqtt_tls_files_end(const struct db_mqtt_tls_files *files)
-{
-	return files->pair.facts.ends;
 }
 
 void db_mqtt_tls_files_renew(struct db_mqtt_tls_files *files)
@@ -141,12 +118,7 @@ void db_mqtt_tls_files_renew(struct db_mqtt_tls_files *files)
 	db_certificate_file_clear(&authorities);
 	if (config->certificate_file[0] &&
 	    db_certificate_pair_renew(&files->pair, config->certificate_file, config->key_file,
-	                              wall_s(), "the next connection") &&
+	                              db_client_wall_us() / 1000000, "the next connection") &&
 	    copy_file(&files->copies[DB_MQTT_TLS_CERTIFICATE], &files->pair.certificate))
 		(void)copy_file(&files->copies[DB_MQTT_TLS_KEY], &files->pair.key);
-}
-
-void db_mqtt_tls_files_look(struct db_mqtt_tls_files *files, int64_t us)
-{
-	db_certificate_pair_look(&files->pair, files->config->certificate_file, us / 1000000);
 }

@@ -95,23 +95,6 @@ static UA_StatusCode describe_space(UA_Server *server, const struct space *space
 /* --- capabilities ----------------------------------------------------------------------------- */
 
 /* The standard's variables that the library leaves out. */
-static UA_StatusCode add_limit(UA_Server *server, UA_UInt32 node, const char *name,
-                               UA_UInt32 number)
-{
-	UA_VariableAttributes attributes = UA_VariableAttributes_default;
-
-	attributes.displayName.text = db_opcua_string(name);
-	attributes.dataType = UA_NODEID_NUMERIC(0, UA_NS0ID_UINT32);
-	attributes.valueRank = UA_VALUERANK_SCALAR;
-	UA_Variant_setScalar(&attributes.value, &number, &UA_TYPES[UA_TYPES_UINT32]);
-	return UA_Server_addVariableNode(server, UA_NODEID_NUMERIC(0, node),
-	                                 UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER_SERVERCAPABILITIES),
-	                                 UA_NODEID_NUMERIC(0, UA_NS0ID_HASPROPERTY),
-	                                 (UA_QualifiedName){ .name = db_opcua_string(name) },
-	                                 UA_NODEID_NUMERIC(0, UA_NS0ID_PROPERTYTYPE), attributes,
-	                                 NULL, NULL);
-}
-
 static UA_StatusCode add_limits(UA_Server *server, const struct db_opcua_config *config,
                                 UA_UInt32 message_max)
 {
@@ -138,27 +121,30 @@ static UA_StatusCode add_limits(UA_Server *server, const struct db_opcua_config 
 	};
 	UA_StatusCode status = UA_STATUSCODE_GOOD;
 
-	for (size_t i = 0; i < sizeof(limits) / sizeof(limits[0]); i++)
-		status |= add_limit(server, limits[i].node, limits[i].name, limits[i].number);
+	for (size_t i = 0; i < sizeof(limits) / sizeof(limits[0]); i++) {
+		UA_VariableAttributes attributes = UA_VariableAttributes_default;
+		UA_UInt32 number = limits[i].number;
+
+		attributes.displayName.text = db_opcua_string(limits[i].name);
+		attributes.dataType = UA_NODEID_NUMERIC(0, UA_NS0ID_UINT32);
+		attributes.valueRank = UA_VALUERANK_SCALAR;
+		UA_Variant_setScalar(&attributes.value, &number, &UA_TYPES[UA_TYPES_UINT32]);
+		status |= UA_Server_addVariableNode(
+			server, UA_NODEID_NUMERIC(0, limits[i].node),
+			UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER_SERVERCAPABILITIES),
+			UA_NODEID_NUMERIC(0, UA_NS0ID_HASPROPERTY),
+			(UA_QualifiedName){ .name = db_opcua_string(limits[i].name) },
+			UA_NODEID_NUMERIC(0, UA_NS0ID_PROPERTYTYPE), attributes, NULL, NULL);
+	}
 	return status;
-}
-
-/* The library claims more: fifty sessions, and nodes that clients add. */
-static UA_StatusCode set_profiles(UA_Server *server)
-{
-	UA_String profiles[] = { PROFILE("EmbeddedUA2017"), PROFILE("Methods") };
-	UA_Variant value;
-
-	UA_Variant_setArray(&value, profiles, sizeof(profiles) / sizeof(profiles[0]),
-	                    &UA_TYPES[UA_TYPES_STRING]);
-	return UA_Server_writeValue(
-		server, UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER_SERVERCAPABILITIES_SERVERPROFILEARRAY),
-		value);
 }
 
 UA_StatusCode db_opcua_about_set_up(UA_Server *server, const struct db_opcua_config *config,
                                     UA_UInt32 message_max)
 {
+	/* The library claims more: fifty sessions, and nodes that clients add. */
+	UA_String profiles[] = { PROFILE("EmbeddedUA2017"), PROFILE("Methods") };
+	UA_Variant value;
 	char uri[DB_OPCUA_URI_MAX];
 	const struct space types = { .uri = DB_OPCUA_TYPES_NAMESPACE,
 		                     .version = db_opcua_types_version,
@@ -177,6 +163,8 @@ UA_StatusCode db_opcua_about_set_up(UA_Server *server, const struct db_opcua_con
 		                   .day = db_opcua_types_date };
 	UA_StatusCode status = describe_space(server, &types);
 
+	UA_Variant_setArray(&value, profiles, sizeof(profiles) / sizeof(profiles[0]),
+	                    &UA_TYPES[UA_TYPES_STRING]);
 	db_opcua_config_space(config, uri);
 	if (status == UA_STATUSCODE_GOOD)
 		status = describe_space(server, &own);
@@ -185,6 +173,9 @@ UA_StatusCode db_opcua_about_set_up(UA_Server *server, const struct db_opcua_con
 	if (status == UA_STATUSCODE_GOOD)
 		status = add_limits(server, config, message_max);
 	if (status == UA_STATUSCODE_GOOD)
-		status = set_profiles(server);
+		status = UA_Server_writeValue(
+			server,
+			UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER_SERVERCAPABILITIES_SERVERPROFILEARRAY),
+			value);
 	return status;
 }

@@ -21,15 +21,6 @@ void db_opcua_alarms_begin(struct db_opcua_alarms *alarms)
 		alarm->listed = false;
 }
 
-static struct db_opcua_alarm *find_same(const struct db_opcua_alarms *alarms, const char *id)
-{
-	struct db_opcua_alarm *alarm = alarms->list;
-
-	while (alarm && strcmp(alarm->id, id) != 0)
-		alarm = alarm->next;
-	return alarm;
-}
-
 /* Names of drives have no slash, and an id without a name has no part for it. NULL without
  * memory. */
 static struct db_opcua_alarm *find_or_add(struct db_opcua_alarms *alarms, const json_t *told)
@@ -42,9 +33,10 @@ static struct db_opcua_alarm *find_or_add(struct db_opcua_alarms *alarms, const 
 
 	(void)snprintf(id, sizeof(id), DB_OPCUA_ALARMS ".%.15s%s%.63s.%.31s", kind,
 	               name[0] ? "." : "", name, db_client_text(told, "cause"));
-	alarm = find_same(alarms, id);
-	if (alarm)
-		return alarm;
+	while (*end && strcmp((*end)->id, id) != 0)
+		end = &(*end)->next;
+	if (*end)
+		return *end;
 	alarm = calloc(1, sizeof(*alarm));
 	if (!alarm)
 		return NULL;
@@ -52,8 +44,6 @@ static struct db_opcua_alarm *find_or_add(struct db_opcua_alarms *alarms, const 
 	alarm->cause = strrchr(alarm->id, '.') + 1;
 	(void)snprintf(alarm->kind, sizeof(alarm->kind), "%s", kind);
 	(void)snprintf(alarm->name, sizeof(alarm->name), "%s", name);
-	while (*end)
-		end = &(*end)->next;
 	*end = alarm;
 	return alarm;
 }

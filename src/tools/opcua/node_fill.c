@@ -81,12 +81,6 @@ static void set_constant(struct db_opcua_node *node, const UA_DataType *type, bo
 		UA_Variant_setScalar(&variable->value.data.value.value, values, type);
 }
 
-static void fill_object(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
-                        UA_QualifiedName name, const char *description)
-{
-	set_head(nodes, node, UA_NODECLASS_OBJECT, name, description);
-}
-
 static void let_listen(struct db_opcua_node *node, UA_MonitoredItem **listeners)
 {
 	node->node.objectNode.eventNotifier = UA_EVENTNOTIFIER_SUBSCRIBE_TO_EVENT |
@@ -183,17 +177,17 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 	switch (branch->type) {
 	case DB_OPCUA_ROOT:
 		if (shown->gateway) {
-			fill_object(nodes, node, db_opcua_member_name(&nodes->roster, "Gateway"),
-			            kind->type->text);
+			set_head(nodes, node, UA_NODECLASS_OBJECT,
+			         db_opcua_member_name(&nodes->roster, "Gateway"), kind->type->text);
 			break;
 		}
-		fill_object(nodes, node, db_opcua_own_name(&nodes->roster, shown->name),
-		            kind->type->text);
+		set_head(nodes, node, UA_NODECLASS_OBJECT,
+		         db_opcua_own_name(&nodes->roster, shown->name), kind->type->text);
 		let_listen(node, &shown->listeners);
 		break;
 	case DB_OPCUA_FOLDER:
 	case DB_OPCUA_IDENTIFICATION:
-		fill_object(nodes, node, name, text_of(shown->tree, branch));
+		set_head(nodes, node, UA_NODECLASS_OBJECT, name, text_of(shown->tree, branch));
 		break;
 	case DB_OPCUA_VARIABLE:
 		fill_register(nodes, node);
@@ -239,8 +233,8 @@ static void fill_condition(const struct db_opcua_nodes *nodes, struct db_opcua_n
 	enum db_opcua_member member = node->subject.member;
 
 	if (member == DB_OPCUA_MEMBERS) {
-		fill_object(nodes, node, db_opcua_condition_name(&nodes->roster, alarm),
-		            alarm->text);
+		set_head(nodes, node, UA_NODECLASS_OBJECT,
+		         db_opcua_condition_name(&nodes->roster, alarm), alarm->text);
 		return;
 	}
 	set_head(nodes, node, UA_NODECLASS_VARIABLE,
@@ -292,24 +286,28 @@ void db_opcua_node_fill(struct db_opcua_nodes *nodes, struct db_opcua_node *node
 
 	switch (node->subject.type) {
 	case DB_OPCUA_ALL_DRIVES:
-		fill_object(nodes, node, db_opcua_member_name(&nodes->roster, "Drives"),
-		            "The drives by their names");
+		set_head(nodes, node, UA_NODECLASS_OBJECT,
+		         db_opcua_member_name(&nodes->roster, "Drives"),
+		         "The drives by their names");
 		let_listen(node, &nodes->listeners);
 		break;
 	case DB_OPCUA_ALL_BUSES:
-		fill_object(nodes, node, db_opcua_member_name(&nodes->roster, "Buses"),
-		            "The lines that they are on");
+		set_head(nodes, node, UA_NODECLASS_OBJECT,
+		         db_opcua_member_name(&nodes->roster, "Buses"),
+		         "The lines that they are on");
 		break;
 	case DB_OPCUA_ALL_ALARMS:
-		fill_object(nodes, node, db_opcua_member_name(&nodes->roster, "Alarms"),
-		            "The alarms that there have been, as conditions");
+		set_head(nodes, node, UA_NODECLASS_OBJECT,
+		         db_opcua_member_name(&nodes->roster, "Alarms"),
+		         "The alarms that there have been, as conditions");
 		break;
 	case DB_OPCUA_CONDITION:
 		fill_condition(nodes, node);
 		break;
 	case DB_OPCUA_BUS:
-		fill_object(nodes, node, db_opcua_own_name(&nodes->roster, bus->name),
-		            db_opcua_type_of_bus()->text);
+		set_head(nodes, node, UA_NODECLASS_OBJECT,
+		         db_opcua_own_name(&nodes->roster, bus->name),
+		         db_opcua_type_of_bus()->text);
 		break;
 	case DB_OPCUA_FACT:
 		row = db_opcua_type_member(db_opcua_type_of_bus(), fact->name);

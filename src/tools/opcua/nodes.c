@@ -23,23 +23,19 @@
 
 /* --- ids -------------------------------------------------------------------------------------- */
 
-/* The types of events are in the library's own store. */
-static bool identify_row(UA_String id, struct db_opcua_subject *subject)
-{
-	const struct db_opcua_type_row *row = db_opcua_type_find((const char *)id.data, id.length);
-
-	*subject = (struct db_opcua_subject){ .type = DB_OPCUA_OF_TYPES, .row = row };
-	return row && row->class != DB_OPCUA_EVENT_TYPE_ROW;
-}
-
 static bool identify(void *context, UA_UInt16 space, UA_String id, struct db_opcua_subject *subject)
 {
 	const struct db_opcua_nodes *nodes = context;
+	const struct db_opcua_type_row *row;
 
 	if (id.length == 0)
 		return false;
-	if (space == nodes->roster.types)
-		return identify_row(id, subject);
+	if (space == nodes->roster.types) {
+		row = db_opcua_type_find((const char *)id.data, id.length);
+		*subject = (struct db_opcua_subject){ .type = DB_OPCUA_OF_TYPES, .row = row };
+		/* The types of events are in the library's own store. */
+		return row && row->class != DB_OPCUA_EVENT_TYPE_ROW;
+	}
 	return db_opcua_roster_identify(&nodes->roster, (const char *)id.data, id.length, subject);
 }
 

@@ -165,9 +165,9 @@ static void a_frame_takes_its_bits(void **state)
 	const struct db_can_frame frame = frame_of(0x123, 8);
 
 	host_says(b, 0x123);
-	assert_int_equal(sim_can_bus_waiting(b->bus), 1);
+	assert_int_equal(b->bus->host_count, 1);
 	run(b);
-	assert_int_equal(sim_can_bus_waiting(b->bus), 0);
+	assert_int_equal(b->bus->host_count, 0);
 	assert_int_equal(b->wire_count, 1);
 	assert_int_equal(b->wire[0].end, START + time_of(0x123, 8));
 	for (size_t i = 0; i < STATIONS; i++) {
@@ -176,7 +176,7 @@ static void a_frame_takes_its_bits(void **state)
 		assert_int_equal(b->drives[i].heard_at, START + time_of(0x123, 8));
 	}
 	assert_int_equal(b->got_count, 0);
-	assert_int_equal(sim_can_bus_stats(b->bus)->busy_ns, (uint64_t)time_of(0x123, 8));
+	assert_int_equal(b->bus->stats.busy_ns, (uint64_t)time_of(0x123, 8));
 }
 
 /* 131 bits with eight bytes, up to 29 more to stuff them. */
@@ -224,7 +224,7 @@ static void the_lowest_id_goes_first(void **state)
 	assert_int_equal(b->wire[1].direction, '>');
 	assert_int_equal(b->wire[2].id, 0x300);
 	assert_int_equal(b->wire[3].id, 0x7FF);
-	assert_int_equal(sim_can_bus_stats(b->bus)->arbitration_lost, 1);
+	assert_int_equal(b->bus->stats.arbitration_lost, 1);
 	assert_int_equal(b->got_count, 3);
 }
 
@@ -255,7 +255,7 @@ static void who_comes_late_waits(void **state)
 	assert_int_equal(b->wire[1].id, 0x001);
 	assert_int_equal(b->wire[2].id, 0x500);
 	assert_int_equal(b->wire[1].end - b->wire[0].end, time_of(0x001, 8));
-	assert_int_equal(sim_can_bus_stats(b->bus)->arbitration_lost, 1);
+	assert_int_equal(b->bus->stats.arbitration_lost, 1);
 }
 
 static void the_host_has_so_much_room(void **state)
@@ -266,11 +266,11 @@ static void the_host_has_so_much_room(void **state)
 
 	while (taken < 1000 && sim_can_bus_put(b->bus, &frame, b->now))
 		taken++;
-	assert_int_equal(taken, sim_can_bus_waiting(b->bus));
-	assert_int_equal(sim_can_bus_stats(b->bus)->overflows, 1);
+	assert_int_equal(taken, b->bus->host_count);
+	assert_int_equal(b->bus->stats.overflows, 1);
 	assert_in_range(taken, 1, FRAMES_MAX);
 	run(b);
-	assert_int_equal(sim_can_bus_stats(b->bus)->host_frames, taken);
+	assert_int_equal(b->bus->stats.host_frames, taken);
 }
 
 static void only_so_many_stations(void **state)
@@ -347,7 +347,7 @@ static void a_corrupted_frame_costs_time_only(void **state)
 	assert_memory_equal(&b->got[0], &frame, sizeof frame);
 	assert_true(b->wire[0].end > START + time_of(0x100, 8));
 	assert_true(b->wire[0].end < START + 2 * time_of(0x100, 8));
-	assert_int_equal(sim_can_bus_stats(b->bus)->corrupted, 1);
+	assert_int_equal(b->bus->stats.corrupted, 1);
 }
 
 static void half_of_a_truncated_frame_is_missing(void **state)
@@ -365,7 +365,7 @@ static void garbage_comes_before_the_frame(void **state)
 {
 	struct bench *b = *state;
 
-	fault(sim_can_bus_faults(b->bus), "garbage 1");
+	fault(&b->bus->faults, "garbage 1");
 	drive_says(b, 0, 0x100, START);
 	run(b);
 	assert_int_equal(b->got_count, 2);
@@ -416,7 +416,7 @@ static void with_echo_the_host_hears_itself(void **state)
 {
 	struct bench *b = *state;
 
-	fault(sim_can_bus_faults(b->bus), "echo on");
+	fault(&b->bus->faults, "echo on");
 	host_says(b, 0x200);
 	run(b);
 	assert_int_equal(b->got_count, 1);
@@ -432,8 +432,8 @@ static void a_cut_host_is_not_there(void **state)
 
 	host_says(b, 0x100);
 	sim_can_bus_cut(b->bus, true);
-	assert_true(sim_can_bus_is_cut(b->bus));
-	assert_int_equal(sim_can_bus_waiting(b->bus), 0);
+	assert_true(b->bus->cut);
+	assert_int_equal(b->bus->host_count, 0);
 	assert_false(sim_can_bus_put(b->bus, &frame, b->now));
 	drive_says(b, 0, 0x200, START);
 	run(b);

@@ -121,7 +121,7 @@ static void the_bus_loses_what_was_sent(void **state)
 {
 	struct bench *b = *state;
 
-	fault(sim_can_bus_faults(b->bus), "lose-request 1");
+	fault(&b->bus->faults, "lose-request 1");
 	assert_int_equal(ask(b, "0018039E#0003"), 0);
 	assert_int_equal(ask(b, "0018039E#0003"), 2);
 }

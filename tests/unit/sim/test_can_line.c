@@ -88,7 +88,7 @@ static int set_up(void **state, bool adapter)
 	bench = (struct bench){ .now = START, .drive.says_at = DB_TIME_NEVER };
 	bench.line = sim_can_line_new(&config, note_trace, &bench);
 	assert_non_null(bench.line);
-	assert_true(sim_can_bus_attach(sim_can_line_bus(bench.line), &station));
+	assert_true(sim_can_bus_attach(bench.line->bus, &station));
 	*state = &bench;
 	return 0;
 }

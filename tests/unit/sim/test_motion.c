@@ -16,7 +16,8 @@ static struct sim_motion standing(double acc, double dec)
 	struct sim_motion motion;
 
 	sim_motion_init(&motion, 0);
-	sim_motion_set_ramps(&motion, acc, dec);
+	motion.acc = acc;
+	motion.dec = dec;
 	return motion;
 }
 
@@ -100,7 +101,8 @@ static void mixed_ramps_still_arrive(void **state)
 	sim_motion_move(&motion, 3000.0, 4000.0);
 	(void)run_out(&motion);
 	assert_near(motion.position, 3000.0, 0.0);
-	sim_motion_set_ramps(&motion, 10000.0, 0.0);
+	motion.acc = 10000.0;
+	motion.dec = 0.0;
 	sim_motion_move(&motion, -77.0, 4000.0);
 	(void)run_out(&motion);
 	assert_near(motion.position, -77.0, 0.0);
@@ -163,7 +165,8 @@ static void soft_limit_holds_at_once_and_outside_nothing_moves(void **state)
 	struct sim_motion motion = standing(10000.0, 10000.0);
 
 	(void)state;
-	sim_motion_set_limits(&motion, -500.0, 1000.0);
+	motion.limit_min = -500.0;
+	motion.limit_max = 1000.0;
 	sim_motion_run(&motion, 4000.0);
 	(void)run_out(&motion);
 	assert_near(motion.position, 1000.0, 0.0);

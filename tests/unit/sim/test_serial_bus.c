@@ -10,6 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -57,7 +58,7 @@ static int teardown(void **state)
 {
 	struct bench *bench = *state;
 
-	sim_serial_bus_free(bench->bus);
+	free(bench->bus);
 	sim_vsmd_free(bench->nodes[0].drive);
 	sim_vsmd_free(bench->nodes[1].drive);
 	return 0;
@@ -347,7 +348,7 @@ static void new_id_and_rate_come_with_power(void **state)
 	assert_int_equal(b->length, 0);
 	talk(b, "9 sts\n");
 	assert_int_equal(b->length, 21);
-	sim_serial_bus_set_baud(b->bus, 19200);
+	b->bus->config.baud = 19200;
 	talk(b, "9 sts\n");
 	assert_int_equal(b->length, 0);
 }

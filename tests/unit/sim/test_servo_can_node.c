@@ -133,7 +133,7 @@ static void a_node_answers_its_own_frames(void **state)
 	hear(&alone, 0x0A5, BYTES(0x80, 0, 0, 0));
 	hear(&alone, 0x025, BYTES(0, 2));
 	assert_int_equal(alone.node.unknown, 2);
-	assert_true(sim_servo_state(alone.drive).enabled);
+	assert_true(alone.drive->enabled);
 	sim_servo_free(alone.drive);
 }
 
@@ -144,7 +144,7 @@ static void broadcasts_are_obeyed_in_silence(void **state)
 
 	(void)state;
 	hear(&alone, 0x020, BYTES(0, 10));
-	assert_true(sim_servo_state(alone.drive).enabled);
+	assert_true(alone.drive->enabled);
 	hear(&alone, 0x01F, 0, NULL);
 	assert_int_equal(alone.drive->counts[SERVO_CAN_SYNC], 1);
 	assert_false(sim_servo_node_send(&alone.node, alone.now + LATENCY, &frame));
@@ -425,8 +425,8 @@ static void a_speed_and_its_stop(void **state)
 	assert_string_equal(state_of(world, 0), "Stopping");
 	pass(world, 300 * MS);
 	assert_string_equal(state_of(world, 0), "Standstill");
-	assert_true(sim_servo_state(world->servos[0]).enabled);
-	assert_true(sim_servo_state(world->servos[1]).speed == 0);
+	assert_true(world->servos[0]->enabled);
+	assert_true(world->servos[1]->rpm == 0);
 	drop(world);
 }
 
@@ -442,7 +442,7 @@ static void power_that_returns_finds_no_old_speed(void **state)
 	pass(world, 5000 * MS);
 	assert_string_equal(command(world, 0, DB_CMD_ENABLE, PLAIN), "ok");
 	pass(world, 500 * MS);
-	assert_true(sim_servo_state(world->servos[0]).speed == 0);
+	assert_true(world->servos[0]->rpm == 0);
 	assert_string_equal(state_of(world, 0), "Standstill");
 	drop(world);
 }
@@ -464,7 +464,7 @@ static void relative_moves_survive_every_lost_frame(void **state)
 			                    "ok");
 			pass(world, 2000 * MS);
 		}
-		assert_true(sim_servo_state(world->servos[0]).position == 4 * 3000);
+		assert_true(world->servos[0]->position == 4 * 3000);
 		assert_int_equal(feedback(world, 0).position, 4 * 3000);
 		assert_true(feedback(world, 0).status & DB_STATUS_AT_TARGET);
 		assert_string_equal(state_of(world, 0), "Standstill");
@@ -495,8 +495,8 @@ static void relative_moves_on_a_bad_wire(void **state)
 
 		world->random = seed;
 		for (int i = 0; i < 10; i++) {
-			uint32_t moves = sim_servo_state(world->servos[0]).moves;
-			double from = sim_servo_state(world->servos[0]).position;
+			uint32_t moves = world->servos[0]->moves;
+			double from = world->servos[0]->position;
 			const char *result;
 
 			recover(world);
@@ -504,11 +504,10 @@ static void relative_moves_on_a_bad_wire(void **state)
 			post(world, 0, DB_CMD_MOVE_RELATIVE, POSITION(1000));
 			result = collect(world, 60000 * MS);
 			pass(world, 2000 * MS);
-			moves = sim_servo_state(world->servos[0]).moves - moves;
+			moves = world->servos[0]->moves - moves;
 			if (strcmp(result, "ok") == 0) {
 				assert_int_equal(moves, 1);
-				assert_true(sim_servo_state(world->servos[0]).position ==
-				            from + 1000);
+				assert_true(world->servos[0]->position == from + 1000);
 				carried_out++;
 			} else if (strcmp(result, "indeterminate") != 0) {
 				assert_int_equal(moves, 0);
@@ -531,17 +530,17 @@ static void stopping_a_move_takes_the_power(void **state)
 	pass(world, 200 * MS);
 	assert_string_equal(command(world, 1, DB_CMD_MOVE_ABSOLUTE, POSITION(0)), "busy");
 	assert_string_equal(command(world, 1, DB_CMD_STOP, PLAIN), "ok");
-	assert_false(sim_servo_state(world->servos[1]).enabled);
+	assert_false(world->servos[1]->enabled);
 	assert_string_equal(state_of(world, 1), "Disabled");
 	pass(world, 3000 * MS);
 	/* And everything can begin again. */
 	assert_string_equal(command(world, 1, DB_CMD_ENABLE, PLAIN), "ok");
 	pass(world, 100 * MS);
-	assert_true(sim_servo_state(world->servos[1]).speed == 0);
+	assert_true(world->servos[1]->rpm == 0);
 	assert_string_equal(command(world, 1, DB_CMD_MOVE_ABSOLUTE, POSITION(0)), "ok");
 	pass(world, 4000 * MS);
-	assert_true(sim_servo_state(world->servos[1]).position == 0);
-	assert_int_equal(sim_servo_state(world->servos[1]).moves, 2);
+	assert_true(world->servos[1]->position == 0);
+	assert_int_equal(world->servos[1]->moves, 2);
 	drop(world);
 }
 
@@ -581,14 +580,13 @@ static void one_sync_frame_starts_all(void **state)
 	}
 	pass(world, 200 * MS);
 	for (size_t i = 0; i < 8; i++)
-		assert_true(sim_servo_state(world->servos[i]).speed == 0);
+		assert_true(world->servos[i]->rpm == 0);
 	assert_string_equal(command(world, 3, DB_CMD_SYNC_START, PLAIN), "ok");
 	pass(world, 300 * MS);
 	for (size_t i = 0; i < 8; i++) {
 		/* The same frame ends for all at the same moment. */
-		assert_int_equal(sim_servo_state(world->servos[i]).setpoint_at,
-		                 sim_servo_state(world->servos[0]).setpoint_at);
-		assert_true(fabs(sim_servo_state(world->servos[i]).speed - 300) < 3);
+		assert_int_equal(world->servos[i]->setpoint_at, world->servos[0]->setpoint_at);
+		assert_true(fabs(world->servos[i]->rpm - 300) < 3);
 	}
 	drop(world);
 }
@@ -605,7 +603,7 @@ static unsigned load(size_t count, unsigned cycle_ms, db_time report_interval)
 	config.reports[SIM_SERVO_REPORT_POSITION] = report_interval;
 	config.reports[SIM_SERVO_REPORT_MOTION] = report_interval;
 	start(world, &config);
-	before = sim_can_bus_stats(world->wire)->busy_ns;
+	before = world->wire->stats.busy_ns;
 	pass(world, 1000 * MS);
 	for (size_t i = 0; i < count; i++)
 		assert_true(world->now - feedback(world, i).taken <=
@@ -613,7 +611,7 @@ static unsigned load(size_t count, unsigned cycle_ms, db_time report_interval)
 	db_engine_stats(world->engine, &stats);
 	assert_int_equal(stats.overruns, 0);
 	assert_int_equal(stats.timeouts, 0);
-	before = (sim_can_bus_stats(world->wire)->busy_ns - before) * 1000 / (1000 * MS);
+	before = (world->wire->stats.busy_ns - before) * 1000 / (1000 * MS);
 	printf("%zu drives, cycle %u ms, reports each %d ms: wire %llu.%llu %%, cycle %u us\n",
 	       count, cycle_ms, (int)(report_interval / MS), (unsigned long long)before / 10,
 	       (unsigned long long)before % 10, stats.cycle_us);

@@ -149,21 +149,21 @@ static void speed_follows_its_ramps(void **state)
 	/* The acknowledgement tells what is measured: it has not begun yet. */
 	assert_int_equal(b.replies[0].u.ack.value, 0);
 	wait(&b, 50 * MS); /* 10000 rpm/s */
-	assert_true(fabs(sim_servo_state(b.drive).speed - 500) < 40);
+	assert_true(fabs(b.drive->rpm - 500) < 40);
 	wait(&b, 100 * MS);
-	assert_true(fabs(sim_servo_state(b.drive).speed - 1000) < 2);
+	assert_true(fabs(b.drive->rpm - 1000) < 2);
 	assert_int_not_equal(bits(&b) & SERVO_CAN_ST_SPEED_REACHED, 0);
 	assert_int_not_equal(bits(&b) & SERVO_CAN_ST_FORWARD, 0);
 	assert_int_equal(bits(&b) & SERVO_CAN_ST_ZERO_SPEED, 0);
 	/* 1000 rpm are 16.7 turns a second. */
-	assert_true(sim_servo_state(b.drive).position > 10000);
+	assert_true(b.drive->position > 10000);
 	tell_speed(&b, -200);
 	wait(&b, 500 * MS);
-	assert_true(fabs(sim_servo_state(b.drive).speed + 200) < 2);
+	assert_true(fabs(b.drive->rpm + 200) < 2);
 	assert_int_not_equal(bits(&b) & SERVO_CAN_ST_REVERSE, 0);
 	tell_speed(&b, 0);
 	wait(&b, 200 * MS);
-	assert_true(sim_servo_state(b.drive).speed == 0);
+	assert_true(b.drive->rpm == 0);
 	assert_int_not_equal(bits(&b) & SERVO_CAN_ST_ZERO_SPEED, 0);
 	sim_servo_free(b.drive);
 }
@@ -176,7 +176,7 @@ static void the_highest_speed_is_kept(void **state)
 	tell_mode(&b, SERVO_CAN_MODE_SPEED, 300);
 	tell_speed(&b, 1000);
 	wait(&b, 500 * MS);
-	assert_true(fabs(sim_servo_state(b.drive).speed - 300) < 2);
+	assert_true(fabs(b.drive->rpm - 300) < 2);
 	sim_servo_free(b.drive);
 }
 
@@ -194,11 +194,11 @@ static void the_current_is_limited(void **state)
 	tell_enable(&b, true);
 	tell_speed(&b, 1000);
 	wait(&b, 150 * MS);
-	assert_true(sim_servo_state(b.drive).speed < 500);
-	assert_true(fabs(sim_servo_state(b.drive).current - 10.0) < 1e-9);
+	assert_true(b.drive->rpm < 500);
+	assert_true(fabs(b.drive->amperes - 10.0) < 1e-9);
 	assert_int_not_equal(bits(&b) & SERVO_CAN_ST_TORQUE_LIMITED, 0);
 	wait(&b, 2000 * MS);
-	assert_true(fabs(sim_servo_state(b.drive).speed - 1000) < 2);
+	assert_true(fabs(b.drive->rpm - 1000) < 2);
 	sim_servo_free(b.drive);
 }
 
@@ -210,17 +210,17 @@ static void current_accelerates(void **state)
 	/* Not enough against friction: 0.1 A are 0.01 N m of 0.02. */
 	assert_int_equal(tell_current(&b, 1), SERVO_CAN_ACK_CURRENT);
 	wait(&b, 100 * MS);
-	assert_true(sim_servo_state(b.drive).speed == 0);
+	assert_true(b.drive->rpm == 0);
 	tell_current(&b, -10);
 	wait(&b, 20 * MS);
-	assert_true(sim_servo_state(b.drive).speed < -100);
-	assert_true(fabs(sim_servo_state(b.drive).current + 1.0) < 1e-9);
+	assert_true(b.drive->rpm < -100);
+	assert_true(fabs(b.drive->amperes + 1.0) < 1e-9);
 	/* The speed limit holds also here. */
 	wait(&b, 3000 * MS);
-	assert_true(fabs(sim_servo_state(b.drive).speed) < 3100);
+	assert_true(fabs(b.drive->rpm) < 3100);
 	tell_current(&b, 0);
 	wait(&b, 10000 * MS);
-	assert_true(sim_servo_state(b.drive).speed == 0);
+	assert_true(b.drive->rpm == 0);
 	sim_servo_free(b.drive);
 }
 
@@ -231,25 +231,25 @@ static void a_position_move_arrives(void **state)
 	(void)state;
 	assert_int_equal(tell_position(&b, SERVO_CAN_POSITION, -25000), SERVO_CAN_ACK_POSITION);
 	wait(&b, 100 * MS);
-	assert_true(sim_servo_state(b.drive).position == 0);
+	assert_true(b.drive->position == 0);
 	assert_int_equal(tell_words(&b, SERVO_CAN_CTRG), WORDS_ACK);
 	wait(&b, 50 * MS);
 	assert_int_equal(bits(&b) & SERVO_CAN_ST_POSITION_REACHED, 0);
 	wait(&b, 2000 * MS);
-	assert_true(sim_servo_state(b.drive).position == -25000);
-	assert_true(sim_servo_state(b.drive).speed == 0);
+	assert_true(b.drive->position == -25000);
+	assert_true(b.drive->rpm == 0);
 	assert_int_not_equal(bits(&b) & SERVO_CAN_ST_POSITION_REACHED, 0);
 	/* CTRG that stays up begins nothing. */
 	tell_position(&b, SERVO_CAN_POSITION, 5);
 	tell_words(&b, SERVO_CAN_CTRG);
 	wait(&b, 500 * MS);
-	assert_true(sim_servo_state(b.drive).position == -25000);
-	assert_int_equal(sim_servo_state(b.drive).moves, 1);
+	assert_true(b.drive->position == -25000);
+	assert_int_equal(b.drive->moves, 1);
 	tell_words(&b, 0);
 	tell_words(&b, SERVO_CAN_CTRG);
 	wait(&b, 2000 * MS);
-	assert_true(sim_servo_state(b.drive).position == 5);
-	assert_int_equal(sim_servo_state(b.drive).moves, 2);
+	assert_true(b.drive->position == 5);
+	assert_int_equal(b.drive->moves, 2);
 	sim_servo_free(b.drive);
 }
 
@@ -263,10 +263,10 @@ static void an_old_speed_is_dangerous(void **state)
 	wait(&b, 200 * MS);
 	tell_enable(&b, false);
 	wait(&b, 5000 * MS);
-	assert_true(sim_servo_state(b.drive).speed == 0);
+	assert_true(b.drive->rpm == 0);
 	tell_enable(&b, true);
 	wait(&b, 200 * MS);
-	assert_true(sim_servo_state(b.drive).speed > 490);
+	assert_true(b.drive->rpm > 490);
 	sim_servo_free(b.drive);
 }
 
@@ -278,12 +278,12 @@ static void feedback_of_a_held_motor_makes_it_jump(void **state)
 	assert_int_equal(tell_position(&b, SERVO_CAN_SET_FEEDBACK, 5000),
 	                 SERVO_CAN_ACK_SET_FEEDBACK);
 	wait(&b, 1000 * MS);
-	assert_true(sim_servo_state(b.drive).position == 0);
+	assert_true(b.drive->position == 0);
 	tell_enable(&b, false);
 	tell_position(&b, SERVO_CAN_SET_FEEDBACK, 5000);
 	tell_enable(&b, true);
 	wait(&b, 1000 * MS);
-	assert_true(sim_servo_state(b.drive).position == 5000);
+	assert_true(b.drive->position == 5000);
 	sim_servo_free(b.drive);
 }
 
@@ -298,10 +298,10 @@ static void a_weight_falls_without_power(void **state)
 	b = make_with(&config);
 	tell_enable(&b, true);
 	wait(&b, 200 * MS);
-	assert_true(fabs(sim_servo_state(b.drive).position) < 20);
+	assert_true(fabs(b.drive->position) < 20);
 	tell_enable(&b, false);
 	wait(&b, 100 * MS);
-	assert_true(sim_servo_state(b.drive).position < -20);
+	assert_true(b.drive->position < -20);
 	sim_servo_free(b.drive);
 }
 
@@ -318,11 +318,11 @@ static void sync_starts_what_is_staged(void **state)
 	tell_enable(&b, true);
 	assert_int_equal(tell_speed(&b, 100), SERVO_CAN_ACK_SPEED);
 	wait(&b, 200 * MS);
-	assert_true(sim_servo_state(b.drive).speed == 0);
+	assert_true(b.drive->rpm == 0);
 	assert_int_equal(tell(&b, (struct servo_can_message){ .kind = SERVO_CAN_SYNC }), 0);
-	assert_int_equal(sim_servo_state(b.drive).setpoint_at, b.now);
+	assert_int_equal(b.drive->setpoint_at, b.now);
 	wait(&b, 200 * MS);
-	assert_true(fabs(sim_servo_state(b.drive).speed - 100) < 2);
+	assert_true(fabs(b.drive->rpm - 100) < 2);
 	sim_servo_free(b.drive);
 }
 
@@ -360,7 +360,7 @@ static void faults_take_the_power(void **state)
 	b.drive->voltage = 1;
 	b.drive->temperature = 2;
 	wait(&b, 1000 * MS);
-	assert_false(sim_servo_state(b.drive).enabled);
+	assert_false(b.drive->enabled);
 	do
 		assert_true(sim_servo_report(b.drive, b.now, &report));
 	while (report.kind != SERVO_CAN_REPORT_HEALTH);
@@ -409,14 +409,14 @@ static void some_go_on_when_a_fault_is_gone(void **state)
 		wait(&b, 200 * MS);
 		sim_servo_set_faults(b.drive, SERVO_CAN_FAULT_OVERCURRENT, b.now);
 		wait(&b, 5000 * MS);
-		assert_true(sim_servo_state(b.drive).speed == 0);
+		assert_true(b.drive->rpm == 0);
 		assert_int_not_equal(bits(&b) & SERVO_CAN_ST_ERROR, 0);
 		assert_int_equal((bits(&b) & SERVO_CAN_ST_STARTED) != 0, shown);
 		sim_servo_set_faults(b.drive, 0, b.now);
 		wait(&b, 200 * MS);
 		assert_int_equal(bits(&b) & SERVO_CAN_ST_ERROR, 0);
 		assert_int_not_equal(bits(&b) & SERVO_CAN_ST_STARTED, 0);
-		assert_true(sim_servo_state(b.drive).speed > 290);
+		assert_true(b.drive->rpm > 290);
 		sim_servo_free(b.drive);
 	}
 }
@@ -443,7 +443,7 @@ static void where_a_demand_comes_from(void **state)
 		tell_position(&b, SERVO_CAN_POSITION, 9000);
 		tell_words(&b, SERVO_CAN_CTRG);
 		wait(&b, 2000 * MS);
-		assert_true(sim_servo_state(b.drive).position == 9000);
+		assert_true(b.drive->position == 9000);
 		for (int triggered = 0; triggered < 2; triggered++) {
 			tell_enable(&b, false);
 			tell_words(&b, 0);
@@ -452,10 +452,10 @@ static void where_a_demand_comes_from(void **state)
 			wait(&b, 100 * MS);
 			tell_enable(&b, true);
 			wait(&b, 2000 * MS);
-			assert_true(sim_servo_state(b.drive).position ==
+			assert_true(b.drive->position ==
 			            (triggered ? cases[i].triggered : cases[i].written));
 		}
-		assert_int_equal(sim_servo_state(b.drive).moves, 1);
+		assert_int_equal(b.drive->moves, 1);
 		/* A reset that nobody notices: it has power, and a demand of its own. */
 		tell_enable(&b, false);
 		tell_position(&b, SERVO_CAN_SET_FEEDBACK, 9000);
@@ -463,7 +463,7 @@ static void where_a_demand_comes_from(void **state)
 		sim_servo_power(b.drive, true, b.now);
 		tell_enable(&b, true);
 		wait(&b, 2000 * MS);
-		assert_true(sim_servo_state(b.drive).position == cases[i].reset);
+		assert_true(b.drive->position == cases[i].reset);
 		sim_servo_free(b.drive);
 	}
 }
@@ -497,9 +497,9 @@ static void a_restart_forgets(void **state)
 	assert_int_equal(sim_servo_next(b.drive), DB_TIME_NEVER);
 	wait(&b, 5000 * MS);
 	sim_servo_power(b.drive, true, b.now);
-	assert_int_equal(sim_servo_state(b.drive).mode, SERVO_CAN_MODE_POSITION);
-	assert_false(sim_servo_state(b.drive).enabled);
-	assert_true(sim_servo_state(b.drive).position > 1000);
+	assert_int_equal(b.drive->mode, SERVO_CAN_MODE_POSITION);
+	assert_false(b.drive->enabled);
+	assert_true(b.drive->position > 1000);
 	sim_servo_free(b.drive);
 }
 
@@ -508,14 +508,16 @@ static void a_blocked_shaft_stands(void **state)
 	struct bench b = make_running(SERVO_CAN_MODE_SPEED);
 
 	(void)state;
-	sim_servo_block(b.drive, true, b.now);
+	sim_servo_advance(b.drive, b.now);
+	b.drive->blocked = true;
 	tell_speed(&b, 500);
 	wait(&b, 500 * MS);
-	assert_true(sim_servo_state(b.drive).position == 0);
-	assert_true(sim_servo_state(b.drive).current > 1);
-	sim_servo_block(b.drive, false, b.now);
+	assert_true(b.drive->position == 0);
+	assert_true(b.drive->amperes > 1);
+	sim_servo_advance(b.drive, b.now);
+	b.drive->blocked = false;
 	wait(&b, 200 * MS);
-	assert_true(sim_servo_state(b.drive).speed > 400);
+	assert_true(b.drive->rpm > 400);
 	sim_servo_free(b.drive);
 }
 

@@ -338,7 +338,8 @@ static void blocked_motor(void **state)
 	(void)state;
 	power_on(&open);
 	send(&open, "ena");
-	sim_vsmd_stall(open.drive, true, open.now);
+	sim_vsmd_advance(open.drive, open.now);
+	open.drive->stalled = true;
 	send(&open, "pos 500");
 	wait_seconds(&open, 5);
 	assert_int_equal(status(&open).position, 500); /* it does not know */
@@ -349,12 +350,14 @@ static void blocked_motor(void **state)
 	closed.config.defaults[VSMD_EMOD].u = 1;
 	power_on(&closed);
 	send(&closed, "ena");
-	sim_vsmd_stall(closed.drive, true, closed.now);
+	sim_vsmd_advance(closed.drive, closed.now);
+	closed.drive->stalled = true;
 	send(&closed, "pos 500");
 	wait_seconds(&closed, 5);
 	assert_true(bit(&closed, VSMD_ST_ENC_ERR) && bit(&closed, VSMD_ST_STP));
 	assert_int_equal(status(&closed).position, 0);
-	sim_vsmd_stall(closed.drive, false, closed.now);
+	sim_vsmd_advance(closed.drive, closed.now);
+	closed.drive->stalled = false;
 	assert_true(send(&closed, "eclr") && !bit(&closed, VSMD_ST_ENC_ERR));
 	send(&closed, "pos 500");
 	wait_seconds(&closed, 5);

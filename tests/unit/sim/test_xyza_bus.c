@@ -73,7 +73,7 @@ static int teardown(void **state)
 {
 	struct bench *bench = *state;
 
-	sim_serial_bus_free(bench->bus);
+	free(bench->bus);
 	for (size_t i = 0; i < CONTROLLERS; i++)
 		sim_xyza_free(bench->nodes[i].xyza);
 	return 0;
@@ -225,11 +225,11 @@ static void dropped_is_carried_out_and_lost_is_not(void **state)
 	fault(b, "lose-request 1");
 	ask(b, &output);
 	assert_int_equal(b->length, 0);
-	assert_int_equal(sim_xyza_state(b->nodes[0].xyza).outputs, 0);
+	assert_int_equal(b->nodes[0].xyza->outputs, 0);
 	fault(b, "drop 1");
 	ask(b, &output);
 	assert_int_equal(b->length, 0);
-	assert_int_equal(sim_xyza_state(b->nodes[0].xyza).outputs, 1);
+	assert_int_equal(b->nodes[0].xyza->outputs, 1);
 	assert_int_equal(reply_to(b, &output).kind, XYZA_REPLY_DONE);
 }
 

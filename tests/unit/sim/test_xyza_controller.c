@@ -188,7 +188,7 @@ static void one_axis_moves_at_a_time(void **state)
 	jog(b, XYZA_X, false);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_MANUAL_STOP });
 	jog(b, XYZA_Y, false);
-	assert_int_equal(sim_xyza_state(b->controller).failures, 1);
+	assert_int_equal(b->controller->failures, 1);
 	assert_int_equal(b->controller->counts[XYZA_MANUAL_JOG], 3);
 }
 
@@ -266,11 +266,11 @@ static void outputs_are_switched_singly_or_all(void **state)
 	assert_int_equal(xyza_outputs(value_of(b, ports)), 0x0082);
 	assert_int_equal(xyza_inputs(value_of(b, ports)), 0x8001);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_WRITE_OUTPUT, .number = 2 });
-	assert_int_equal(sim_xyza_state(b->controller).outputs, 0x0080);
+	assert_int_equal(b->controller->outputs, 0x0080);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_WRITE_OUTPUTS, .on = true });
-	assert_int_equal(sim_xyza_state(b->controller).outputs, 0x00ff);
+	assert_int_equal(b->controller->outputs, 0x00ff);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_WRITE_OUTPUTS });
-	assert_int_equal(sim_xyza_state(b->controller).outputs, 0);
+	assert_int_equal(b->controller->outputs, 0);
 }
 
 /* --- programs ------------------------------------------------------------------------------------- */
@@ -416,7 +416,7 @@ static void missing_axes_and_wrong_requests_fail(void **state)
 		sim_xyza_execute(b->controller, &request, XYZA_ERR_CHECKSUM, b->now, &b->reply));
 	assert_int_equal(b->reply.kind, XYZA_REPLY_FAILED);
 	assert_int_equal(b->reply.order, XYZA_ORDER_DATA);
-	assert_int_equal(sim_xyza_state(b->controller).failures, 3);
+	assert_int_equal(b->controller->failures, 3);
 }
 
 static void every_item_keeps_what_is_written(void **state)
@@ -457,7 +457,7 @@ static void without_power_positions_go_and_parameters_stay(void **state)
 	assert_done(b, (struct xyza_request){ .verb = XYZA_WRITE_OUTPUTS, .on = true });
 	jog(b, XYZA_X, false);
 	sim_xyza_power(b->controller, false, b->now);
-	assert_false(sim_xyza_state(b->controller).powered);
+	assert_false(b->controller->powered);
 	assert_false(sim_xyza_busy(b->controller));
 	assert_false(ask(b, (struct xyza_request){ .verb = XYZA_VERB_ONLINE }));
 	pass(b, SECOND);
@@ -465,7 +465,7 @@ static void without_power_positions_go_and_parameters_stay(void **state)
 	assert_done(b, (struct xyza_request){ .verb = XYZA_VERB_ONLINE });
 	assert_true(sim_xyza_axis_state(b->controller, XYZA_Z).position == 0);
 	assert_true(sim_xyza_axis_state(b->controller, XYZA_X).standing);
-	assert_int_equal(sim_xyza_state(b->controller).outputs, 0);
+	assert_int_equal(b->controller->outputs, 0);
 	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_LEAD, XYZA_Z), 2000);
 }
 

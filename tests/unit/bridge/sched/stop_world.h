@@ -98,7 +98,7 @@ static inline double world_speed(struct world *world, size_t drive)
 		return fabs(sim_xyza_axis_state(node->xyza, XYZA_X).speed);
 	}
 	sim_servo_advance(world->line.servos[drive].drive, now);
-	return fabs(sim_servo_state(world->line.servos[drive].drive).speed);
+	return fabs(world->line.servos[drive].drive->rpm);
 }
 
 /* As fast as it is told to be. */

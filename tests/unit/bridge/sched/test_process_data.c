@@ -108,7 +108,7 @@ static void free_plant(struct plant *plant)
 	for (size_t i = 0; i < FAKE_PLANT_DRIVES; i++)
 		plant->registers.axes[i] = NULL;
 	fake_registers_close(&plant->registers);
-	sim_serial_bus_free(plant->wire);
+	free(plant->wire);
 	for (size_t i = 0; i < plant->bus->drive_count; i++)
 		sim_vsmd_free(plant->nodes[i].drive);
 	fake_bus_free(plant->bus);
