@@ -1039,3 +1039,9 @@ def test_the_audit_trail_is_searched_verified_and_saved(state, make_site, visit)
         assert len(lines) == 2 and lines[0].startswith(begin), lines
     view.locator("#audit-verify").click()
     expect(view.locator("#audit-chain")).to_contain_text("the chain is whole")
+    # The same records in words of another language.
+    page.evaluate("() => localStorage.setItem('language', 'de')")
+    page.reload()
+    expect(rows.filter(has_text="Anmeldung: angemeldet").first).to_be_visible()
+    view.locator("#audit-drive").select_option("drive2")
+    expect(rows.last).to_contain_text("Freigabe")

@@ -50,6 +50,13 @@ def test_the_page_is_in_the_browsers_language(site, visit):  # noqa: F811
         look_at_all(visitors[language], language)
         visitors[language].go("")
         expect(visitors[language].page.locator("#summary")).to_have_text(words["well"])
+    # What goes over the wire is said in words, too, whatever the drives do just now.
+    for language, kind, words in (("de", "Abfrage", "drive1: Status?"), ("zh_CN", "轮询", "drive1: 状态？")):
+        view = visitors[language].go("trace")
+        view.locator("#trace-kind").select_option("poll")
+        expect(view.get_by_text(words).first).to_be_visible()
+        expect(view.locator("#trace-kind")).to_contain_text(kind)
+        visitors[language].go("")
     # The choice on the page is kept, whatever the browser asks for.
     page = visitors["de"].page
     with page.expect_navigation():

@@ -13,7 +13,7 @@ from datetime import datetime
 from types import SimpleNamespace
 
 import pytest
-from bridgelib import ROOT, Path, eventually
+from bridgelib import ROOT, Path, build_directory, eventually
 from holdlib import Hand
 from mqttlib import Broker, Flood, Plant, Publisher, Watcher, now_text, plant_fixture
 from relay import Relay
@@ -118,14 +118,19 @@ def test_birth_and_last_will(plant):
     watcher.wait_for_text("status", "online", seen, timeout=15)
 
 
-def test_drives_come_and_go(plant):
-    """A reload takes a drive out: nothing of it stays at the broker."""
+def test_drives_come_and_go(plant, monkeypatch):
+    """A reload takes a drive out: nothing of it stays at the broker. Names are for people, in their language."""
+    monkeypatch.setenv("TEXTDOMAINDIR", str(build_directory() / "locale"))
     bridge = plant.make_bridge(drives=2, drive={"counts-per-unit": 320.0, "unit-name": "mm"})
     broker = plant.broker()
     watcher = plant.watcher(broker)
-    plant.publisher(bridge, broker, publish={"discovery": "homeassistant"}).start()
+    plant.publisher(bridge, broker, publish={"discovery": "homeassistant", "discovery-language": "de"}).start()
     watcher.wait_for_text("status", "online")
     document = watcher.find("homeassistant/sensor/drivebridge_gw_drive2/position/config").json
+    assert (document["name"], document["unique_id"]) == ("Position", "drivebridge_gw_drive2_position")
+    for topic, name in (("sensor/drivebridge_gw_drive2/axis_state", "Achszustand"), ("sensor/drivebridge_gw_drive2/velocity_units", "Geschwindigkeit in Einheiten"),
+                        ("binary_sensor/drivebridge_gw_drive2/status_bus_up", "Status: Bus bereit")):
+        assert watcher.find(f"homeassistant/{topic}/config").json["name"] == name
     assert document["state_topic"] == "drivebridge/gw/drive/drive2/state"
     assert document["unit_of_measurement"] == "counts"
     document = watcher.find("homeassistant/sensor/drivebridge_gw_drive2/velocity_units/config").json

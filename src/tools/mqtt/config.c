@@ -2,6 +2,7 @@
 #include "mqtt/config.h"
 #include "certificates/pair.h"
 #include "client/clock.h"
+#include "words/language.h"
 
 #include <errno.h>
 #include <stdlib.h>
@@ -235,6 +236,26 @@ static void check_sparkplug(struct db_settings *settings)
 		                      "discovery announces texts; payload = sparkplug has none");
 }
 
+/* Without its texts names are English: no reason not to run. */
+static void open_language(struct db_settings *settings)
+{
+	static const char *const names[] = { "", "de", "zh_CN" };
+	struct db_mqtt_config *config = settings->values;
+	const char *folder = getenv("TEXTDOMAINDIR");
+
+	if (!config->discovery || config->discovery_language == 0)
+		return;
+	if (!folder || !folder[0])
+		folder = DB_LOCALE_FOLDER;
+	config->language = db_words_open_language(folder, names[config->discovery_language]);
+	if (!config->language)
+		db_messages_add_warning(
+			settings->messages,
+			db_settings_line(settings, "publish", "discovery-language"),
+			"discovery-language: no texts of %s in %s: %s; names are English",
+			names[config->discovery_language], folder, strerror(errno));
+}
+
 static void check_whole(struct db_settings *settings, const void *host_name)
 {
 	struct db_mqtt_config *config = settings->values;
@@ -255,6 +276,7 @@ static void check_whole(struct db_settings *settings, const void *host_name)
 	check_topic(settings, "publish", "prefix", config->prefix, true);
 	check_topic(settings, "publish", "discovery-prefix", config->discovery_prefix, true);
 	check_sparkplug(settings);
+	open_language(settings);
 	if (db_mqtt_config_commands(config) && config->version != DB_MQTT_VERSION_5)
 		db_messages_add_error(
 			settings->messages, db_settings_line(settings, "broker", "mqtt-version"),
@@ -269,6 +291,7 @@ static void clear_added(void *values)
 	if (config->password)
 		explicit_bzero(config->password, strlen(config->password));
 	free(config->password);
+	db_words_close_language(config->language);
 	for (size_t i = 0; i < config->address_count; i++)
 		free(config->addresses[i].host);
 	free(config->addresses);

@@ -17,6 +17,8 @@ enum { DB_MQTT_ROLE_OBSERVER, DB_MQTT_ROLE_OPERATOR, DB_MQTT_ROLE_ENGINEER };
 enum { DB_MQTT_SENDERS_OFF, DB_MQTT_SENDERS_TOPIC };
 enum { DB_MQTT_PAYLOAD_JSON, DB_MQTT_PAYLOAD_SPARKPLUG };
 
+struct db_words_language;
+
 /* Where a broker listens. */
 struct db_mqtt_address {
 	char *host;
@@ -59,6 +61,8 @@ struct db_mqtt_config {
 	unsigned buffer_kib;
 	unsigned discovery;
 	char *discovery_prefix;
+	unsigned discovery_language;        /* index of a word */
+	struct db_words_language *language; /* its texts; NULL: English */
 
 	char *group;
 	char *primary_host; /* "": none */

@@ -5,6 +5,7 @@
 #include "mqtt/choice.h"
 #include "mqtt/command.h"
 #include "mqtt/topics.h"
+#include "words/language.h"
 
 #include <ctype.h>
 #include <stdio.h>
@@ -46,9 +47,38 @@ static json_t *list_availability(const struct announcement *announcement, enum a
 	return list;
 }
 
+/* What people read: the name of a register, a command or a bit in the configured language, as the page has it; in English
+ * as it is. A bit is told with its register. */
+static void write_title(const struct announcement *announcement, const char *name, const char *unit,
+                        const char *bit, char *title, size_t size)
+{
+	const struct db_words_language *language = announcement->config->language;
+	size_t length = strlen(name);
+	size_t suffix = strlen(unit);
+	char words[2][128];
+
+	if (!language) {
+		(void)snprintf(title, size, "%s%s%s", name, bit ? "_" : "", bit ? bit : "");
+		return;
+	}
+	/* The unit stands beside the value. */
+	if (suffix > 0 && length > suffix + 1 && name[length - suffix - 1] == '_' &&
+	    strcmp(name + length - suffix, unit) == 0)
+		length -= suffix + 1;
+	(void)snprintf(words[0], sizeof(words[0]), "%.*s", (int)length, name);
+	(void)snprintf(words[1], sizeof(words[1]), "%s", bit ? bit : "");
+	for (size_t i = 0; i < 2; i++) {
+		for (char *at = words[i]; *at; at++)
+			*at = *at == '_' ? ' ' : *at;
+	}
+	(void)snprintf(title, size, "%s%s%s", db_words_find_text(language, words[0]),
+	               bit ? ": " : "", bit ? db_words_find_text(language, words[1]) : "");
+}
+
 /* Takes the document's own members over and adds the common ones. */
 static void put_document(const struct announcement *announcement, const char *component,
-                         const char *name, enum available available, json_t *document)
+                         const char *name, const char *title, enum available available,
+                         json_t *document)
 {
 	const struct db_mqtt_config *config = announcement->config;
 	const char *drive = db_mqtt_picture_name(announcement->picture);
@@ -59,7 +89,7 @@ static void put_document(const struct announcement *announcement, const char *co
 	(void)snprintf(topic, sizeof(topic), "%s/%s/%s/%s/config", config->discovery_prefix,
 	               component, announcement->device, name);
 	(void)snprintf(id, sizeof(id), "%s_%s", announcement->device, name);
-	common = json_pack("{s:s, s:s, s:o, s:s, s:{s:[s], s:s, s:s}, s:{s:s, s:s}}", "name", name,
+	common = json_pack("{s:s, s:s, s:o, s:s, s:{s:[s], s:s, s:s}, s:{s:s, s:s}}", "name", title,
 	                   "unique_id", id, "availability",
 	                   list_availability(announcement, available), "availability_mode", "all",
 	                   "device", "identifiers", announcement->device, "name", drive, "model",
@@ -143,7 +173,7 @@ static void put_bits(const struct announcement *announcement, const char *name, 
 	json_object_foreach(codes, key, code)
 	{
 		const char *bit = json_string_value(code);
-		char value[256], title[128];
+		char value[256], id[128], title[256];
 		json_t *document;
 
 		/* "None" means unknown. */
@@ -151,14 +181,15 @@ static void put_bits(const struct announcement *announcement, const char *name, 
 		               "{%% set bits = value_json['values']['%s'] %%}"
 		               "{{ 'None' if bits is none else 'ON' if '%s' in bits else 'OFF' }}",
 		               name, bit);
-		(void)snprintf(title, sizeof(title), "%s_%s", name, bit);
+		(void)snprintf(id, sizeof(id), "%s_%s", name, bit);
+		write_title(announcement, name, "", bit, title, sizeof(title));
 		document = json_pack("{s:s, s:s}", "state_topic", topic, "value_template", value);
 		for (size_t i = 0; i < sizeof(meanings) / sizeof(meanings[0]); i++) {
 			if (strcmp(name, "status") == 0 && strcmp(bit, meanings[i].bit) == 0)
 				(void)json_object_set_new(document, "device_class",
 				                          json_string(meanings[i].class));
 		}
-		put_document(announcement, "binary_sensor", title, WITH_GATEWAY, document);
+		put_document(announcement, "binary_sensor", id, title, WITH_GATEWAY, document);
 	}
 }
 
@@ -173,7 +204,7 @@ static void put_value(const struct announcement *announcement, const char *name,
 	json_t *codes = json_object_get(reg, "codes");
 	bool bits = type && strncmp(type, "bits", 4) == 0 && codes;
 	bool number = type && strcmp(type, "text") != 0 && !codes;
-	char value[128];
+	char value[128], title[256];
 	json_t *document, *words;
 
 	/* With `value_json.values` the template language would take the object's method of that
@@ -192,7 +223,9 @@ static void put_value(const struct announcement *announcement, const char *name,
 	if (number && strcmp(type, "u64") != 0)
 		(void)json_object_set_new(document, "state_class", json_string("measurement"));
 	/* A word may be the service's own, such as Offline. */
-	put_document(announcement, "sensor", name, codes ? WITH_GATEWAY : WITH_DRIVE, document);
+	write_title(announcement, name, unit ? unit : "", NULL, title, sizeof(title));
+	put_document(announcement, "sensor", name, title, codes ? WITH_GATEWAY : WITH_DRIVE,
+	             document);
 	/* What a drive can do does not change. */
 	if (bits && strcmp(name, "capabilities") != 0)
 		put_bits(announcement, name, topic.text, codes);
@@ -202,7 +235,7 @@ static void put_button(const struct announcement *announcement, const char *comm
 {
 	const struct db_mqtt_config *config = announcement->config;
 	const char *drive = db_mqtt_picture_name(announcement->picture);
-	char message[192];
+	char message[192], title[256];
 
 	if (!announcement->withdraw && !db_mqtt_choice_allows(config, drive, command, stops))
 		return;
@@ -211,7 +244,8 @@ static void put_button(const struct announcement *announcement, const char *comm
 	               "}}\",\"command\":\"%s\"}",
 	               command);
 	/* A stop counts for a drive that does not answer, too. */
-	put_document(announcement, "button", command, WITH_GATEWAY,
+	write_title(announcement, command, "", NULL, title, sizeof(title));
+	put_document(announcement, "button", command, title, WITH_GATEWAY,
 	             json_pack("{s:s, s:s}", "command_topic",
 	                       db_mqtt_topic_of_part(config->prefix, config->gateway, "drive",
 	                                             drive, stops ? "stop" : "command")

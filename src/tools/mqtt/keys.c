@@ -102,6 +102,9 @@ const struct db_setting db_mqtt_keys[] = {
 	{ DB_TEXT_SETTING("publish", "discovery-prefix", "homeassistant", 1, 64,
 	                  "Topic under which it looks for announcements"),
 	  AT(discovery_prefix) },
+	{ DB_WORD_SETTING("publish", "discovery-language", "en", "en de zh-CN",
+	                  "Language of the names that it shows: en has the names of the registers and commands"),
+	  AT(discovery_language) },
 
 	{ DB_TEXT_SETTING("sparkplug", "group", "drivebridge", 1, 64,
 	                  "The group of the edge node, a part of its topics"),

@@ -3,17 +3,14 @@
 import { askAudit, verifyAudit } from "./api.js";
 import { createSearch, makeAddress, makeFilter } from "./audit_search.js";
 import { createField, element, icon, setText } from "./dom.js";
-import { formatFixed } from "./format.js";
+import { formatFixed, inWords } from "./format.js";
 import { cleanText, writeClock, writeDay } from "./plain.js";
+import { AUDIT_KINDS, sayAudit } from "./record_words.js";
 import { plural, t } from "./words.js";
 
 export const title = t("Audit");
 
 /* As the service has them, and in words. */
-const KINDS = { "command": t("command"), "write": t("write"), "end": t("end"), "control": t("control"),
-	"denied": t("denied"), "reload": t("reload"), "set-up": t("set-up"), "login": t("login"),
-	"users": t("users"), "service": t("service"), "repeated": t("repeated"), "lost": t("lost"),
-	"trail": t("trail"), "alarm": t("alarm"), "position": t("position") };
 const WAYS = { "page": t("page"), "OPC UA": "OPC UA", "MQTT": "MQTT", "control socket": t("control socket"),
 	"Modbus": "Modbus", "Modbus over TLS": t("Modbus over TLS"), "Modbus RTU": "Modbus RTU",
 	"service": t("service") };
@@ -38,12 +35,12 @@ function createInput(id, label, properties) {
 
 function makeRow(record) {
 	const cells = [record.number, `${writeDay(record.time_us)} ${writeClock(record.time_us, 3)}`,
-		cleanText(record.who), WAYS[record.through] ?? record.through, record.drive, cleanText(record.line)];
+		cleanText(record.who), WAYS[record.through] ?? record.through, record.drive, cleanText(sayAudit(record))];
 
 	return element("tr", { "data-number": record.number,
 		"data-kind": record.broken ? "error" : record.failed ? "warning" : record.kind },
 		cells.map((cell) => element("td", {}, cell)),
-		element("td", {}, record.result ?? "",
+		element("td", {}, inWords(record.result ?? ""),
 			record.broken ? element("strong", { class: "problem" }, ` ${record.broken}`) : null));
 }
 
@@ -82,7 +79,7 @@ function createFilters(context) {
 	const drive = createSelect("audit-drive", t("Drive"),
 		Object.fromEntries([...context.plant.drives.keys()].filter((name) =>
 			context.may("audit", name)).map((name) => [name, name])));
-	const kind = createSelect("audit-kind", t("Kind"), KINDS);
+	const kind = createSelect("audit-kind", t("Kind"), AUDIT_KINDS);
 	const refused = element("input", { id: "audit-refused", type: "checkbox" });
 	const form = element("form", { class: "panel toolbar filters" }, who.field, through.field,
 		drive.field, kind.field, text.field, from.field, to.field,

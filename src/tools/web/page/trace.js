@@ -10,6 +10,7 @@ import { createLongList } from "./long_list.js";
 import { createKeptTable } from "./trace_kept.js";
 import { createIntake, writeHead, writeLine, writeSign } from "./trace_text.js";
 import { writeClock } from "./plain.js";
+import { TRACE_KINDS, sayTrace } from "./record_words.js";
 import { t } from "./words.js";
 
 export const title = t("Trace");
@@ -47,7 +48,7 @@ function createChoice(id, label, children) {
 }
 
 function createOptions(names) {
-	return names.map((name) => element("option", { value: name }, name));
+	return names.map((name) => element("option", { value: name }, TRACE_KINDS[name] ?? name));
 }
 
 function createButton(id, words, properties = {}) {
@@ -109,11 +110,11 @@ function createRows(onDraw) {
 				title: element("span", { class: "hidden-label" }, t("Direction")),
 				text: (entry) => (entry.record ? writeSign(entry.record) : "")
 			},
-			{ title: t("Kind"), text: (entry) => entry.kind },
+			{ title: t("Kind"), text: (entry) => TRACE_KINDS[entry.kind] ?? entry.kind },
 			{
 				title: t("Words"),
 				text: (entry) =>
-					entry.words ?? t("{missing} records are missing here", { missing: entry.missing })
+					entry.missing ? t("{missing} records are missing here", { missing: entry.missing }) : sayTrace(entry.words)
 			},
 			{
 				title: t("Bytes"),
@@ -146,7 +147,7 @@ function applyFilter({ parts, rows }) {
 			(!kind || own === kind || own === "missing") &&
 			(!drive || !record || record.drive === drive) &&
 			(!wanted ||
-				(record && `${words} ${record.bytes ?? ""}`.toLowerCase().includes(wanted)))
+				(record && `${words} ${sayTrace(words)} ${record.bytes ?? ""}`.toLowerCase().includes(wanted)))
 	);
 }
 
