@@ -367,7 +367,6 @@ static void a_drive_that_is_away_keeps_the_others_apart(void **state)
 	close_world(world);
 }
 
-/* Several exchanges are under way there, polls among them: the frame goes out when they are answered. */
 /* Longer than the requests of one start take to arrive. */
 static void a_drive_that_is_prepared_slowly_is_waited_for(void **state)
 {
@@ -383,6 +382,52 @@ static void a_drive_that_is_prepared_slowly_is_waited_for(void **state)
 	close_world(world);
 }
 
+/* The requests of one start arrive within 20 ms; no cycle is waited for after that. */
+static void the_only_one_begins_when_no_other_can_come(void **state)
+{
+	struct world *world = open_world_with(DB_MEDIUM_SERIAL, 500);
+	db_time begun = 0;
+
+	(void)state;
+	for (uint16_t i = 0; i < 2; i++) {
+		db_time asked = world->bus->now;
+
+		fake_forget_sent(world->bus);
+		post(world, i, DB_CMD_MOVE_ABSOLUTE, 5);
+		fake_pass(world->bus, 60 * MS);
+		assert_int_equal(count_said(world, "b"), 1);
+		for (size_t n = 0; n < world->bus->sent_count; n++) {
+			if (world->bus->sent[n].frame.kind == FAKE_BEGIN)
+				begun = world->bus->sent[n].at - asked;
+		}
+		assert_in_range(begun, 20 * MS, 25 * MS);
+	}
+	close_world(world);
+}
+
+/* Its own command before is not answered yet, and the motion after it waits. */
+static void a_drive_that_is_busy_with_another_command_is_waited_for(void **state)
+{
+	struct world *world = open_world_with(DB_MEDIUM_CAN, 20);
+
+	(void)state;
+	world->lag[2] = 60 * MS;
+	post(world, 2, DB_CMD_CLEAR_FAULT, 0);
+	fake_pass(world->bus, 1 * MS);
+	post_all(world);
+	fake_pass(world->bus, 40 * MS);
+	assert_int_equal(count_said(world, "b"), 0);
+	world->lag[2] = 0;
+	fake_pass(world->bus, 200 * MS);
+	/* One is for the command before. */
+	assert_int_equal(count_said(world, "*b"), 1);
+	assert_int_equal(count_said(world, "3b"), 1);
+	assert_int_equal(count_said(world, "b"), 2);
+	assert_true(all_ended(world, DB_RESULT_OK));
+	close_world(world);
+}
+
+/* Several exchanges are under way there, polls among them: the frame goes out when they are answered. */
 static void where_exchanges_overlap_all_is_answered_first(void **state)
 {
 	/* So often that there is always one under way. */
@@ -445,6 +490,8 @@ int main(void)
 		cmocka_unit_test(stops_for_all_leave_nothing_to_begin),
 		cmocka_unit_test(a_drive_that_is_away_keeps_the_others_apart),
 		cmocka_unit_test(a_drive_that_is_prepared_slowly_is_waited_for),
+		cmocka_unit_test(the_only_one_begins_when_no_other_can_come),
+		cmocka_unit_test(a_drive_that_is_busy_with_another_command_is_waited_for),
 		cmocka_unit_test(where_exchanges_overlap_all_is_answered_first),
 		cmocka_unit_test(one_that_falls_silent_is_not_counted_on),
 		cmocka_unit_test(not_unless_the_bus_is_told_to),
