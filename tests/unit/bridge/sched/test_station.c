@@ -20,6 +20,7 @@ struct world {
 	struct db_driver driver;
 	unsigned lose[FAKE_KINDS]; /* number of the next frames of this kind that are lost */
 	bool has_no_parameters;
+	db_time answer_time;
 };
 
 /* --- a family with a command of two exchanges, and a question when the second one is lost ----- */
@@ -65,7 +66,7 @@ static db_time obey(void *context, struct fake_frame *frame)
 		return 0;
 	}
 	frame->refused = frame->kind == FAKE_IDENTIFY && world->has_no_parameters;
-	return FAKE_ANSWER_TIME;
+	return world->answer_time;
 }
 
 static struct world *open_world(bool has_no_parameters)
@@ -74,6 +75,7 @@ static struct world *open_world(bool has_no_parameters)
 
 	assert_non_null(world);
 	world->has_no_parameters = has_no_parameters;
+	world->answer_time = FAKE_ANSWER_TIME;
 	world->driver = fake_family;
 	world->driver.begin = begin;
 	world->driver.answer = answer;
@@ -334,6 +336,28 @@ static void round_trips_are_measured(void **state)
 	close_world(world);
 }
 
+/* Shortest, longest and last one: slower answers first, then quicker ones, then as at first. */
+static void round_trips_that_vary_are_measured(void **state)
+{
+	struct world *world = open_world(false);
+	struct db_axis_stats stats;
+
+	(void)state;
+	world->answer_time = 2 * FAKE_ANSWER_TIME;
+	fake_pass(world->bus, 200 * MS);
+	world->answer_time = FAKE_ANSWER_TIME / 2;
+	fake_pass(world->bus, 200 * MS);
+	world->answer_time = FAKE_ANSWER_TIME;
+	fake_pass(world->bus, 200 * MS);
+	stats = fake_snapshot(world->bus, 0).stats;
+	assert_int_equal(stats.round_trip_us, FAKE_ANSWER_TIME / DB_NS_PER_US);
+	assert_int_equal(stats.round_trip_min_us, FAKE_ANSWER_TIME / 2 / DB_NS_PER_US);
+	assert_int_equal(stats.round_trip_max_us, 2 * FAKE_ANSWER_TIME / DB_NS_PER_US);
+	assert_in_range(stats.round_trip_mean_us, stats.round_trip_min_us + 1,
+	                stats.round_trip_max_us - 1);
+	close_world(world);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -347,6 +371,7 @@ int main(void)
 		cmocka_unit_test(what_is_to_stand_is_shown_as_stopping),
 		cmocka_unit_test(a_motion_just_before_a_stop_makes_it_doubtful),
 		cmocka_unit_test(round_trips_are_measured),
+		cmocka_unit_test(round_trips_that_vary_are_measured),
 	};
 
 	return cmocka_run_group_tests_name("station", tests, NULL, NULL);
