@@ -392,10 +392,7 @@ static void on_sent(void *form, int number, bool refused, db_time now)
 
 	(void)refused;
 	(void)now;
-	if (number > 0)
-		db_mqtt_outbox_sent(plain->outbox, number);
-	else
-		db_mqtt_outbox_sent_for_good(plain->outbox);
+	db_mqtt_outbox_sent(plain->outbox, number);
 }
 
 static void on_confirmed(void *form, int number)
