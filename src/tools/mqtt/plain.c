@@ -212,7 +212,7 @@ static void on_lost(void *form)
 		const char *drive = db_mqtt_picture_name(picture);
 
 		publish(plain, topic_of_part(plain, "drive", drive, "changes"),
-		        db_mqtt_picture_forget(picture, db_client_wall_us()), false);
+		        db_mqtt_picture_take(picture, NULL, db_client_wall_us()), false);
 		publish(plain, topic_of_part(plain, "drive", drive, "state"),
 		        db_mqtt_picture_write_state(picture), true);
 		publish_retained(plain, topic_of_part(plain, "drive", drive, "trouble"),
