@@ -75,11 +75,12 @@ int sim_control_open(const char *path, struct sim_world *world, struct sim_contr
 		strcpy(made->address.sun_path, path);
 		result = start_client(made);
 	}
-	if (result != 0)
+	if (result != 0) {
 		sim_control_close(made);
-	else
-		*control = made;
-	return result;
+		return result;
+	}
+	*control = made;
+	return made->poll;
 }
 
 static void drop_client(struct client *client)
@@ -105,11 +106,6 @@ void sim_control_close(struct sim_control *control)
 	if (control->poll >= 0)
 		(void)close(control->poll);
 	free(control);
-}
-
-int sim_control_fd(const struct sim_control *control)
-{
-	return control->poll;
 }
 
 static void take_client(struct sim_control *control)

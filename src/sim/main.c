@@ -252,26 +252,13 @@ static int run(struct loop *loop, struct sim_world *world, struct sim_control *c
 	}
 }
 
-static int announce(const struct loop *loop, struct sim_world *world, struct sim_control *control)
-{
-	if (control && watch(loop, sim_control_fd(control), control) != 0)
-		return -1;
-	for (size_t i = 0; i < world->bus_count; i++) {
-		if (watch(loop, world->buses[i].port.fd, &world->buses[i]) != 0)
-			return -1;
-		printf("bus %s on %s\n", world->buses[i].config->name, world->buses[i].port.host);
-	}
-	puts("ready");
-	return fflush(stdout) == 0 ? 0 : -1;
-}
-
 static int simulate(const struct sim_config *config, const struct options *options, FILE *trace)
 {
 	struct loop loop = { .poll = -1, .timer = -1, .signals = -1 };
 	struct sim_world world = { .buses = NULL };
 	struct sim_control *control = NULL;
 	int result = -1;
-	int error;
+	int control_fd;
 
 	if (open_loop(&loop) != 0) {
 		fprintf(stderr, "drivebridge-sim: %s\n", strerror(errno));
@@ -280,14 +267,24 @@ static int simulate(const struct sim_config *config, const struct options *optio
 	if (sim_world_open(&world, config, trace, clock_now()) != 0)
 		goto out;
 	if (options->control) {
-		error = sim_control_open(options->control, &world, &control);
-		if (error != 0) {
+		control_fd = sim_control_open(options->control, &world, &control);
+		if (control_fd < 0) {
 			fprintf(stderr, "control socket %s: %s\n", options->control,
-			        strerror(-error));
+			        strerror(-control_fd));
 			goto out;
 		}
+		if (watch(&loop, control_fd, control) != 0)
+			goto out;
 	}
-	if (announce(&loop, &world, control) == 0)
+	for (size_t i = 0; i < world.bus_count; i++) {
+		struct sim_bus *bus = &world.buses[i];
+
+		if (watch(&loop, bus->port.fd, bus) != 0)
+			goto out;
+		printf("bus %s on %s\n", bus->config->name, bus->port.host);
+	}
+	puts("ready");
+	if (fflush(stdout) == 0)
 		result = run(&loop, &world, control, options->busy);
 	if (result == 0 && options->replay) {
 		sim_replay_report(world.buses[0].wire);

@@ -51,13 +51,10 @@ bool sim_read_numbers(const char *text, long *numbers, size_t count, long max);
 
 struct sim_control;
 
-/* Listens at path; an old socket there is replaced. The world must outlive it. 0 or a negative
- * errno. */
+/* Listens at path; an old socket there is replaced. The world must outlive it. Returns one
+ * descriptor to wait on for everything here (an epoll set), or a negative errno. */
 int sim_control_open(const char *path, struct sim_world *world, struct sim_control **control);
 void sim_control_close(struct sim_control *control);
-
-/* One descriptor to wait on for everything here (an epoll set). */
-int sim_control_fd(const struct sim_control *control);
 
 /* Serves all ready clients. */
 void sim_control_run(struct sim_control *control, db_time now);

@@ -12,30 +12,20 @@
 
 /* --- making and freeing ----------------------------------------------------------------------- */
 
-static bool make_drive(struct sim_node *node, const struct sim_drive_config *config,
-                       const char *flash, db_time now)
+static bool open_drive(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
+                       const struct sim_drive_config *config, const char *flash, db_time now)
 {
 	struct sim_vsmd_config vsmd = config->vsmd;
+	struct sim_can_station station;
 
 	vsmd.flash_path = flash;
 	node->drive = sim_vsmd_new(&vsmd, now);
-	return node->drive != NULL;
-}
-
-static bool open_serial(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
-                        const struct sim_drive_config *config, const char *flash, db_time now)
-{
-	(void)bus;
-	return make_drive(node, config, flash, now) && sim_serial_bus_attach(wire, node);
-}
-
-static bool open_can(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
-                     const struct sim_drive_config *config, const char *flash, db_time now)
-{
-	struct sim_can_station station;
-
+	if (!node->drive)
+		return false;
+	if (node->family->protocol)
+		return sim_serial_bus_attach(wire, node);
 	node->vsmd_can = calloc(1, sizeof(*node->vsmd_can));
-	if (!node->vsmd_can || !make_drive(node, config, flash, now))
+	if (!node->vsmd_can)
 		return false;
 	sim_vsmd_can_node_init(node->vsmd_can, node, &bus->style, bus->can.latency);
 	station = sim_vsmd_can_node_station(node->vsmd_can);
@@ -204,20 +194,18 @@ static const struct sim_family_command commands[] = {
 	{ "sensor", force_sensor },   { NULL, NULL },
 };
 
-/* All operations except those that depend on the bus. */
+/* All but the protocol, which those on CAN do not have. */
 #define OPERATIONS                                                                                \
-	.close = close_drive, .advance = advance, .moving_motors = moving_motors,                 \
-	.write_motion = write_motion, .write_state = write_state, .get_address = get_address,     \
-	.set_address = set_address, .power = power, .stall = stall, .force_status = force_status, \
-	.fail_flash = fail_flash, .commands = commands
+	.open = open_drive, .close = close_drive, .advance = advance,                             \
+	.moving_motors = moving_motors, .write_motion = write_motion, .write_state = write_state, \
+	.get_address = get_address, .set_address = set_address, .power = power, .stall = stall,   \
+	.force_status = force_status, .fail_flash = fail_flash, .commands = commands
 
 const struct sim_family sim_vsmd_serial_family = {
 	.protocol = &sim_vsmd_serial_protocol,
-	.open = open_serial,
 	OPERATIONS,
 };
 
 const struct sim_family sim_vsmd_can_family = {
-	.open = open_can,
 	OPERATIONS,
 };

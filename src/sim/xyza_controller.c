@@ -223,16 +223,17 @@ static bool accept(struct sim_xyza *controller, const struct xyza_request *reque
 	return true;
 }
 
+/* Its amount, its sign, or 0. */
 static bool write_position(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	double position = sim_xyza_axes_position(&controller->axes, request->axis);
-	double magnitude;
-	bool negative;
+	double magnitude = 0.0;
+	bool negative = false;
 
 	if (request->verb == XYZA_WRITE_SIGN) {
 		magnitude = fabs(position);
 		negative = request->negative;
-	} else {
+	} else if (request->verb == XYZA_WRITE_MAGNITUDE) {
 		magnitude = (double)request->value;
 		negative = !controller->config.temper.amount_clears_sign && signbit(position);
 	}
@@ -310,12 +311,6 @@ static bool manual_stop(struct sim_xyza *controller, const struct xyza_request *
 	return true;
 }
 
-static bool clear_position(struct sim_xyza *controller, const struct xyza_request *request)
-{
-	sim_xyza_axes_set_position(&controller->axes, request->axis, 0.0);
-	return true;
-}
-
 static bool program_stop(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	bool quick = request->verb == XYZA_PROGRAM_QUICK_STOP;
@@ -370,11 +365,11 @@ static handler_fn *const handlers[XYZA_VERB_COUNT] = {
 	[XYZA_MANUAL_QUICK_STOP] = manual_stop,
 	[XYZA_MANUAL_STOP] = manual_stop,
 	[XYZA_MANUAL_JOG] = start_jog,
-	[XYZA_MANUAL_CLEAR] = clear_position,
+	[XYZA_MANUAL_CLEAR] = write_position,
 	[XYZA_PROGRAM_QUICK_STOP] = program_stop,
 	[XYZA_PROGRAM_STOP] = program_stop,
 	[XYZA_PROGRAM_START] = run_program,
-	[XYZA_PROGRAM_CLEAR] = clear_position,
+	[XYZA_PROGRAM_CLEAR] = write_position,
 	[XYZA_PROGRAM_DELAY] = run_program,
 	[XYZA_PROGRAM_CONTINUE] = run_program,
 	[XYZA_PROGRAM_END] = run_program,

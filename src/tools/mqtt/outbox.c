@@ -214,27 +214,20 @@ bool db_mqtt_outbox_next(struct db_mqtt_outbox *outbox, struct db_mqtt_message *
 
 void db_mqtt_outbox_sent(struct db_mqtt_outbox *outbox, int number)
 {
-	struct flight *flight = &outbox->window[outbox->under_way++];
+	struct flight flight = { .number = number, .retained = outbox->next_retained };
 
-	*flight = (struct flight){ .number = number, .retained = outbox->next_retained };
-	if (flight->retained < outbox->retained_count) {
-		outbox->retained[flight->retained].wanted = false;
-		outbox->retained[flight->retained].under_way = true;
+	if (flight.retained < outbox->retained_count) {
+		outbox->retained[flight.retained].wanted = false;
+		outbox->retained[flight.retained].under_way = number > 0;
 	} else {
-		flight->sample = take_next(outbox);
+		flight.sample = take_next(outbox);
 	}
-}
-
-void db_mqtt_outbox_sent_for_good(struct db_mqtt_outbox *outbox)
-{
-	struct sample *sample = NULL;
-
-	if (outbox->next_retained < outbox->retained_count)
-		outbox->retained[outbox->next_retained].wanted = false;
-	else
-		sample = take_next(outbox);
-	if (sample)
-		free_sample(outbox, sample);
+	if (number > 0) {
+		outbox->window[outbox->under_way++] = flight;
+		return;
+	}
+	if (flight.sample)
+		free_sample(outbox, flight.sample);
 	outbox->stats.confirmed++;
 }
 

@@ -53,10 +53,9 @@ void db_mqtt_outbox_set_retained(struct db_mqtt_outbox *outbox, const char *topi
  * there is none, or when too many are unconfirmed. Valid until the next call. */
 bool db_mqtt_outbox_next(struct db_mqtt_outbox *outbox, struct db_mqtt_message *message);
 
-/* That message was sent with this number, and db_mqtt_outbox_confirm() reports its confirmation; or
- * it needs none. */
+/* That message was sent with this number, above 0, and db_mqtt_outbox_confirm() reports its
+ * confirmation; 0: it needs none. */
 void db_mqtt_outbox_sent(struct db_mqtt_outbox *outbox, int number);
-void db_mqtt_outbox_sent_for_good(struct db_mqtt_outbox *outbox);
 void db_mqtt_outbox_confirm(struct db_mqtt_outbox *outbox, int number);
 
 /* There is a new connection: unconfirmed messages are to be sent again, and all retained texts,

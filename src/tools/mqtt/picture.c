@@ -102,15 +102,19 @@ static char *write_values(const struct db_mqtt_picture *picture, json_t *values)
 	return text;
 }
 
-/* Stores the changes, and returns their text. */
-static char *keep(struct db_mqtt_picture *picture, const json_t *values, const char *quality)
+char *db_mqtt_picture_take(struct db_mqtt_picture *picture, const json_t *values, int64_t us)
 {
+	json_int_t taken = json_integer_value(json_object_get(values, "timestamp_us"));
+	json_int_t number = json_integer_value(json_object_get(values, "quality"));
+	/* OPC's codes. */
+	const char *quality = number >= 192 ? "good" : number >= 64 ? "uncertain" : "bad";
 	bool changed = strcmp(picture->quality, quality) != 0;
 	json_t *changes = json_object();
 	char *text = NULL;
 	const char *name;
 	json_t *reg;
 
+	picture->us = taken > 0 ? taken : us;
 	(void)snprintf(picture->quality, sizeof(picture->quality), "%s", quality);
 	json_object_foreach(picture->registers, name, reg)
 	{
@@ -130,22 +134,6 @@ static char *keep(struct db_mqtt_picture *picture, const json_t *values, const c
 	}
 	json_decref(changes);
 	return text;
-}
-
-char *db_mqtt_picture_take(struct db_mqtt_picture *picture, const json_t *values, int64_t us)
-{
-	json_int_t taken = json_integer_value(json_object_get(values, "timestamp_us"));
-	json_int_t quality = json_integer_value(json_object_get(values, "quality"));
-
-	picture->us = taken > 0 ? taken : us;
-	/* OPC's codes. */
-	return keep(picture, values, quality >= 192 ? "good" : quality >= 64 ? "uncertain" : "bad");
-}
-
-char *db_mqtt_picture_forget(struct db_mqtt_picture *picture, int64_t us)
-{
-	picture->us = us;
-	return keep(picture, NULL, "bad");
 }
 
 bool db_mqtt_picture_state_is_due(struct db_mqtt_picture *picture, db_time interval,

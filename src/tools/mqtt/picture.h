@@ -31,13 +31,10 @@ const char *db_mqtt_picture_name(const struct db_mqtt_picture *picture);
 
 /*
  * Takes the values of one sample; `us` is when it was sent, for a drive that does not know the time
- * of its data. Returns the text of the changes since the last sample, to be freed, or NULL when
- * there are none (or without memory).
+ * of its data. NULL: the service is gone, and all values become unknown. Returns the text of the
+ * changes since the last sample, to be freed, or NULL when there are none (or without memory).
  */
 char *db_mqtt_picture_take(struct db_mqtt_picture *picture, const json_t *values, int64_t us);
-
-/* The same when the service is gone: all values become unknown. */
-char *db_mqtt_picture_forget(struct db_mqtt_picture *picture, int64_t us);
 
 /* True if the retained state is to be published: when it has changed and `interval` has passed
  * since the last time, or after `refresh` in any case. Then counts it as published. */

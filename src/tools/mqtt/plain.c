@@ -212,7 +212,7 @@ static void on_lost(void *form)
 		const char *drive = db_mqtt_picture_name(picture);
 
 		publish(plain, topic_of_part(plain, "drive", drive, "changes"),
-		        db_mqtt_picture_forget(picture, db_client_wall_us()), false);
+		        db_mqtt_picture_take(picture, NULL, db_client_wall_us()), false);
 		publish(plain, topic_of_part(plain, "drive", drive, "state"),
 		        db_mqtt_picture_write_state(picture), true);
 		publish_retained(plain, topic_of_part(plain, "drive", drive, "trouble"),
@@ -392,10 +392,7 @@ static void on_sent(void *form, int number, bool refused, db_time now)
 
 	(void)refused;
 	(void)now;
-	if (number > 0)
-		db_mqtt_outbox_sent(plain->outbox, number);
-	else
-		db_mqtt_outbox_sent_for_good(plain->outbox);
+	db_mqtt_outbox_sent(plain->outbox, number);
 }
 
 static void on_confirmed(void *form, int number)

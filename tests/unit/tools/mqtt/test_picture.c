@@ -94,7 +94,7 @@ static void test_nothing_old_is_shown_as_new(void **state)
 	expect_changes(*state, "{\"axis_state\":1,\"status\":0,\"position\":5,\"quality\":192}",
 	               "{\"time\":\"2026-03-01T12:00:00.000000Z\",\"quality\":\"good\",\"values\":{"
 	               "\"axis_state\":\"Disabled\",\"status\":[],\"position\":5}}");
-	text = db_mqtt_picture_forget(*state, NOON);
+	text = db_mqtt_picture_take(*state, NULL, NOON);
 	assert_string_equal(text,
 	                    "{\"time\":\"2026-03-01T12:00:00.000000Z\",\"quality\":\"bad\","
 	                    "\"values\":{\"axis_state\":null,\"status\":null,\"position\":null}}");
@@ -110,7 +110,7 @@ static void test_when_the_state_is_due(void **state)
 
 	assert_true(db_mqtt_picture_state_is_due(*state, interval, refresh, 100));
 	assert_false(db_mqtt_picture_state_is_due(*state, interval, refresh, 100 + interval));
-	free(db_mqtt_picture_forget(*state, NOON));
+	free(db_mqtt_picture_take(*state, NULL, NOON));
 	assert_false(db_mqtt_picture_state_is_due(*state, interval, refresh, 99 + interval));
 	assert_true(db_mqtt_picture_state_is_due(*state, interval, refresh, 100 + interval));
 	assert_false(
