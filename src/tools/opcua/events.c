@@ -130,8 +130,8 @@ static UA_StatusCode read_message(UA_Server *server, const UA_NodeId *session,
  * be in that one's language. */
 static UA_StatusCode translate(UA_Server *server, UA_NodeId event, struct message *message)
 {
-	UA_QualifiedName name = { .name = db_opcua_string("Message") };
-	UA_BrowsePathResult found = UA_Server_browseSimplifiedBrowsePath(server, event, 1, &name);
+	UA_BrowsePathResult found = UA_Server_browseSimplifiedBrowsePath(
+		server, event, 1, &(UA_QualifiedName){ .name = db_opcua_string("Message") });
 	UA_StatusCode status = found.statusCode;
 
 	if (status == UA_STATUSCODE_GOOD && found.targetsSize == 0)
