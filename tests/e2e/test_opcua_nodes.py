@@ -2,12 +2,14 @@
 """The nodes of drives, which are there only while somebody asks for them, as a client of OPC UA finds them."""
 
 from asyncua import ua
-from bridgelib import build_directory
+from bridgelib import build_directory, code
 from opcualib import (  # noqa: F401
+    TYPES,
     Follower,
     at,
     browse,
     connect,
+    event_of,
     fixture_certificate,
     fixture_make_server,
     in_loop,
@@ -85,4 +87,36 @@ async def test_descriptions_in_the_language_of_the_session(bridge, make_server, 
             text = await at(client, "drive1.ErrorCode").read_description()
             assert text.Locale == locale and text.Text.startswith(begins)
         finally:
+            await client.disconnect()
+    await names_and_events(bridge, server)
+
+
+async def names_and_events(bridge, server):
+    """Sessions that are there at the same time: names, enumerations, and what one event says to each of them."""
+    clients = {wanted: server.client() for wanted in ("de", "zh-CN", "en")}
+    followers = {}
+    for wanted, client in clients.items():
+        client.set_locale([wanted])
+        await connect(client)
+        followers[wanted] = await Follower(client).start(events=[client.nodes.server])
+    try:
+        shown = {}
+        for wanted, client in clients.items():
+            space = await client.get_namespace_index(TYPES)
+            values = await client.get_node(ua.NodeId("AxisStateEnum.EnumValues", space)).read_value()
+            display = [(await at(client, f"drive1.{name}").read_display_name()).Text for name in ("ClearFault", "AxisState")]
+            assert display == {"de": ["Störung quittieren", "Achszustand"], "zh-CN": ["故障复位", "轴状态"],
+                               "en": ["ClearFault", "AxisState"]}[wanted]
+            shown[wanted] = next((one.DisplayName.Locale, one.DisplayName.Text) for one in values if one.Value == code("axis_state", "Standstill"))
+        assert shown == {"de": ("de", "Stillstand"), "zh-CN": ("zh-CN", "静止"), "en": ("en", "Standstill")}
+        bridge.sim.fault("silence on")
+        for wanted, event, alarm in (("de", "antwortet nicht mit Adresse 1", "drive1: keine Antwort"), ("zh-CN", "地址 1", "drive1: 无应答"),
+                                     ("en", "does not answer at address 1", "drive1: no answer")):
+            lost = await until(lambda wanted=wanted: event_of(followers[wanted], "DriveLost"))
+            told = await until(lambda wanted=wanted: next((one for one in followers[wanted].events if one.EventType == ua.NodeId(
+                ua.ObjectIds.DiscreteAlarmType)), None))
+            assert (lost.Message.Locale, told.Message.Locale) == (wanted, wanted)
+            assert event in lost.Message.Text and told.Message.Text == alarm
+    finally:
+        for client in clients.values():
             await client.disconnect()

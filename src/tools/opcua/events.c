@@ -100,6 +100,53 @@ static UA_StatusCode set_field(UA_Server *server, UA_NodeId event, const char *n
 		server, event, (UA_QualifiedName){ .name = db_opcua_string(name) }, variant);
 }
 
+/* What an event says, while the library sends it. */
+struct message {
+	const struct db_opcua_locales *locales;
+	const char *text;
+};
+
+static UA_StatusCode read_message(UA_Server *server, const UA_NodeId *session,
+                                  void *session_context, const UA_NodeId *node, void *node_context,
+                                  UA_Boolean source_time_wanted, const UA_NumericRange *range,
+                                  UA_DataValue *value)
+{
+	const struct message *message = node_context;
+	char room[DB_WORDS_TEXT_MAX];
+	UA_LocalizedText said = db_opcua_locales_say(message->locales, server, session,
+	                                             message->text, room);
+	UA_StatusCode status;
+
+	(void)session_context;
+	(void)node;
+	(void)source_time_wanted;
+	(void)range;
+	status = UA_Variant_setScalarCopy(&value->value, &said, &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);
+	value->hasValue = status == UA_STATUSCODE_GOOD;
+	return status;
+}
+
+/* The library asks for the fields of an event for each client that gets it, with that one's session: so its message can
+ * be in that one's language. */
+static UA_StatusCode translate(UA_Server *server, UA_NodeId event, struct message *message)
+{
+	UA_BrowsePathResult found = UA_Server_browseSimplifiedBrowsePath(
+		server, event, 1, &(UA_QualifiedName){ .name = db_opcua_string("Message") });
+	UA_StatusCode status = found.statusCode;
+
+	if (status == UA_STATUSCODE_GOOD && found.targetsSize == 0)
+		status = UA_STATUSCODE_BADNOTFOUND;
+	if (status == UA_STATUSCODE_GOOD)
+		status = UA_Server_setNodeContext(server, found.targets[0].targetId.nodeId,
+		                                  message);
+	if (status == UA_STATUSCODE_GOOD)
+		status = UA_Server_setVariableNode_dataSource(
+			server, found.targets[0].targetId.nodeId,
+			(UA_DataSource){ .read = read_message });
+	UA_BrowsePathResult_clear(&found);
+	return status;
+}
+
 /* What every event has. */
 static UA_StatusCode set_head(UA_Server *server, UA_NodeId event, UA_DateTime time,
                               const char *level, const char *text, const char *source)
@@ -127,8 +174,10 @@ static void trigger(UA_Server *server, const char *what, UA_NodeId event, UA_Nod
 		              UA_StatusCode_name(status));
 }
 
-void db_opcua_events_tell(UA_Server *server, const json_t *event, UA_NodeId origin)
+void db_opcua_events_tell(UA_Server *server, const struct db_opcua_locales *locales,
+                          const json_t *event, UA_NodeId origin)
 {
+	struct message message = { .locales = locales, .text = db_client_text(event, "text") };
 	const char *drive = db_client_text(event, "drive");
 	UA_DateTime time = UA_DATETIME_UNIX_EPOCH +
 	                   json_integer_value(json_object_get(event, "time_us")) * UA_DATETIME_USEC;
@@ -143,6 +192,8 @@ void db_opcua_events_tell(UA_Server *server, const json_t *event, UA_NodeId orig
 		status = set_head(server, node, time, db_client_text(event, "level"),
 		                  db_client_text(event, "text"),
 		                  drive[0] ? drive : db_client_text(event, "bus"));
+	if (status == UA_STATUSCODE_GOOD)
+		status = translate(server, node, &message);
 	trigger(server, db_client_text(event, "name"), node, origin, status);
 }
 

@@ -1,10 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Descriptions in the languages of po/: the library answers each session with the one that it has asked for, by the
- * LocaleIds of its ActivateSession, and else in English. One thread.
+ * Texts in the languages of po/, for each session in the one that it has asked for by the LocaleIds of its
+ * ActivateSession, else in English. Of descriptions and display names the library gets a list, and chooses from it; values
+ * that are texts are asked for with the session. One thread.
  */
 #ifndef DRIVEBRIDGE_OPCUA_LOCALES_H
 #define DRIVEBRIDGE_OPCUA_LOCALES_H
+
+#include "words/language.h"
 
 #include <open62541/plugin/nodestore.h>
 #include <open62541/server.h>
@@ -12,8 +15,6 @@
 /* What clients may ask for; de-AT gets de, too. */
 #define DB_OPCUA_LOCALE_IDS 2
 #define DB_OPCUA_LANGUAGES 2
-
-struct db_words_language;
 
 struct db_opcua_locales {
 	struct db_words_language *languages[DB_OPCUA_LANGUAGES]; /* null: not installed */
@@ -36,6 +37,26 @@ UA_StatusCode db_opcua_locales_tell(const struct db_opcua_locales *locales, UA_S
 UA_LocalizedTextListEntry *db_opcua_locales_fill(const struct db_opcua_locales *locales,
                                                  struct db_opcua_texts *texts, const char *english,
                                                  bool all);
+/* Fills in the same list for a name that is shown: `name` in English, and in other languages the words of the table for
+ * `key`, such as "axis_state"; NULL: there are none. */
+UA_LocalizedTextListEntry *db_opcua_locales_fill_name(
+	const struct db_opcua_locales *locales,
+	UA_LocalizedTextListEntry entries[1 + DB_OPCUA_LOCALE_IDS], UA_String name,
+	const char *key);
+
+/*
+ * A finished English text as this session has asked for it; in English where it has asked for none of the languages, and
+ * where there is no session. What is returned is `room`, `english` or the locales' own.
+ */
+UA_LocalizedText db_opcua_locales_say(const struct db_opcua_locales *locales, UA_Server *server,
+                                      const UA_NodeId *session, const char *english,
+                                      char room[DB_WORDS_TEXT_MAX]);
+
+/* The same of a name, such as "no_answer"; as it is where the language has no words for it. */
+UA_LocalizedText db_opcua_locales_say_name(const struct db_opcua_locales *locales,
+                                           UA_Server *server, const UA_NodeId *session,
+                                           UA_String name);
+
 /* Frees what was filled in. Texts of only zeros are allowed. */
 void db_opcua_texts_clear(struct db_opcua_texts *texts);
 

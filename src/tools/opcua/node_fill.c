@@ -10,7 +10,7 @@
 
 #include <stdlib.h>
 
-/* Names are the same in every language. */
+/* The browse name is the same in every language, and so is the display name, unless set_words() follows. */
 static void set_head(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
                      UA_NodeClass class, UA_QualifiedName name, const char *description)
 {
@@ -18,11 +18,19 @@ static void set_head(const struct db_opcua_nodes *nodes, struct db_opcua_node *n
 
 	head->nodeClass = class;
 	head->browseName = name;
-	node->display_name.localizedText.text = name.name;
-	head->displayName = &node->display_name;
+	head->displayName = db_opcua_locales_fill_name(&nodes->locales, node->display_name,
+	                                               name.name, NULL);
 	if (description[0] != '\0')
 		head->description = db_opcua_locales_fill(&nodes->locales, &node->description,
 		                                          description, node->described);
+}
+
+/* The display name in the words that the page has for this register or command. */
+static void set_words(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
+                      const char *key)
+{
+	(void)db_opcua_locales_fill_name(&nodes->locales, node->display_name,
+	                                 node->node.head.browseName.name, key);
 }
 
 static void set_type(struct db_opcua_node *node, UA_NodeId type, bool array, bool writable)
@@ -140,6 +148,7 @@ static void fill_register(const struct db_opcua_nodes *nodes, struct db_opcua_no
 	set_head(nodes, node, UA_NODECLASS_VARIABLE,
 	         db_opcua_member_name(&nodes->roster, branch->name),
 	         reg->description[0] ? reg->description : text_of(shown->tree, branch));
+	set_words(nodes, node, reg->name);
 	set_variable(node, type_of(nodes, reg), false, reg->writable, nodes->config->interval_ms);
 	if (!shown->gateway && db_opcua_history_field(reg->name)) {
 		node->node.variableNode.historizing = true;
@@ -213,6 +222,9 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 			json_object_get(db_opcua_tree_command(shown->tree, branch), "description"));
 		set_head(nodes, node, UA_NODECLASS_METHOD, name,
 		         text ? text : text_of(shown->tree, branch));
+		set_words(nodes, node,
+		          json_string_value(json_object_get(
+				  db_opcua_tree_command(shown->tree, branch), "name")));
 		node->node.methodNode.executable = true;
 		node->node.methodNode.method = db_opcua_node_call;
 		break;
@@ -271,6 +283,10 @@ static void fill_row(const struct db_opcua_nodes *nodes, struct db_opcua_node *n
 		node->node.variableNode.valueSource = UA_VALUESOURCE_DATA;
 	} else if (row->class == DB_OPCUA_METHOD_ROW) {
 		node->node.methodNode.method = db_opcua_node_refuse;
+	} else if (row->class == DB_OPCUA_NAMES_ROW || row->class == DB_OPCUA_BITS_ROW) {
+		/* Each session reads the names in its language. */
+		set_variable(node, db_opcua_row_type(row)->typeId, true, false,
+		             DB_OPCUA_FIGURES_INTERVAL);
 	} else if (row->class >= DB_OPCUA_NAMES_ROW) {
 		void *values = valued ? db_opcua_row_value(row, &count) : NULL;
 

@@ -2,8 +2,11 @@
 #include "opcua/node_values.h"
 #include "opcua/conditions.h"
 #include "opcua/nodes_private.h"
+#include "opcua/properties.h"
 #include "opcua/values.h"
 
+#include <open62541/types_generated.h>
+#include <stdlib.h>
 #include <string.h>
 
 static struct db_opcua_nodes *nodes_of(UA_Server *server)
@@ -91,6 +94,30 @@ static UA_StatusCode read_identity(const struct db_opcua_nodes *nodes,
 	return status;
 }
 
+/* The names of an enumeration or of bits, for this session. */
+static UA_StatusCode read_names(const struct db_opcua_nodes *nodes, UA_Server *server,
+                                const UA_NodeId *session, const struct db_opcua_type_row *row,
+                                UA_DataValue *value)
+{
+	size_t count = 0;
+	void *values = db_opcua_row_value(row, &count);
+	UA_StatusCode status;
+
+	if (!values)
+		return UA_STATUSCODE_BADOUTOFMEMORY;
+	for (size_t i = 0; i < count; i++) {
+		UA_LocalizedText *name = row->class == DB_OPCUA_NAMES_ROW ?
+		                                 &((UA_EnumValueType *)values)[i].displayName :
+		                                 &((UA_LocalizedText *)values)[i];
+
+		*name = db_opcua_locales_say_name(&nodes->locales, server, session, name->text);
+	}
+	status = UA_Variant_setArrayCopy(&value->value, values, count, db_opcua_row_type(row));
+	free(values);
+	value->hasValue = status == UA_STATUSCODE_GOOD;
+	return status;
+}
+
 static UA_StatusCode write_clock(const struct db_opcua_nodes *nodes, const UA_NodeId *session,
                                  const UA_Variant *value)
 {
@@ -108,6 +135,32 @@ static UA_StatusCode write_clock(const struct db_opcua_nodes *nodes, const UA_No
 	return nodes->ops->write_clock(nodes->context, session, token);
 }
 
+static UA_StatusCode read_condition(const struct db_opcua_nodes *nodes,
+                                    const struct db_opcua_subject *subject, UA_DataValue *value)
+{
+	return db_opcua_condition_read(&nodes->roster, subject,
+	                               quality_of_facts(nodes) == DB_OPCUA_GOOD ?
+	                                       UA_STATUSCODE_GOOD :
+	                                       UA_STATUSCODE_BADNOCOMMUNICATION,
+	                               value);
+}
+
+/* What an alarm says, for this session: also in its events, which the library reads for each. */
+static UA_StatusCode read_message(const struct db_opcua_nodes *nodes, UA_Server *server,
+                                  const UA_NodeId *session, const struct db_opcua_subject *subject,
+                                  UA_DataValue *value)
+{
+	UA_StatusCode status = read_condition(nodes, subject, value);
+	char room[DB_WORDS_TEXT_MAX];
+	UA_LocalizedText said;
+
+	if (status != UA_STATUSCODE_GOOD || !value->hasValue)
+		return status;
+	said = db_opcua_locales_say(&nodes->locales, server, session, subject->alarm->text, room);
+	UA_Variant_clear(&value->value);
+	return UA_Variant_setScalarCopy(&value->value, &said, &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);
+}
+
 UA_StatusCode db_opcua_node_read(UA_Server *server, const UA_NodeId *session, void *session_context,
                                  const UA_NodeId *node, void *node_context,
                                  UA_Boolean source_time_wanted, const UA_NumericRange *range,
@@ -119,7 +172,6 @@ UA_StatusCode db_opcua_node_read(UA_Server *server, const UA_NodeId *session, vo
 	const struct db_opcua_branch *branch = subject->branch;
 	const struct db_opcua_column *column;
 
-	(void)session;
 	(void)session_context;
 	(void)node;
 	(void)source_time_wanted;
@@ -132,13 +184,12 @@ UA_StatusCode db_opcua_node_read(UA_Server *server, const UA_NodeId *session, vo
 		return db_opcua_value_from_json(subject->fact->value, subject->fact->time_us,
 		                                quality_of_facts(nodes), value);
 	}
-	if (subject->type == DB_OPCUA_CONDITION) {
-		return db_opcua_condition_read(&nodes->roster, subject,
-		                               quality_of_facts(nodes) == DB_OPCUA_GOOD ?
-		                                       UA_STATUSCODE_GOOD :
-		                                       UA_STATUSCODE_BADNOCOMMUNICATION,
-		                               value);
-	}
+	if (subject->type == DB_OPCUA_OF_TYPES)
+		return read_names(nodes, server, session, subject->row, value);
+	if (subject->type == DB_OPCUA_CONDITION && subject->member == DB_OPCUA_MEMBER_MESSAGE)
+		return read_message(nodes, server, session, subject, value);
+	if (subject->type == DB_OPCUA_CONDITION)
+		return read_condition(nodes, subject, value);
 	if (branch->type == DB_OPCUA_CLOCK)
 		return read_clock(nodes, value);
 	if (branch->type == DB_OPCUA_CERTIFICATE_ENDS)

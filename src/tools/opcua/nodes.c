@@ -272,7 +272,8 @@ static void show_event(void *context, const json_t *event)
 	bool there = db_opcua_roster_find(&nodes->roster, drive, strlen(drive)) != NULL;
 	struct db_opcua_id id = db_opcua_id_of(there ? drive : DB_OPCUA_DRIVES, "");
 
-	db_opcua_events_tell(nodes->server, event, db_opcua_node_id(&nodes->roster, &id));
+	db_opcua_events_tell(nodes->server, &nodes->locales, event,
+	                     db_opcua_node_id(&nodes->roster, &id));
 }
 
 const struct db_opcua_plant_ops db_opcua_nodes_plant_ops = {

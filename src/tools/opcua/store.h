@@ -24,7 +24,7 @@ struct db_opcua_node {
 	UA_Node node;
 	struct db_opcua_subject subject;
 	char id[DB_OPCUA_ID_MAX];
-	UA_LocalizedTextListEntry display_name;
+	UA_LocalizedTextListEntry display_name[1 + DB_OPCUA_LOCALE_IDS];
 	struct db_opcua_texts description; /* cleared together with the node */
 	bool described;                    /* the description is requested, in any language */
 	UA_UInt32 any_length;              /* 0, the dimension of an array */
