@@ -15,7 +15,12 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 
 	if (!made)
 		return -ENOMEM;
-	if (db_settle_init(&made->settle, config->driver) != 0 ||
+	made->settle.check_at = DB_TIME_NEVER;
+	if (config->driver->holds) {
+		made->settle.places = calloc(DB_SETTLE_MAX, sizeof made->settle.places[0]);
+		made->settle.count = DB_SETTLE_MAX;
+	}
+	if ((config->driver->holds && !made->settle.places) ||
 	    db_commander_reserve(made, config->ids_by_client) != 0) {
 		db_commander_free(made);
 		return -ENOMEM;
@@ -135,41 +140,26 @@ void db_commander_end_hold(struct db_commander *commander, db_time now)
 
 /* --- time and the bus ------------------------------------------------------------------------- */
 
-void db_commander_complete(struct db_commander *commander, struct db_request *request, db_time now)
-{
-	/* Until the confirmation itself, not until this thread learnt of it. */
-	db_time end = request->finished ? request->finished : now;
-	enum db_result result = (enum db_result)request->result;
-
-	if (db_flight_find(commander, request->ticket) != request) {
-		commander->ops->release(commander->context, request);
-		return;
-	}
-	if (request->again) {
-		db_flight_repeat_stop(commander, request, now);
-		return;
-	}
-	db_writers_complete(&commander->writers, request->ticket, result,
-	                    db_time_us32(end - request->submitted));
-	db_motion_ended(commander, request, end);
-	db_settle_ended(commander, request, end);
-	if (request->ends_latch && db_result_is_success(result))
-		db_guard_unlatch(commander, now);
-	db_outcome_log(commander, db_request_client(request),
-	               &(struct db_refused_write){ .command = request->command, .result = result });
-	db_flight_end(commander, request);
-}
-
 db_time db_commander_next_deadline(const struct db_commander *commander)
 {
-	db_time reaction = db_guard_deadline(commander);
-	db_time motion = db_motion_deadline(commander);
-	db_time requests = db_flight_deadline(commander);
-	db_time next = reaction < motion ? reaction : motion;
+	const db_time due[] = {
+		/* db_guard_run() */
+		db_watchdog_deadline(&commander->watchdog),
+		db_hold_deadline(&commander->hold),
+		commander->reaction_again_at,
+		commander->find_at,
+		/* db_motion_check(), db_settle_check() and db_flight_expire() */
+		db_motion_deadline(commander),
+		commander->settle.check_at,
+		db_flight_deadline(commander),
+	};
+	db_time next = DB_TIME_NEVER;
 
-	if (commander->settle.check_at < next)
-		next = commander->settle.check_at;
-	return requests < next ? requests : next;
+	for (size_t i = 0; i < sizeof due / sizeof due[0]; i++) {
+		if (due[i] < next)
+			next = due[i];
+	}
+	return next;
 }
 
 bool db_commander_expire(struct db_commander *commander, db_time now)

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "axis/axis_private.h"
 
+#include "drivebridge/commander.h"
+
 #include <string.h>
 
 enum db_result db_flight_reach(const struct db_commander *commander, enum db_command command)
@@ -58,14 +60,6 @@ bool db_flight_has(const struct db_commander *commander, enum db_pending kind,
 
 /* --- submitting ------------------------------------------------------------------------------- */
 
-/* A program and a raw frame may do what the bridge does not see. */
-static bool may_change_origin(enum db_command command)
-{
-	return command == DB_CMD_HOME || command == DB_CMD_SET_POSITION ||
-	       command == DB_CMD_RAW_FRAME || command == DB_CMD_START_PROGRAM ||
-	       command == DB_CMD_CONTINUE_PROGRAM || command == DB_CMD_SINGLE_STEP;
-}
-
 struct db_request *db_flight_submit(struct db_commander *commander, struct db_request *request)
 {
 	struct db_request *pending;
@@ -94,9 +88,19 @@ struct db_request *db_flight_submit(struct db_commander *commander, struct db_re
 		return NULL;
 	pending->next = commander->pending;
 	commander->pending = pending;
-	if (may_change_origin(pending->command)) {
+	switch (pending->command) {
+	case DB_CMD_HOME:
+	case DB_CMD_SET_POSITION:
+	/* A raw frame and a program may do what the bridge does not see. */
+	case DB_CMD_RAW_FRAME:
+	case DB_CMD_START_PROGRAM:
+	case DB_CMD_CONTINUE_PROGRAM:
+	case DB_CMD_SINGLE_STEP:
 		commander->origin.count++;
 		commander->origin.last = pending->command;
+		break;
+	default:
+		break;
 	}
 	return pending;
 }
@@ -216,7 +220,8 @@ static void answer_waiters(struct db_commander *commander, struct db_request *re
 		commander->ops->answer(commander->context, waiters[i].token, result);
 }
 
-void db_flight_repeat_stop(struct db_commander *commander, struct db_request *stop, db_time now)
+/* The stop has ended, and is submitted again in its place. */
+static void repeat_stop(struct db_commander *commander, struct db_request *stop, db_time now)
 {
 	struct db_request next = take_out(commander, stop);
 	uint32_t before = next.ticket;
@@ -238,10 +243,31 @@ void db_flight_repeat_stop(struct db_commander *commander, struct db_request *st
 	commander->newest = pending->ticket;
 }
 
-void db_flight_end(struct db_commander *commander, struct db_request *request)
+void db_commander_complete(struct db_commander *commander, struct db_request *request, db_time now)
 {
-	struct db_request ended = take_out(commander, request);
+	/* Until the confirmation itself, not until this thread learnt of it. */
+	db_time end = request->finished ? request->finished : now;
+	enum db_result result = (enum db_result)request->result;
+	struct db_request ended;
 
+	if (db_flight_find(commander, request->ticket) != request) {
+		commander->ops->release(commander->context, request);
+		return;
+	}
+	if (request->again) {
+		repeat_stop(commander, request, now);
+		return;
+	}
+	db_writers_complete(&commander->writers, request->ticket, result,
+	                    db_time_us32(end - request->submitted));
+	db_motion_ended(commander, request, end);
+	db_settle_ended(commander, request, end);
+	if (request->ends_latch && db_result_is_success(result))
+		db_guard_unlatch(commander, now);
+	db_outcome_log(commander, db_request_client(request),
+	               &(struct db_refused_write){ .command = request->command, .result = result });
+	/* Its place is free before its waiters are answered. */
+	ended = take_out(commander, request);
 	answer_waiters(commander, &ended, (enum db_result)ended.result);
 }
 

@@ -100,11 +100,6 @@ void bus_log_port_advice(const struct db_bus_config *bus, int error, const char 
 	                       text);
 }
 
-static const char *power_word(const struct db_feedback *feedback)
-{
-	return feedback->status & DB_STATUS_ENABLED ? "enabled" : "disabled";
-}
-
 /* Logs what the drive does when it begins to answer: also what went on while the service was not
  * running. */
 static void log_found(const struct db_log_source *log, const struct db_driver *driver,
@@ -112,6 +107,7 @@ static void log_found(const struct db_log_source *log, const struct db_driver *d
                       const struct db_feedback *feedback, const struct db_outage *outage,
                       db_time now)
 {
+	const char *power = feedback->status & DB_STATUS_ENABLED ? "enabled" : "disabled";
 	char error[DB_ERROR_TEXT_MAX];
 	char after[64] = "";
 
@@ -127,12 +123,12 @@ static void log_found(const struct db_log_source *log, const struct db_driver *d
 	if (feedback->status & DB_STATUS_MOVING)
 		db_log(log, now, DB_EVENT_DRIVE_ONLINE, about,
 		       "answers at address %u%s: %s, moving at %.6g %s/s, position %.10g %s, error %s",
-		       drive->address, after, power_word(feedback), velocity, drive->unit_name,
-		       position, drive->unit_name, db_error_text(driver, feedback->error, error));
+		       drive->address, after, power, velocity, drive->unit_name, position,
+		       drive->unit_name, db_error_text(driver, feedback->error, error));
 	else
 		db_log(log, now, DB_EVENT_DRIVE_ONLINE, about,
 		       "answers at address %u%s: %s, standing, position %.10g %s, error %s",
-		       drive->address, after, power_word(feedback), position, drive->unit_name,
+		       drive->address, after, power, position, drive->unit_name,
 		       db_error_text(driver, feedback->error, error));
 }
 

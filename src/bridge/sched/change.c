@@ -160,20 +160,6 @@ static void remove_station(struct db_engine *engine, size_t index, db_time now)
 
 /* --- adding ----------------------------------------------------------------------------------- */
 
-/* The node of an address; the first drive there brings it. */
-static struct node *node_for(struct db_engine *engine, struct station *station)
-{
-	struct node *node = station->spare;
-
-	for (size_t i = 0; i < engine->node_count; i++) {
-		if (engine->nodes[i]->address == node->address)
-			return engine->nodes[i];
-	}
-	station->spare = NULL;
-	engine->nodes[engine->node_count++] = node;
-	return node;
-}
-
 static void add_stations(struct db_engine *engine, struct db_change *change, db_time now)
 {
 	struct station **stations = engine->stations;
@@ -199,10 +185,17 @@ static void add_stations(struct db_engine *engine, struct db_change *change, db_
 	}
 	for (size_t i = 0; i < change->coming_count; i++) {
 		struct station *station = change->coming[i];
+		struct node *node = engine_find_node(engine, station->spare->address);
 
 		change->coming[i] = NULL;
 		engine->stations[engine->station_count++] = station;
-		station_join(station, node_for(engine, station), engine->bus);
+		/* The first drive at an address brings its node. */
+		if (!node) {
+			node = station->spare;
+			station->spare = NULL;
+			engine->nodes[engine->node_count++] = node;
+		}
+		station_join(station, node, engine->bus);
 		if (station->node->online)
 			engine_count_online(engine, station, now);
 		engine_publish(engine, station);

@@ -14,13 +14,11 @@ struct station *engine_find_station(const struct db_engine *engine, uint16_t num
 	return NULL;
 }
 
-const struct station *engine_find_moving(const struct db_engine *engine)
+struct node *engine_find_node(const struct db_engine *engine, unsigned address)
 {
-	for (size_t i = 0; i < engine->station_count; i++) {
-		const struct station *station = engine->stations[i];
-
-		if (station->node->online && (station->snapshot.feedback.status & DB_STATUS_MOVING))
-			return station;
+	for (size_t i = 0; i < engine->node_count; i++) {
+		if (engine->nodes[i]->address == address)
+			return engine->nodes[i];
 	}
 	return NULL;
 }

@@ -68,11 +68,6 @@ void db_engine_free(struct db_engine *engine)
 	free(engine);
 }
 
-void db_engine_set_wall_offset(struct db_engine *engine, int64_t wall_offset_us)
-{
-	engine->wall_offset_us = wall_offset_us;
-}
-
 void db_engine_report_unconfirmed(struct db_engine *engine)
 {
 	for (size_t i = 0; i < engine->station_count; i++)
@@ -203,7 +198,10 @@ static void wait_for_rest(struct db_engine *engine, db_time now)
 
 static void skip_garbage(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)
 {
-	scan_count_garbage(engine, length);
+	struct scan *scan = engine->scan;
+
+	if (scan && scan->question.flying && !exchange_overlaps(engine))
+		scan->question.garbage += length;
 	engine_count_garbage(engine, bytes, length, now);
 }
 
@@ -551,15 +549,6 @@ void db_engine_shut_down(struct db_engine *engine, db_time now)
 	}
 }
 
-bool db_engine_is_cleared(const struct db_engine *engine)
-{
-	for (size_t i = 0; engine->stats.up && i < engine->station_count; i++) {
-		if (engine->stations[i]->node->online && station_has_open_stop(engine->stations[i]))
-			return false;
-	}
-	return !engine->stats.up || engine->flights == 0;
-}
-
 void db_engine_set_aside(struct db_engine *engine, db_time now)
 {
 	db_engine_report_unconfirmed(engine);
@@ -571,14 +560,16 @@ void db_engine_set_aside(struct db_engine *engine, db_time now)
 	change_port(engine, false, true, EBUSY, now);
 }
 
-bool db_engine_is_quiet(const struct db_engine *engine)
+bool db_engine_is_quiet(const struct db_engine *engine, bool cleared)
 {
 	if (!engine->stats.up)
 		return true;
 	if (engine->flights > 0)
 		return false;
 	for (size_t i = 0; i < engine->station_count; i++) {
-		if (station_has_open_stop(engine->stations[i]))
+		const struct station *station = engine->stations[i];
+
+		if (station_has_open_stop(station) && (station->node->online || !cleared))
 			return false;
 	}
 	return true;
