@@ -605,10 +605,14 @@ struct db_request *db_flight_join_stop(struct db_commander *commander, enum db_c
 /* When this stop ends, another one is submitted in its place. */
 void db_flight_stop_again(struct db_request *stop, enum db_command command,
                           enum db_stand_cause cause);
+/* The stop has ended, and is submitted again in its place. */
+void db_flight_repeat_stop(struct db_commander *commander, struct db_request *stop, db_time now);
 
 /* The writer waits for the request's end, unless it is not to wait or there is no room. */
 struct db_write_answer db_flight_wait(struct db_commander *commander, struct db_request *request,
                                       struct db_write_token token, db_time now);
+/* The request has ended: its place is free, and its waiters are answered. */
+void db_flight_end(struct db_commander *commander, struct db_request *request);
 /* Answers waiters whose time is up. */
 void db_flight_expire(struct db_commander *commander, db_time now);
 /* When that is due; DB_TIME_NEVER. */

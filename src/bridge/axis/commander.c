@@ -140,6 +140,31 @@ void db_commander_end_hold(struct db_commander *commander, db_time now)
 
 /* --- time and the bus ------------------------------------------------------------------------- */
 
+void db_commander_complete(struct db_commander *commander, struct db_request *request, db_time now)
+{
+	/* Until the confirmation itself, not until this thread learnt of it. */
+	db_time end = request->finished ? request->finished : now;
+	enum db_result result = (enum db_result)request->result;
+
+	if (db_flight_find(commander, request->ticket) != request) {
+		commander->ops->release(commander->context, request);
+		return;
+	}
+	if (request->again) {
+		db_flight_repeat_stop(commander, request, now);
+		return;
+	}
+	db_writers_complete(&commander->writers, request->ticket, result,
+	                    db_time_us32(end - request->submitted));
+	db_motion_ended(commander, request, end);
+	db_settle_ended(commander, request, end);
+	if (request->ends_latch && db_result_is_success(result))
+		db_guard_unlatch(commander, now);
+	db_outcome_log(commander, db_request_client(request),
+	               &(struct db_refused_write){ .command = request->command, .result = result });
+	db_flight_end(commander, request);
+}
+
 db_time db_commander_next_deadline(const struct db_commander *commander)
 {
 	const db_time due[] = {

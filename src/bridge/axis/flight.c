@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "axis/axis_private.h"
 
-#include "drivebridge/commander.h"
-
 #include <string.h>
 
 enum db_result db_flight_reach(const struct db_commander *commander, enum db_command command)
@@ -220,8 +218,7 @@ static void answer_waiters(struct db_commander *commander, struct db_request *re
 		commander->ops->answer(commander->context, waiters[i].token, result);
 }
 
-/* The stop has ended, and is submitted again in its place. */
-static void repeat_stop(struct db_commander *commander, struct db_request *stop, db_time now)
+void db_flight_repeat_stop(struct db_commander *commander, struct db_request *stop, db_time now)
 {
 	struct db_request next = take_out(commander, stop);
 	uint32_t before = next.ticket;
@@ -243,31 +240,10 @@ static void repeat_stop(struct db_commander *commander, struct db_request *stop,
 	commander->newest = pending->ticket;
 }
 
-void db_commander_complete(struct db_commander *commander, struct db_request *request, db_time now)
+void db_flight_end(struct db_commander *commander, struct db_request *request)
 {
-	/* Until the confirmation itself, not until this thread learnt of it. */
-	db_time end = request->finished ? request->finished : now;
-	enum db_result result = (enum db_result)request->result;
-	struct db_request ended;
+	struct db_request ended = take_out(commander, request);
 
-	if (db_flight_find(commander, request->ticket) != request) {
-		commander->ops->release(commander->context, request);
-		return;
-	}
-	if (request->again) {
-		repeat_stop(commander, request, now);
-		return;
-	}
-	db_writers_complete(&commander->writers, request->ticket, result,
-	                    db_time_us32(end - request->submitted));
-	db_motion_ended(commander, request, end);
-	db_settle_ended(commander, request, end);
-	if (request->ends_latch && db_result_is_success(result))
-		db_guard_unlatch(commander, now);
-	db_outcome_log(commander, db_request_client(request),
-	               &(struct db_refused_write){ .command = request->command, .result = result });
-	/* Its place is free before its waiters are answered. */
-	ended = take_out(commander, request);
 	answer_waiters(commander, &ended, (enum db_result)ended.result);
 }
 

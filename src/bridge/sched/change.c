@@ -113,30 +113,9 @@ static void close_gap(size_t *next, size_t index, size_t count)
 		(*next)--;
 }
 
-static void remove_node(struct db_engine *engine, const struct node *node)
-{
-	struct db_change *change = engine->change;
-	size_t index = 0;
-
-	for (size_t i = 0; i < change->coming_count; i++) {
-		if (change->coming[i]->spare->address == node->address)
-			node_inherit_late_answers(change->coming[i]->spare, node);
-	}
-
-	while (engine->nodes[index] != node)
-		index++;
-	close_gap(&engine->next_poll, index, engine->node_count);
-	close_gap(&engine->next_probe, index, engine->node_count);
-	engine_end_read(engine, engine->nodes[index], engine->now);
-	if (engine->last_to_answer == node)
-		engine->last_to_answer = NULL;
-	engine->node_count--;
-	memmove(&engine->nodes[index], &engine->nodes[index + 1],
-	        (engine->node_count - index) * sizeof(struct node *));
-}
-
 static void remove_station(struct db_engine *engine, size_t index, db_time now)
 {
+	struct db_change *change = engine->change;
 	struct station *station = engine->stations[index];
 	struct node *node = station->node;
 
@@ -146,8 +125,25 @@ static void remove_station(struct db_engine *engine, size_t index, db_time now)
 	station_drop_stops(station, now);
 	if (node->online)
 		engine->stats.online--;
-	if (station_part(station, engine->driver))
-		remove_node(engine, node);
+	/* The last drive of a node takes it along. */
+	if (station_part(station, engine->driver)) {
+		size_t place = 0;
+
+		for (size_t i = 0; i < change->coming_count; i++) {
+			if (change->coming[i]->spare->address == node->address)
+				node_inherit_late_answers(change->coming[i]->spare, node);
+		}
+		while (engine->nodes[place] != node)
+			place++;
+		close_gap(&engine->next_poll, place, engine->node_count);
+		close_gap(&engine->next_probe, place, engine->node_count);
+		engine_end_read(engine, node, engine->now);
+		if (engine->last_to_answer == node)
+			engine->last_to_answer = NULL;
+		engine->node_count--;
+		memmove(&engine->nodes[place], &engine->nodes[place + 1],
+		        (engine->node_count - place) * sizeof(struct node *));
+	}
 	close_gap(&engine->next_command, index, engine->station_count);
 	close_gap(&engine->next_stop, index, engine->station_count);
 	close_gap(&engine->next_identify, index, engine->station_count);
@@ -155,7 +151,7 @@ static void remove_station(struct db_engine *engine, size_t index, db_time now)
 	engine->station_count--;
 	memmove(&engine->stations[index], &engine->stations[index + 1],
 	        (engine->station_count - index) * sizeof(struct station *));
-	engine->change->removed[engine->change->removed_count++] = station;
+	change->removed[change->removed_count++] = station;
 }
 
 /* --- adding ----------------------------------------------------------------------------------- */

@@ -300,20 +300,6 @@ bool db_engine_wants_all_frames(const struct db_engine *engine, db_time now)
 
 /* --- requests --------------------------------------------------------------------------------- */
 
-static void receive_stop(struct db_engine *engine, struct station *station,
-                         struct db_request *request, db_time now)
-{
-	engine_finish_waiting_requests(engine, station, DB_RESULT_CANCELLED, now);
-	/* A stop also cancels unfinished commands of the controller's other axes. Disabling one
-	 * axis leaves the others as they are. */
-	for (struct station *s = station->node->first; s; s = s->next_axis) {
-		if (s == station || request->command != DB_CMD_DISABLE)
-			station_cancel_command(s, engine->driver, now);
-	}
-	engine_add_stop(engine, station, request->command, (enum db_stand_cause)request->cause,
-	                request, now);
-}
-
 static void receive_requests(struct db_engine *engine, db_time now)
 {
 	struct db_request *request;
@@ -322,11 +308,23 @@ static void receive_requests(struct db_engine *engine, db_time now)
 		struct station *station = engine_find_station(engine, request->drive);
 
 		engine->idle_until = 0;
-		if (!station)
+		if (!station) {
 			db_queue_finish(request, DB_RESULT_FAILED, now);
-		else if (db_command_is_stop(request->command))
-			receive_stop(engine, station, request, now);
-		else if (engine->shutting_down || station->leaving)
+			continue;
+		}
+		if (db_command_is_stop(request->command)) {
+			engine_finish_waiting_requests(engine, station, DB_RESULT_CANCELLED, now);
+			/* A stop also cancels unfinished commands of the controller's other axes.
+			 * Disabling one axis leaves the others as they are. */
+			for (struct station *s = station->node->first; s; s = s->next_axis) {
+				if (s == station || request->command != DB_CMD_DISABLE)
+					station_cancel_command(s, engine->driver, now);
+			}
+			engine_add_stop(engine, station, request->command,
+			                (enum db_stand_cause)request->cause, request, now);
+			continue;
+		}
+		if (engine->shutting_down || station->leaving)
 			db_queue_finish(request, DB_RESULT_CANCELLED, now);
 		else if (!engine->stats.up)
 			db_queue_finish(request, DB_RESULT_BUS_DOWN, now);
@@ -448,38 +446,33 @@ static db_time next_run(struct db_engine *engine, bool more, db_time now)
 	return wake > now ? wake : now + 1;
 }
 
-/*
- * The beginning of a frame is there: its rest is awaited, once, and not disturbed by a request.
- * Otherwise a drive that is late by just this much would never be understood, and nothing could be
- * learnt about it.
- */
-static bool wait_for_begun(struct db_engine *engine, struct flight *flight)
-{
-	const struct db_exchange *exchange = &flight->station->lanes[flight->lane].exchange;
-	db_time rest;
-
-	if (exchange_overlaps(engine) || flight->extended || engine->received_length == 0)
-		return false;
-	rest = engine->bus->transport->wire_time(engine->bus, exchange->request, 0,
-	                                         exchange->answer_length);
-	flight->extended = true;
-	flight->deadline += rest;
-	flight->patience += rest;
-	return true;
-}
-
 static void give_up_overdue(struct db_engine *engine, db_time now)
 {
 	engine->overdue_from = DB_TIME_NEVER;
 	for (size_t i = 0; i < engine->node_count; i++) {
 		struct node *node = engine->nodes[i];
+		struct flight *flight = &node->flight;
+		const struct db_exchange *exchange;
 
-		if (is_flying(node) && now >= node->flight.deadline &&
-		    !wait_for_begun(engine, &node->flight))
+		if (!is_flying(node))
+			continue;
+		exchange = &flight->station->lanes[flight->lane].exchange;
+		if (now >= flight->deadline && !exchange_overlaps(engine) && !flight->extended &&
+		    engine->received_length > 0) {
+			/* The beginning of a frame is there: its rest is awaited, once, and not
+			 * disturbed by a request. Otherwise a drive that is late by just this much
+			 * would never be understood, and nothing could be learnt about it. */
+			db_time rest = engine->bus->transport->wire_time(
+				engine->bus, exchange->request, 0, exchange->answer_length);
+
+			flight->extended = true;
+			flight->deadline += rest;
+			flight->patience += rest;
+		} else if (now >= flight->deadline) {
 			answer_lost(engine, node, now);
+		}
 		if (is_flying(node))
-			engine->overdue_from = db_time_min(engine->overdue_from,
-			                                   node->flight.deadline);
+			engine->overdue_from = db_time_min(engine->overdue_from, flight->deadline);
 	}
 }
 
