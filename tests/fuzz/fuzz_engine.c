@@ -524,7 +524,7 @@ static void shut_down(struct world *world)
 
 	world->ending = true;
 	db_engine_shut_down(world->bus->engine, world->bus->now);
-	while (!db_engine_is_quiet(world->bus->engine) && world->bus->now < end)
+	while (!db_engine_is_quiet(world->bus->engine, false) && world->bus->now < end)
 		fake_pass(world->bus, 20 * MS);
 	db_engine_report_unconfirmed(world->bus->engine);
 }

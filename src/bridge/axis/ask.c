@@ -64,13 +64,6 @@ struct db_allowed db_commander_allowed(const struct db_commander *commander)
 	return db_limits_allowed(commander->config.drive_config, &facts);
 }
 
-static enum db_result show_limit(struct db_commander *commander, struct db_writer *writer,
-                                 enum db_limit limit)
-{
-	db_writers_set_limit(&commander->writers, writer, limit);
-	return limit == DB_LIMIT_NONE ? DB_RESULT_OK : DB_RESULT_LIMIT;
-}
-
 /* Whether the drive has the command, the arguments are in the documented ranges, and the limits of
  * the configuration are kept. */
 static enum db_result check_command(struct db_commander *commander, struct db_writer *writer,
@@ -79,6 +72,7 @@ static enum db_result check_command(struct db_commander *commander, struct db_wr
 	const struct db_commander_config *config = &commander->config;
 	enum db_result result = DB_RESULT_UNSUPPORTED;
 	struct db_limit_facts facts;
+	enum db_limit limit;
 
 	if (!db_command_find(request->command))
 		return DB_RESULT_OUT_OF_RANGE;
@@ -94,9 +88,9 @@ static enum db_result check_command(struct db_commander *commander, struct db_wr
 	if (result != DB_RESULT_OK)
 		return result;
 	facts = collect_limit_facts(commander);
-	return show_limit(
-		commander, writer,
-		db_limits_command(config->drive_config, request->command, request->args, &facts));
+	limit = db_limits_command(config->drive_config, request->command, request->args, &facts);
+	db_writers_set_limit(&commander->writers, writer, limit);
+	return limit == DB_LIMIT_NONE ? DB_RESULT_OK : DB_RESULT_LIMIT;
 }
 
 /* The result that is known before the drive is asked; OK: ask it. */
@@ -135,14 +129,16 @@ static enum db_result permit_settings(struct db_commander *commander, struct db_
 		const struct db_setting *setting = &request->settings[i];
 		int param = setting->param;
 		double acceleration;
+		enum db_limit limit;
 
 		if (param != driver->acceleration_param && param != driver->deceleration_param)
 			continue;
 		acceleration = db_value_number(driver->params[param].type, setting->value) *
 		               facts.velocity_counts;
-		if (show_limit(commander, writer,
-		               db_limits_acceleration(commander->config.drive_config, acceleration,
-		                                      &facts)) != DB_RESULT_OK)
+		limit = db_limits_acceleration(commander->config.drive_config, acceleration,
+		                               &facts);
+		db_writers_set_limit(&commander->writers, writer, limit);
+		if (limit != DB_LIMIT_NONE)
 			return DB_RESULT_LIMIT;
 	}
 	return DB_RESULT_OK;
@@ -150,22 +146,12 @@ static enum db_result permit_settings(struct db_commander *commander, struct db_
 
 /* --- one command ------------------------------------------------------------------------------ */
 
-static struct db_write_answer answer_now(enum db_result result)
-{
-	return (struct db_write_answer){ .result = result };
-}
-
-static struct db_writer *writer_of(struct db_commander *commander, const struct db_request *request)
-{
-	return db_writers_find(&commander->writers, db_request_client(request));
-}
-
 /* Ends a command without the bus. */
 static struct db_write_answer end_without_bus(struct db_commander *commander,
                                               const struct db_request *request,
                                               enum db_result result)
 {
-	struct db_writer *writer = writer_of(commander, request);
+	struct db_writer *writer = db_writers_find(&commander->writers, db_request_client(request));
 
 	db_writers_set_command(&commander->writers, writer, request, result, 0);
 	if (db_command_replaces_motion(request->command))
@@ -173,7 +159,7 @@ static struct db_write_answer end_without_bus(struct db_commander *commander,
 	db_outcome_record(commander, request, result, NULL);
 	db_outcome_log(commander, db_request_client(request),
 	               &(struct db_refused_write){ .command = request->command, .result = result });
-	return answer_now(result);
+	return (struct db_write_answer){ .result = result };
 }
 
 /*
@@ -193,22 +179,6 @@ static const struct db_used_id *find_first(const struct db_writer *writer,
 	    db_command_same_args(request->command, &writer->executed_args, request->args))
 		return &writer->execution;
 	return NULL;
-}
-
-/* The same command again: it gets the answer of the first time. */
-static struct db_write_answer answer_repeat(struct db_commander *commander,
-                                            const struct db_request *request,
-                                            const struct db_used_id *first,
-                                            struct db_write_token token)
-{
-	struct db_request *pending = db_flight_find(commander, first->ticket);
-
-	db_writers_set_write(&commander->writers, writer_of(commander, request), first->result, 0,
-	                     pending ? pending->ticket : 0);
-	if (pending)
-		return db_flight_wait(commander, pending, token, request->submitted);
-	return answer_now(commander->config.accept_writes && first->sent ? DB_RESULT_OK :
-	                                                                   first->result);
 }
 
 /* True if the latch is all there is to clear: the drive has no fault that can be cleared. */
@@ -249,7 +219,7 @@ static struct db_write_answer submit(struct db_commander *commander, struct db_r
                                      struct db_write_token token)
 {
 	const struct db_client *client = db_request_client(request);
-	struct db_writer *writer = writer_of(commander, request);
+	struct db_writer *writer = db_writers_find(&commander->writers, client);
 	db_time arrived = db_client_arrived(client, request->submitted);
 	enum db_result result = find_obstacle(commander, request, arrived);
 	struct db_request *pending = NULL;
@@ -285,7 +255,7 @@ static struct db_write_answer submit(struct db_commander *commander, struct db_r
 static struct db_write_answer decide(struct db_commander *commander, struct db_request *request,
                                      struct db_write_token token)
 {
-	struct db_writer *writer = writer_of(commander, request);
+	struct db_writer *writer = db_writers_find(&commander->writers, db_request_client(request));
 	enum db_result result = permit(commander, writer, request);
 	struct db_request *stop = NULL;
 
@@ -357,16 +327,29 @@ static void count_commander(struct db_commander *commander, const struct db_requ
 static struct db_write_answer carry_out(struct db_commander *commander, struct db_request *request,
                                         struct db_write_token token)
 {
-	const struct db_used_id *first = find_first(writer_of(commander, request), request);
+	const struct db_client *client = db_request_client(request);
+	struct db_writer *writer = db_writers_find(&commander->writers, client);
+	const struct db_used_id *first = find_first(writer, request);
 	struct db_write_answer answer;
 
 	request->cause = DB_STAND_CLIENT;
 	db_guard_check_hold(commander, request->submitted);
 	if (db_command_is_stop(request->command))
-		db_motion_stopped(commander, db_client_arrived(db_request_client(request),
-		                                               request->submitted));
-	answer = first ? answer_repeat(commander, request, first, token) :
-	                 decide(commander, request, token);
+		db_motion_stopped(commander, db_client_arrived(client, request->submitted));
+	if (first) {
+		/* The same command again: it gets the answer of the first time. */
+		struct db_request *pending = db_flight_find(commander, first->ticket);
+
+		answer.result = commander->config.accept_writes && first->sent ? DB_RESULT_OK :
+		                                                                 first->result;
+		answer.later = false;
+		db_writers_set_write(&commander->writers, writer, first->result, 0,
+		                     pending ? pending->ticket : 0);
+		if (pending)
+			answer = db_flight_wait(commander, pending, token, request->submitted);
+	} else {
+		answer = decide(commander, request, token);
+	}
 	count_commander(commander, request, answer, first != NULL);
 	return answer;
 }
@@ -377,7 +360,7 @@ static struct db_write_answer write_settings(struct db_commander *commander,
 {
 	const struct db_driver *driver = commander->config.driver;
 	const struct db_client *client = db_request_client(request);
-	struct db_writer *writer = writer_of(commander, request);
+	struct db_writer *writer = db_writers_find(&commander->writers, client);
 	enum db_result result = permit_settings(commander, writer, request);
 	struct db_request *pending = NULL;
 	size_t first = request->settings[0].param;
@@ -406,7 +389,7 @@ static struct db_write_answer write_settings(struct db_commander *commander,
 			.param = first < driver->param_count ? driver->params[first].name : NULL,
 			.result = result,
 		});
-	return answer_now(result);
+	return (struct db_write_answer){ .result = result };
 }
 
 /* --- what is asked ---------------------------------------------------------------------------- */
@@ -458,8 +441,9 @@ static struct db_write_answer stage(struct db_commander *commander,
 	staged.staged = true;
 	/* Not together with a command in the same write. */
 	if (!commands)
-		result = check_command(commander, writer_of(commander, &staged), &staged);
-	return result == DB_RESULT_OK ? answer_now(DB_RESULT_OK) :
+		result = check_command(commander, db_writers_find(&commander->writers, client),
+		                       &staged);
+	return result == DB_RESULT_OK ? (struct db_write_answer){ .result = DB_RESULT_OK } :
 	                                end_without_bus(commander, &staged, result);
 }
 
@@ -472,7 +456,7 @@ struct db_write_answer db_commander_write(struct db_commander *commander,
 	bool commands = write->has_command && write->block.command != DB_CMD_NONE;
 	bool stops = commands && db_command_is_stop((enum db_command)write->block.command);
 	struct db_request request = request_of(&write->block, write->block.command, client, now);
-	struct db_write_answer answer = answer_now(DB_RESULT_OK);
+	struct db_write_answer answer = (struct db_write_answer){ .result = DB_RESULT_OK };
 	struct db_writer *writer = NULL;
 
 	/* Writing only arguments takes no place from clients that use ids. */
@@ -523,11 +507,21 @@ struct db_write_answer db_commander_start_staged(struct db_commander *commander,
 void db_commander_set_refused(struct db_commander *commander, const struct db_client *client,
                               enum db_result result, uint16_t address)
 {
+	struct db_request form = { .command = DB_CMD_NONE };
+
 	db_writers_set_write(&commander->writers, db_writers_find(&commander->writers, client),
 	                     result, address, 0);
 	db_outcome_log(commander, client,
 	               &(struct db_refused_write){ .address = address, .result = result });
-	db_outcome_record_form(commander, client, result, address);
+	/* A write that was refused for its form is in the audit trail alone. */
+	if (client)
+		form.client = *client;
+	if (commander->ops->record)
+		(void)commander->ops->record(commander->context, &(struct db_recorded){
+									 .request = &form,
+									 .result = result,
+									 .address = address,
+								 });
 }
 
 void db_commander_refuse(struct db_commander *commander, const struct db_request *request,
@@ -538,8 +532,9 @@ void db_commander_refuse(struct db_commander *commander, const struct db_request
 
 	if (refused.command == DB_CMD_NONE)
 		refused.settings = &unknown;
-	db_writers_set_write(&commander->writers, writer_of(commander, request), result, address,
-	                     0);
+	db_writers_set_write(&commander->writers,
+	                     db_writers_find(&commander->writers, db_request_client(request)),
+	                     result, address, 0);
 	db_outcome_log(commander, db_request_client(request),
 	               &(struct db_refused_write){ .command = request->command, .result = result });
 	db_outcome_record(commander, &refused, result, NULL);

@@ -495,9 +495,6 @@ struct db_settle {
 	db_time check_at; /* the next check; DB_TIME_NEVER: there is nothing to be settled */
 };
 
-/* 0 or -ENOMEM. */
-int db_settle_init(struct db_settle *settle, const struct db_driver *driver);
-
 /* A write was submitted. The result of an older write to the same parameters can no longer be
  * determined. */
 void db_settle_submitted(struct db_commander *commander, const struct db_request *request);
@@ -558,9 +555,6 @@ struct db_commander {
  * end will be added. In the history, of several settings the first is recorded. */
 void db_outcome_record(struct db_commander *commander, const struct db_request *request,
                        enum db_result result, struct db_request *pending);
-/* A write that was refused for its form, in the audit trail alone. */
-void db_outcome_record_form(const struct db_commander *commander, const struct db_client *client,
-                            enum db_result result, uint16_t address);
 /* How it ended after so long, or how it ended after all. */
 void db_outcome_end(struct db_commander *commander, struct db_noted noted, enum db_result result,
                     db_time took);
@@ -666,8 +660,6 @@ db_time db_motion_check_interval(const struct db_bus_config *bus);
 bool db_guard_run(struct db_commander *commander, db_time now);
 /* The part of it that ends a hold: called before a later request of the holder is handled. */
 void db_guard_check_hold(struct db_commander *commander, db_time now);
-/* When db_guard_run() is due; DB_TIME_NEVER. */
-db_time db_guard_deadline(const struct db_commander *commander);
 
 /* Ends the latch. A drive that still moves is watched again. */
 void db_guard_unlatch(struct db_commander *commander, db_time now);

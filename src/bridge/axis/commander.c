@@ -15,7 +15,12 @@ int db_commander_new(const struct db_commander_config *config, const struct db_c
 
 	if (!made)
 		return -ENOMEM;
-	if (db_settle_init(&made->settle, config->driver) != 0 ||
+	made->settle.check_at = DB_TIME_NEVER;
+	if (config->driver->holds) {
+		made->settle.places = calloc(DB_SETTLE_MAX, sizeof made->settle.places[0]);
+		made->settle.count = DB_SETTLE_MAX;
+	}
+	if ((config->driver->holds && !made->settle.places) ||
 	    db_commander_reserve(made, config->ids_by_client) != 0) {
 		db_commander_free(made);
 		return -ENOMEM;
@@ -162,14 +167,24 @@ void db_commander_complete(struct db_commander *commander, struct db_request *re
 
 db_time db_commander_next_deadline(const struct db_commander *commander)
 {
-	db_time reaction = db_guard_deadline(commander);
-	db_time motion = db_motion_deadline(commander);
-	db_time requests = db_flight_deadline(commander);
-	db_time next = reaction < motion ? reaction : motion;
+	const db_time due[] = {
+		/* db_guard_run() */
+		db_watchdog_deadline(&commander->watchdog),
+		db_hold_deadline(&commander->hold),
+		commander->reaction_again_at,
+		commander->find_at,
+		/* db_motion_check(), db_settle_check() and db_flight_expire() */
+		db_motion_deadline(commander),
+		commander->settle.check_at,
+		db_flight_deadline(commander),
+	};
+	db_time next = DB_TIME_NEVER;
 
-	if (commander->settle.check_at < next)
-		next = commander->settle.check_at;
-	return requests < next ? requests : next;
+	for (size_t i = 0; i < sizeof due / sizeof due[0]; i++) {
+		if (due[i] < next)
+			next = due[i];
+	}
+	return next;
 }
 
 bool db_commander_expire(struct db_commander *commander, db_time now)

@@ -58,14 +58,6 @@ bool db_flight_has(const struct db_commander *commander, enum db_pending kind,
 
 /* --- submitting ------------------------------------------------------------------------------- */
 
-/* A program and a raw frame may do what the bridge does not see. */
-static bool may_change_origin(enum db_command command)
-{
-	return command == DB_CMD_HOME || command == DB_CMD_SET_POSITION ||
-	       command == DB_CMD_RAW_FRAME || command == DB_CMD_START_PROGRAM ||
-	       command == DB_CMD_CONTINUE_PROGRAM || command == DB_CMD_SINGLE_STEP;
-}
-
 struct db_request *db_flight_submit(struct db_commander *commander, struct db_request *request)
 {
 	struct db_request *pending;
@@ -94,9 +86,19 @@ struct db_request *db_flight_submit(struct db_commander *commander, struct db_re
 		return NULL;
 	pending->next = commander->pending;
 	commander->pending = pending;
-	if (may_change_origin(pending->command)) {
+	switch (pending->command) {
+	case DB_CMD_HOME:
+	case DB_CMD_SET_POSITION:
+	/* A raw frame and a program may do what the bridge does not see. */
+	case DB_CMD_RAW_FRAME:
+	case DB_CMD_START_PROGRAM:
+	case DB_CMD_CONTINUE_PROGRAM:
+	case DB_CMD_SINGLE_STEP:
 		commander->origin.count++;
 		commander->origin.last = pending->command;
+		break;
+	default:
+		break;
 	}
 	return pending;
 }

@@ -105,17 +105,6 @@ bool db_guard_run(struct db_commander *commander, db_time now)
 	return tripped;
 }
 
-db_time db_guard_deadline(const struct db_commander *commander)
-{
-	db_time next = db_watchdog_deadline(&commander->watchdog);
-
-	if (db_hold_deadline(&commander->hold) < next)
-		next = db_hold_deadline(&commander->hold);
-	if (commander->reaction_again_at < next)
-		next = commander->reaction_again_at;
-	return commander->find_at < next ? commander->find_at : next;
-}
-
 void db_guard_unlatch(struct db_commander *commander, db_time now)
 {
 	struct db_snapshot snapshot;

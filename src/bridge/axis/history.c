@@ -30,12 +30,6 @@ static bool is_same_refusal(const struct db_history_kept *last,
 	       memcmp(last->address, entry->address, sizeof last->address) == 0;
 }
 
-static void count_repeat(struct db_history_kept *kept)
-{
-	if (kept->repeats < UINT16_MAX)
-		kept->repeats++;
-}
-
 uint32_t db_history_add(struct db_history *history, const struct db_history_entry *entry, bool bus)
 {
 	struct db_history_kept *last = find_kept(history, history->count);
@@ -56,7 +50,8 @@ uint32_t db_history_add(struct db_history *history, const struct db_history_entr
 	memcpy(kept.address, entry->address, sizeof kept.address);
 	if (last && !bus && !db_result_is_success((enum db_result)entry->result) &&
 	    is_same_refusal(last, entry)) {
-		count_repeat(last);
+		if (last->repeats < UINT16_MAX)
+			last->repeats++;
 		return history->count;
 	}
 	/* Never 0, which is no entry, even after 2^32 of them. */
@@ -70,8 +65,8 @@ void db_history_repeat(struct db_history *history, uint32_t number)
 {
 	struct db_history_kept *kept = find_kept(history, number);
 
-	if (kept)
-		count_repeat(kept);
+	if (kept && kept->repeats < UINT16_MAX)
+		kept->repeats++;
 }
 
 void db_history_end(struct db_history *history, uint32_t number, enum db_result result,

@@ -73,11 +73,6 @@ static enum db_limit check_direction(const struct db_drive_config *drive, double
 	return DB_LIMIT_NONE;
 }
 
-static enum db_limit first_of(enum db_limit a, enum db_limit b)
-{
-	return a != DB_LIMIT_NONE ? a : b;
-}
-
 enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_command command,
                                 const struct db_args *args, const struct db_limit_facts *facts)
 {
@@ -86,32 +81,46 @@ enum db_limit db_limits_command(const struct db_drive_config *drive, enum db_com
 	enum db_limit speed = velocity > 0.0 || velocity < 0.0 ?
 	                              check_velocity(drive, velocity, facts) :
 	                              check_preset(drive, facts);
+	enum db_limit first = DB_LIMIT_NONE; /* what is shown if both limits are broken */
+	enum db_limit second = DB_LIMIT_NONE;
 
 	switch (command) {
 	case DB_CMD_MOVE_ABSOLUTE:
-		return first_of(check_position(drive, target, facts), speed);
+		first = check_position(drive, target, facts);
+		second = speed;
+		break;
 	case DB_CMD_MOVE_RELATIVE:
-		return first_of(check_position(drive, (double)facts->position + target, facts),
-		                speed);
+		first = check_position(drive, (double)facts->position + target, facts);
+		second = speed;
+		break;
 	case DB_CMD_MOVE_VELOCITY:
-		return first_of(check_velocity(drive, velocity, facts),
-		                check_direction(drive, velocity, facts));
+		first = check_velocity(drive, velocity, facts);
+		second = check_direction(drive, velocity, facts);
+		break;
 	case DB_CMD_MOVE_PRESET:
-		return first_of(check_preset(drive, facts),
-		                check_direction(drive, (double)facts->preset_velocity, facts));
+		first = check_preset(drive, facts);
+		second = check_direction(drive, (double)facts->preset_velocity, facts);
+		break;
 	case DB_CMD_JOG_POSITIVE:
-		return first_of(check_preset(drive, facts), check_direction(drive, 1.0, facts));
+		first = check_preset(drive, facts);
+		second = check_direction(drive, 1.0, facts);
+		break;
 	case DB_CMD_JOG_NEGATIVE:
-		return first_of(check_preset(drive, facts), check_direction(drive, -1.0, facts));
+		first = check_preset(drive, facts);
+		second = check_direction(drive, -1.0, facts);
+		break;
 	case DB_CMD_MOVE_CURRENT:
-		return check_direction(drive, (double)args->target_current, facts);
+		first = check_direction(drive, (double)args->target_current, facts);
+		break;
 	case DB_CMD_SHAKE_START:
 	case DB_CMD_SHAKE_START_TIME:
-		return first_of(check_position(drive, (double)args->shake_start_position, facts),
-		                check_position(drive, (double)args->shake_end_position, facts));
+		first = check_position(drive, (double)args->shake_start_position, facts);
+		second = check_position(drive, (double)args->shake_end_position, facts);
+		break;
 	default:
-		return DB_LIMIT_NONE;
+		break;
 	}
+	return first != DB_LIMIT_NONE ? first : second;
 }
 
 enum db_limit db_limits_acceleration(const struct db_drive_config *drive, double acceleration,
@@ -168,16 +177,10 @@ static double to_seconds(db_time span)
 	return (double)span / (double)DB_NS_PER_S;
 }
 
-static double velocity_of(const struct db_supervise_config *config,
-                          const struct db_feedback *feedback)
-{
-	return (double)feedback->velocity * config->velocity_counts;
-}
-
 void db_supervise_stop(struct db_supervise *supervise, const struct db_supervise_config *config,
                        const struct db_feedback *feedback, db_time now)
 {
-	double velocity = velocity_of(config, feedback);
+	double velocity = (double)feedback->velocity * config->velocity_counts;
 
 	if (!supervise->active || supervise->measuring || !(fabs(velocity) > 0.0))
 		return;
@@ -187,27 +190,13 @@ void db_supervise_stop(struct db_supervise *supervise, const struct db_supervise
 	supervise->from_speed = fabs(velocity);
 }
 
-/* It stands after a stop: measures the way. The fastest stop counts: in slow ones most of the way
- * passes until the drive receives the stop. */
-static void measure_braking(struct db_supervise *supervise, const struct db_feedback *feedback)
-{
-	double speed = supervise->from_speed;
-	double measured = fabs((double)feedback->position - supervise->from) / (speed * speed);
-
-	supervise->measuring = false;
-	if (speed < supervise->measured_speed)
-		return;
-	supervise->measured = measured;
-	supervise->measured_speed = speed;
-}
-
 /* The limit that it would pass if it were stopped one check later. */
 static enum db_limit find_limit_ahead(struct db_supervise *supervise,
                                       const struct db_supervise_config *config,
                                       const struct db_feedback *feedback, db_time now)
 {
 	double computed = config->deceleration > 0.0 ? 0.5 / config->deceleration : 0.0;
-	double velocity = velocity_of(config, feedback);
+	double velocity = (double)feedback->velocity * config->velocity_counts;
 	double speed = fabs(velocity);
 	double growth = 0.0;
 	double ahead;
@@ -232,13 +221,24 @@ enum db_limit db_supervise_check(struct db_supervise *supervise,
                                  const struct db_supervise_config *config,
                                  const struct db_feedback *feedback, db_time now)
 {
+	double speed = supervise->from_speed;
 	enum db_limit limit;
 
 	if (!supervise->active || feedback->taken <= supervise->begun)
 		return DB_LIMIT_NONE;
 	if (!(feedback->status & DB_STATUS_MOVING)) {
-		if (supervise->measuring && feedback->taken > supervise->since)
-			measure_braking(supervise, feedback);
+		if (supervise->measuring && feedback->taken > supervise->since) {
+			/* It stands after a stop: the way is measured. That of the fastest stop
+			 * counts: in slow ones most of the way passes until the drive receives the
+			 * stop. */
+			supervise->measuring = false;
+			if (speed >= supervise->measured_speed) {
+				supervise->measured = fabs((double)feedback->position -
+				                           supervise->from) /
+				                      (speed * speed);
+				supervise->measured_speed = speed;
+			}
+		}
 		supervise->stopped = false;
 		supervise->active = now - supervise->since < IDLE_TIME;
 		return DB_LIMIT_NONE;

@@ -165,19 +165,6 @@ static enum db_result check_program(struct db_follow *follow, const struct db_fo
 	}
 }
 
-/* A short shake may be over before it was seen to move, and the first status may still show
- * standstill. */
-static enum db_result check_shake(struct db_follow *follow, const struct db_follow_config *config,
-                                  const struct db_feedback *feedback, db_time now)
-{
-	if (feedback->status & DB_STATUS_MOVING) {
-		follow->moved = true;
-		return DB_RESULT_PENDING;
-	}
-	return follow->moved || now - follow->since >= config->patience ? DB_RESULT_OK :
-	                                                                  DB_RESULT_PENDING;
-}
-
 static enum db_result check(struct db_follow *follow, const struct db_follow_config *config,
                             const struct db_feedback *feedback, db_time now)
 {
@@ -195,8 +182,16 @@ static enum db_result check(struct db_follow *follow, const struct db_follow_con
 		return check_program(follow, config, feedback, now);
 	if (feedback->state == DB_AXIS_DISABLED)
 		return DB_RESULT_CANCELLED;
-	if (motion == DB_MOTION_SHAKE)
-		return check_shake(follow, config, feedback, now);
+	if (motion == DB_MOTION_SHAKE) {
+		bool moves = (feedback->status & DB_STATUS_MOVING) != 0;
+
+		/* A short shake may be over before it was seen to move, and the first status may
+		 * still show standstill. */
+		follow->moved = follow->moved || moves;
+		return !moves && (follow->moved || now - follow->since >= config->patience) ?
+		               DB_RESULT_OK :
+		               DB_RESULT_PENDING;
+	}
 	if (motion != DB_MOTION_HOME)
 		return check_move(follow, config, feedback, now);
 	if (feedback->state == DB_AXIS_HOMING || (feedback->status & DB_STATUS_MOVING))
@@ -374,21 +369,6 @@ static void begin_motion(struct db_commander *commander, struct db_writer *write
 	commander->check_at = now + CHECK_MIN;
 }
 
-/* True if, with such a result, the drive may have begun the motion. */
-static bool may_have_begun(enum db_result result)
-{
-	switch (result) {
-	case DB_RESULT_OK:
-	case DB_RESULT_UNPROVEN:
-	case DB_RESULT_TIMEOUT:
-	case DB_RESULT_INDETERMINATE:
-	case DB_RESULT_FAILED:
-		return true;
-	default:
-		return false;
-	}
-}
-
 /* A hold ends without a stop when its motion never began, or when the drive has accepted a later
  * motion without a hold. While that is undecided it continues: at worst the holder is then expected
  * to send one beat too many. */
@@ -396,10 +376,13 @@ static void note_hold(struct db_commander *commander, const struct db_request *r
                       enum db_result result)
 {
 	struct db_hold *hold = &commander->hold;
+	/* With such a result the drive may have begun the motion. */
+	bool may_have_begun = db_result_is_success(result) || result == DB_RESULT_TIMEOUT ||
+	                      result == DB_RESULT_INDETERMINATE || result == DB_RESULT_FAILED;
 
 	if (hold->holder.id == DB_CLIENT_NOBODY)
 		return;
-	if (request->held && may_have_begun(result))
+	if (request->held && may_have_begun)
 		hold->begun = true;
 	else if (request->held && !hold->begun &&
 	         !db_flight_has(commander, DB_PENDING_HELD_MOTION, request))

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "axis/axis_private.h"
 
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -61,22 +60,6 @@ struct db_writer *db_writers_find(struct db_writers *writers, const struct db_cl
 	return NULL;
 }
 
-/* A free place, or that of the writer that was silent longest. */
-static struct db_writer *find_place(struct db_writers *writers)
-{
-	struct db_writer *chosen = &writers->each[0];
-
-	for (size_t i = 0; i < DB_WRITERS; i++) {
-		struct db_writer *writer = &writers->each[i];
-
-		if (!writer->taken)
-			return writer;
-		if (writer->heard < chosen->heard)
-			chosen = writer;
-	}
-	return chosen;
-}
-
 struct db_writer *db_writers_claim(struct db_writers *writers, const struct db_client *client,
                                    db_time now)
 {
@@ -84,7 +67,16 @@ struct db_writer *db_writers_claim(struct db_writers *writers, const struct db_c
 
 	if (writer || !client)
 		return writer;
-	writer = find_place(writers);
+	/* A free place, or that of the writer that was silent longest. */
+	writer = &writers->each[0];
+	for (size_t i = 0; i < DB_WRITERS; i++) {
+		if (!writers->each[i].taken) {
+			writer = &writers->each[i];
+			break;
+		}
+		if (writers->each[i].heard < writer->heard)
+			writer = &writers->each[i];
+	}
 	*writer = (struct db_writer){ .taken = true, .heard = now };
 	memcpy(writer->address, client->address, sizeof writer->address);
 	return writer;
@@ -349,20 +341,6 @@ void db_outcome_record(struct db_commander *commander, const struct db_request *
 		pending->noted = noted;
 }
 
-void db_outcome_record_form(const struct db_commander *commander, const struct db_client *client,
-                            enum db_result result, uint16_t address)
-{
-	struct db_request request = { .command = DB_CMD_NONE };
-
-	if (client)
-		request.client = *client;
-	(void)write_record(commander, &(struct db_recorded){
-					      .request = &request,
-					      .result = result,
-					      .address = address,
-				      });
-}
-
 void db_outcome_end(struct db_commander *commander, struct db_noted noted, enum db_result result,
                     db_time took)
 {
@@ -405,18 +383,6 @@ void db_outcome_log(const struct db_commander *commander, const struct db_client
 
 /* Interval at which the drive's parameters are checked while a write is to be settled. */
 #define LOOK_EVERY (500 * DB_NS_PER_MS)
-
-int db_settle_init(struct db_settle *settle, const struct db_driver *driver)
-{
-	*settle = (struct db_settle){ .check_at = DB_TIME_NEVER };
-	if (!driver->holds)
-		return 0;
-	settle->places = calloc(DB_SETTLE_MAX, sizeof settle->places[0]);
-	if (!settle->places)
-		return -ENOMEM;
-	settle->count = DB_SETTLE_MAX;
-	return 0;
-}
 
 static void forget_write(struct db_settle *settle, uint32_t ticket)
 {

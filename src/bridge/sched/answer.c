@@ -488,7 +488,9 @@ void answer_lost(struct db_engine *engine, struct node *node, db_time now)
 	if (node->online && !node->flight.got_unusable)
 		node->unusable.count = 0;
 	gaps_lost(engine, node, now);
-	node_lost_answer(node);
+	/* A late answer shows by these when it was due, and to what. */
+	node->lost_due = node->flight.deadline - node->flight.patience;
+	node->lost_question = node->flight.question;
 	node_expect_late_answer(node, kind == LANE_PROBE, now);
 	engine->late_until = now + node->late_answer_time;
 	node_end_poll(node, false, now);

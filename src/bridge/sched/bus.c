@@ -116,21 +116,18 @@ static db_time read_wait(const struct db_bus *bus)
 	return (db_time)waited;
 }
 
-static db_time overslept_since_judged(const struct db_bus *bus, const struct db_bus_stats *stats)
-{
-	return (db_time)(stats->overslept_us - bus->judged.overslept_us) * DB_NS_PER_US;
-}
-
 static void log_timing(void *context, const struct db_drive_config *drive, enum db_event event,
                        db_time time, db_time learnt)
 {
 	struct db_bus *bus = context;
 	struct bus_timing timing = { .event = event, .time = time, .learnt = learnt };
 	struct db_bus_stats stats;
+	db_time overslept;
 
 	db_engine_stats(bus->engine, &stats);
-	timing.missed = bus->missed_before + db_time_max(read_wait(bus) - bus->judged_wait,
-	                                                 overslept_since_judged(bus, &stats));
+	overslept = (db_time)(stats.overslept_us - bus->judged.overslept_us) * DB_NS_PER_US;
+	timing.missed = bus->missed_before +
+	                db_time_max(read_wait(bus) - bus->judged_wait, overslept);
 	timing.seconds = (unsigned)(2 * JUDGE_INTERVAL / DB_NS_PER_S);
 	bus_line_trace(&bus->line, event, drive, db_clock_now());
 	bus_log_timing(&bus->log, bus->config, drive, &timing, db_clock_now());
@@ -171,7 +168,7 @@ static void watch_cycle(struct db_bus *bus, const struct db_bus_stats *stats, db
 	if (now < bus->judge_at || now == 0)
 		return;
 	waited = read_wait(bus);
-	overslept = overslept_since_judged(bus, stats);
+	overslept = (db_time)(stats->overslept_us - bus->judged.overslept_us) * DB_NS_PER_US;
 	if (bus->judge_at != 0 && overruns > cycles / OVERRUN_SHARE) {
 		struct bus_slowness slow = {
 			.overruns = overruns,
@@ -238,9 +235,8 @@ static db_time run_turn(struct db_bus *bus)
 	 * again. */
 	if (now >= bus->wall_at) {
 		bus->wall_at = now + BEAT_TIME;
-		db_engine_set_wall_offset(bus->engine,
-		                          (db_clock_read(CLOCK_REALTIME) - db_clock_now()) /
-		                                  DB_NS_PER_US);
+		bus->engine->wall_offset_us = (db_clock_read(CLOCK_REALTIME) - db_clock_now()) /
+		                              DB_NS_PER_US;
 	}
 	line_next = bus_line_run(&bus->line, now);
 	next = db_engine_run(bus->engine, now);
@@ -257,32 +253,40 @@ static void wake(int event_fd)
 	(void)!write(event_fd, &one, sizeof one);
 }
 
-/* After a turn; true when the network thread is to be notified. */
-static bool hand_over_results(struct db_bus *bus)
+/* The thread's name, its processors and its priority, as the system allows them. */
+static void set_up_thread(struct db_bus *bus)
 {
-	bool finished = db_queue_has_finished(bus->queue);
-	struct db_change *changed = change_fetch(bus->engine);
-	bool troubled = bus->line.has_trouble;
+	const struct db_bus_config *config = bus->config;
+	char name[16]; /* what top -H and ps show; the kernel keeps 15 characters */
+	cpu_set_t set;
+	int error = 0;
 
-	/* Last, so that a reader that sees it finds every completion. */
-	if (changed)
-		atomic_store(&bus->changed, changed);
-	bus->line.has_trouble = false;
-	return finished || changed || troubled;
-}
-
-static void set_priority(struct db_bus *bus)
-{
-	unsigned wanted = bus->config->priority;
-	int error = priority_begin(&bus->priority, wanted, db_clock_now(),
-	                           db_clock_read(CLOCK_THREAD_CPUTIME_ID));
-
+	snprintf(name, sizeof name, "%s", config->name);
+	pthread_setname_np(pthread_self(), name);
+	/* Opened now: opening a file later could delay the cycle. */
+	bus->schedstat = open("/proc/thread-self/schedstat", O_RDONLY | O_CLOEXEC);
+	CPU_ZERO(&set);
+	for (size_t cpu = 0; cpu < 64; cpu++) {
+		if (config->cpus >> cpu & 1)
+			CPU_SET(cpu, &set);
+	}
+	if (config->cpus != 0)
+		error = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
+	if (error != 0)
+		db_log(&bus->log, db_clock_now(), DB_EVENT_CPUS_REFUSED, NULL,
+		       "cannot run on the processors of cpus: %s; check cpus, and CPUAffinity and "
+		       "AllowedCPUs of the service",
+		       strerror(error));
+	error = priority_begin(&bus->priority, config->priority, db_clock_now(),
+	                       db_clock_read(CLOCK_THREAD_CPUTIME_ID));
 	if (error != 0)
 		db_log(&bus->log, db_clock_now(), DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "cannot run at real-time priority %u: %s; the bus runs without it, and its "
 		       "cycles may be late when the computer is busy; allow it with LimitRTPRIO of the "
 		       "service, or set priority = 0",
-		       wanted, strerror(error));
+		       config->priority, strerror(error));
+	/* The default slack of 50 us is a good part of an exchange at high baud rates. */
+	prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
 }
 
 static void judge_priority(struct db_bus *bus)
@@ -301,26 +305,6 @@ static void judge_priority(struct db_bus *bus)
 	else if (change == PRIORITY_RESTORED)
 		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "runs at real-time priority %u again", bus->config->priority);
-}
-
-static void set_cpus(const struct db_bus *bus)
-{
-	cpu_set_t set;
-	int error;
-
-	if (bus->config->cpus == 0)
-		return;
-	CPU_ZERO(&set);
-	for (size_t cpu = 0; cpu < 64; cpu++) {
-		if (bus->config->cpus >> cpu & 1)
-			CPU_SET(cpu, &set);
-	}
-	error = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
-	if (error != 0)
-		db_log(&bus->log, db_clock_now(), DB_EVENT_CPUS_REFUSED, NULL,
-		       "cannot run on the processors of cpus: %s; check cpus, and CPUAffinity and "
-		       "AllowedCPUs of the service",
-		       strerror(error));
 }
 
 /* Begins a requested scan. While the bus ends it is cancelled at once. */
@@ -342,18 +326,11 @@ static void *run_thread(void *context)
 {
 	struct db_bus *bus = context;
 	db_time exit_by = DB_TIME_NEVER;
-	char name[16]; /* what top -H and ps show; the kernel keeps 15 characters */
 
-	snprintf(name, sizeof name, "%s", bus->config->name);
-	pthread_setname_np(pthread_self(), name);
-	/* Opened now: opening a file later could delay the cycle. */
-	bus->schedstat = open("/proc/thread-self/schedstat", O_RDONLY | O_CLOEXEC);
-	set_cpus(bus);
-	set_priority(bus);
-	/* The default slack of 50 us is a good part of an exchange at high baud rates. */
-	prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
+	set_up_thread(bus);
 	while (exit_by == DB_TIME_NEVER || db_clock_now() < exit_by) {
 		struct db_change *change = atomic_exchange(&bus->change, NULL);
+		bool notify;
 		db_time next;
 
 		/* Every request posted before this change is visible by now. */
@@ -363,7 +340,14 @@ static void *run_thread(void *context)
 		next = run_turn(bus);
 		atomic_fetch_add_explicit(&bus->beats, 1, memory_order_relaxed);
 		judge_priority(bus);
-		if (hand_over_results(bus))
+		/* What the network thread is to know of this turn. */
+		notify = db_queue_has_finished(bus->queue) || bus->line.has_trouble;
+		bus->line.has_trouble = false;
+		change = change_fetch(bus->engine);
+		/* Last, so that a reader that sees it finds every completion. */
+		if (change)
+			atomic_store(&bus->changed, change);
+		if (notify || change)
 			wake(bus->completion_fd);
 		if (exit_by == DB_TIME_NEVER && atomic_load(&bus->ending)) {
 			exit_by = db_clock_now() + DB_EXIT_TIME;
@@ -373,7 +357,7 @@ static void *run_thread(void *context)
 				db_engine_shut_down(bus->engine, db_clock_now());
 			continue;
 		}
-		if (exit_by != DB_TIME_NEVER && db_engine_is_quiet(bus->engine))
+		if (exit_by != DB_TIME_NEVER && db_engine_is_quiet(bus->engine, false))
 			break;
 		wait_for_work(bus, next < exit_by ? next : exit_by);
 	}

@@ -289,7 +289,7 @@ static void follow_scan(struct bus_line *line, db_time now)
 		line->use = LINE_CLEARING;
 	}
 	if (line->use == LINE_CLEARING &&
-	    (db_engine_is_cleared(line->engine) || now >= line->clear_by)) {
+	    (db_engine_is_quiet(line->engine, true) || now >= line->clear_by)) {
 		db_engine_set_aside(line->engine, now);
 		close_port(line, now);
 		line->use = LINE_ASIDE;
@@ -343,33 +343,29 @@ db_time bus_line_run(struct bus_line *line, db_time now)
 	return next;
 }
 
-/*
- * The port does not report an answer shorter than usual, nor the rest of a longer one: these are
- * polled for. The rest of a usual answer after an echo arrives by itself, and takes as long as its
- * bytes do.
- */
-static db_time look_at(const struct bus_line *line)
+db_time bus_line_poll(const struct bus_line *line, struct pollfd *poll)
 {
-	size_t come;
-	size_t awaited = db_engine_awaited(line->engine, &come);
 	db_time interval = LOOK_INTERVAL;
+	size_t awaited;
+	size_t come;
 
-	if (line->gathers == 0 || awaited == 0 || (awaited == line->gathers && come == 0))
+	poll->fd = line->port ? line->transport->fd(line->port) : -1;
+	poll->events = POLLIN;
+	if (line->unsent_length > 0 && line->transport->write_retry == 0)
+		poll->events |= POLLOUT;
+	if (!line->port || line->gathers == 0)
+		return DB_TIME_NEVER;
+	/* The port does not report an answer shorter than usual, nor the rest of a longer one: these
+	 * are polled for. The rest of a usual answer after an echo arrives by itself, and takes as
+	 * long as its bytes do. */
+	awaited = db_engine_awaited(line->engine, &come);
+	if (awaited == 0 || (awaited == line->gathers && come == 0))
 		return DB_TIME_NEVER;
 	if (come < awaited && awaited == line->gathers)
 		interval = line->transport->wire_time(line->config, NULL, 0, awaited - come);
 	if (interval < LOOK_INTERVAL_MIN)
 		interval = LOOK_INTERVAL_MIN;
 	return line->last_io + interval;
-}
-
-db_time bus_line_poll(const struct bus_line *line, struct pollfd *poll)
-{
-	poll->fd = line->port ? line->transport->fd(line->port) : -1;
-	poll->events = POLLIN;
-	if (line->unsent_length > 0 && line->transport->write_retry == 0)
-		poll->events |= POLLOUT;
-	return line->port ? look_at(line) : DB_TIME_NEVER;
 }
 
 void bus_line_polled(struct bus_line *line, short revents, bool late)

@@ -14,48 +14,41 @@
  * passes bytes on from an adapter, or a simulator. Then a late answer says little about its drive. */
 #define BUSY_SHARE 50
 
-static void log_late(const struct db_log_source *log, const struct db_bus_config *bus,
-                     const struct db_log_about *about, const struct bus_timing *timing, db_time now)
-{
-	bool busy = timing->missed * BUSY_SHARE > (db_time)timing->seconds * DB_NS_PER_S;
-	unsigned missed_ms = (unsigned)(timing->missed / DB_NS_PER_MS);
-	unsigned ms = (unsigned)((timing->time + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
-	unsigned learnt_ms = (unsigned)((timing->learnt + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
-
-	if (timing->learnt > 0 && busy)
-		db_log(log, now, timing->event, about,
-		       "answers up to %u ms after a request: the bus now waits %u ms for it; this "
-		       "computer is busy, the bus waited %u ms for a processor in the last %u s: find "
-		       "out what else runs, and set drive-latency-ms = %u to keep that after a restart "
-		       "only if it stays so",
-		       ms, learnt_ms, missed_ms, timing->seconds, learnt_ms);
-	else if (timing->learnt > 0)
-		db_log(log, now, timing->event, about,
-		       "answers up to %u ms after a request: the bus now waits %u ms for it; set "
-		       "drive-latency-ms = %u to keep that after a restart",
-		       ms, learnt_ms, learnt_ms);
-	else if (busy)
-		db_log(log, now, timing->event, about,
-		       "answers %u ms after a request, but the bus waits only drive-latency-ms = %u "
-		       "for it; this computer is busy, the bus waited %u ms for a processor in the last "
-		       "%u s: find out what else runs, and set drive-latency-ms = %u only if it stays so",
-		       ms, bus->drive_latency_ms, missed_ms, timing->seconds, ms + ms / 2);
-	else
-		db_log(log, now, timing->event, about,
-		       "answers %u ms after a request, but the bus waits only drive-latency-ms = %u "
-		       "for it; set drive-latency-ms = %u",
-		       ms, bus->drive_latency_ms, ms + ms / 2);
-}
-
 void bus_log_timing(const struct db_log_source *log, const struct db_bus_config *bus,
                     const struct db_drive_config *drive, const struct bus_timing *timing,
                     db_time now)
 {
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
+	bool late = timing->event == DB_EVENT_DRIVE_LATE;
+	bool busy = timing->missed * BUSY_SHARE > (db_time)timing->seconds * DB_NS_PER_S;
+	unsigned missed_ms = (unsigned)(timing->missed / DB_NS_PER_MS);
+	unsigned ms = (unsigned)((timing->time + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
+	unsigned learnt_ms = (unsigned)((timing->learnt + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
 	unsigned learnt_us = (unsigned)((timing->learnt + DB_NS_PER_US - 1) / DB_NS_PER_US);
 
-	if (timing->event == DB_EVENT_DRIVE_LATE)
-		log_late(log, bus, &about, timing, now);
+	if (late && timing->learnt > 0 && busy)
+		db_log(log, now, timing->event, &about,
+		       "answers up to %u ms after a request: the bus now waits %u ms for it; this "
+		       "computer is busy, the bus waited %u ms for a processor in the last %u s: find "
+		       "out what else runs, and set drive-latency-ms = %u to keep that after a restart "
+		       "only if it stays so",
+		       ms, learnt_ms, missed_ms, timing->seconds, learnt_ms);
+	else if (late && timing->learnt > 0)
+		db_log(log, now, timing->event, &about,
+		       "answers up to %u ms after a request: the bus now waits %u ms for it; set "
+		       "drive-latency-ms = %u to keep that after a restart",
+		       ms, learnt_ms, learnt_ms);
+	else if (late && busy)
+		db_log(log, now, timing->event, &about,
+		       "answers %u ms after a request, but the bus waits only drive-latency-ms = %u "
+		       "for it; this computer is busy, the bus waited %u ms for a processor in the last "
+		       "%u s: find out what else runs, and set drive-latency-ms = %u only if it stays so",
+		       ms, bus->drive_latency_ms, missed_ms, timing->seconds, ms + ms / 2);
+	else if (late)
+		db_log(log, now, timing->event, &about,
+		       "answers %u ms after a request, but the bus waits only drive-latency-ms = %u "
+		       "for it; set drive-latency-ms = %u",
+		       ms, bus->drive_latency_ms, ms + ms / 2);
 	else if (timing->learnt > 0)
 		db_log(log, now, timing->event, &about,
 		       "does not receive requests sent %u us after its answers: the bus now waits %u "
@@ -100,11 +93,6 @@ void bus_log_port_advice(const struct db_bus_config *bus, int error, const char 
 	                       text);
 }
 
-static const char *power_word(const struct db_feedback *feedback)
-{
-	return feedback->status & DB_STATUS_ENABLED ? "enabled" : "disabled";
-}
-
 /* Logs what the drive does when it begins to answer: also what went on while the service was not
  * running. */
 static void log_found(const struct db_log_source *log, const struct db_driver *driver,
@@ -112,6 +100,7 @@ static void log_found(const struct db_log_source *log, const struct db_driver *d
                       const struct db_feedback *feedback, const struct db_outage *outage,
                       db_time now)
 {
+	const char *power = feedback->status & DB_STATUS_ENABLED ? "enabled" : "disabled";
 	char error[DB_ERROR_TEXT_MAX];
 	char after[64] = "";
 
@@ -127,12 +116,12 @@ static void log_found(const struct db_log_source *log, const struct db_driver *d
 	if (feedback->status & DB_STATUS_MOVING)
 		db_log(log, now, DB_EVENT_DRIVE_ONLINE, about,
 		       "answers at address %u%s: %s, moving at %.6g %s/s, position %.10g %s, error %s",
-		       drive->address, after, power_word(feedback), velocity, drive->unit_name,
-		       position, drive->unit_name, db_error_text(driver, feedback->error, error));
+		       drive->address, after, power, velocity, drive->unit_name, position,
+		       drive->unit_name, db_error_text(driver, feedback->error, error));
 	else
 		db_log(log, now, DB_EVENT_DRIVE_ONLINE, about,
 		       "answers at address %u%s: %s, standing, position %.10g %s, error %s",
-		       drive->address, after, power_word(feedback), position, drive->unit_name,
+		       drive->address, after, power, position, drive->unit_name,
 		       db_error_text(driver, feedback->error, error));
 }
 

@@ -113,30 +113,9 @@ static void close_gap(size_t *next, size_t index, size_t count)
 		(*next)--;
 }
 
-static void remove_node(struct db_engine *engine, const struct node *node)
-{
-	struct db_change *change = engine->change;
-	size_t index = 0;
-
-	for (size_t i = 0; i < change->coming_count; i++) {
-		if (change->coming[i]->spare->address == node->address)
-			node_inherit_late_answers(change->coming[i]->spare, node);
-	}
-
-	while (engine->nodes[index] != node)
-		index++;
-	close_gap(&engine->next_poll, index, engine->node_count);
-	close_gap(&engine->next_probe, index, engine->node_count);
-	engine_end_read(engine, engine->nodes[index], engine->now);
-	if (engine->last_to_answer == node)
-		engine->last_to_answer = NULL;
-	engine->node_count--;
-	memmove(&engine->nodes[index], &engine->nodes[index + 1],
-	        (engine->node_count - index) * sizeof(struct node *));
-}
-
 static void remove_station(struct db_engine *engine, size_t index, db_time now)
 {
+	struct db_change *change = engine->change;
 	struct station *station = engine->stations[index];
 	struct node *node = station->node;
 
@@ -146,8 +125,25 @@ static void remove_station(struct db_engine *engine, size_t index, db_time now)
 	station_drop_stops(station, now);
 	if (node->online)
 		engine->stats.online--;
-	if (station_part(station, engine->driver))
-		remove_node(engine, node);
+	/* The last drive of a node takes it along. */
+	if (station_part(station, engine->driver)) {
+		size_t place = 0;
+
+		for (size_t i = 0; i < change->coming_count; i++) {
+			if (change->coming[i]->spare->address == node->address)
+				node_inherit_late_answers(change->coming[i]->spare, node);
+		}
+		while (engine->nodes[place] != node)
+			place++;
+		close_gap(&engine->next_poll, place, engine->node_count);
+		close_gap(&engine->next_probe, place, engine->node_count);
+		engine_end_read(engine, node, engine->now);
+		if (engine->last_to_answer == node)
+			engine->last_to_answer = NULL;
+		engine->node_count--;
+		memmove(&engine->nodes[place], &engine->nodes[place + 1],
+		        (engine->node_count - place) * sizeof(struct node *));
+	}
 	close_gap(&engine->next_command, index, engine->station_count);
 	close_gap(&engine->next_stop, index, engine->station_count);
 	close_gap(&engine->next_identify, index, engine->station_count);
@@ -155,24 +151,10 @@ static void remove_station(struct db_engine *engine, size_t index, db_time now)
 	engine->station_count--;
 	memmove(&engine->stations[index], &engine->stations[index + 1],
 	        (engine->station_count - index) * sizeof(struct station *));
-	engine->change->removed[engine->change->removed_count++] = station;
+	change->removed[change->removed_count++] = station;
 }
 
 /* --- adding ----------------------------------------------------------------------------------- */
-
-/* The node of an address; the first drive there brings it. */
-static struct node *node_for(struct db_engine *engine, struct station *station)
-{
-	struct node *node = station->spare;
-
-	for (size_t i = 0; i < engine->node_count; i++) {
-		if (engine->nodes[i]->address == node->address)
-			return engine->nodes[i];
-	}
-	station->spare = NULL;
-	engine->nodes[engine->node_count++] = node;
-	return node;
-}
 
 static void add_stations(struct db_engine *engine, struct db_change *change, db_time now)
 {
@@ -199,10 +181,17 @@ static void add_stations(struct db_engine *engine, struct db_change *change, db_
 	}
 	for (size_t i = 0; i < change->coming_count; i++) {
 		struct station *station = change->coming[i];
+		struct node *node = engine_find_node(engine, station->spare->address);
 
 		change->coming[i] = NULL;
 		engine->stations[engine->station_count++] = station;
-		station_join(station, node_for(engine, station), engine->bus);
+		/* The first drive at an address brings its node. */
+		if (!node) {
+			node = station->spare;
+			station->spare = NULL;
+			engine->nodes[engine->node_count++] = node;
+		}
+		station_join(station, node, engine->bus);
 		if (station->node->online)
 			engine_count_online(engine, station, now);
 		engine_publish(engine, station);

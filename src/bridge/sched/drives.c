@@ -14,13 +14,11 @@ struct station *engine_find_station(const struct db_engine *engine, uint16_t num
 	return NULL;
 }
 
-const struct station *engine_find_moving(const struct db_engine *engine)
+struct node *engine_find_node(const struct db_engine *engine, unsigned address)
 {
-	for (size_t i = 0; i < engine->station_count; i++) {
-		const struct station *station = engine->stations[i];
-
-		if (station->node->online && (station->snapshot.feedback.status & DB_STATUS_MOVING))
-			return station;
+	for (size_t i = 0; i < engine->node_count; i++) {
+		if (engine->nodes[i]->address == address)
+			return engine->nodes[i];
 	}
 	return NULL;
 }
@@ -140,26 +138,6 @@ void engine_bring_online(struct db_engine *engine, struct node *node, db_time no
 		engine_count_online(engine, s, now);
 }
 
-static void lose_station(struct db_engine *engine, struct station *station, enum db_result result,
-                         db_time now)
-{
-	struct standing_rules rules;
-
-	station_abandon_command(station, engine->driver,
-	                        result == DB_RESULT_OFFLINE ? DB_RESULT_TIMEOUT : result, now);
-	engine_finish_waiting_requests(engine, station, result, now);
-	for (size_t i = 0; i < LANE_COUNT; i++)
-		station->lanes[i].active = station->lanes[i].ready = false;
-	station->blind_stop_sent = false;
-	if (!station->node->online)
-		return;
-	rules = station_rules(station, engine->driver, now);
-	standing_suspend(&station->standing, &rules, now);
-	engine->stats.online--;
-	if (engine->driver->gone)
-		engine->driver->gone(station->device);
-}
-
 void engine_take_offline(struct db_engine *engine, struct node *node, enum db_result result,
                          db_time now)
 {
@@ -167,8 +145,24 @@ void engine_take_offline(struct db_engine *engine, struct node *node, enum db_re
 
 	engine->any_out_of_step = true;
 	node->in_step = false;
-	for (struct station *s = node->first; s; s = s->next_axis)
-		lose_station(engine, s, result, now);
+	for (struct station *s = node->first; s; s = s->next_axis) {
+		struct standing_rules rules;
+
+		station_abandon_command(s, engine->driver,
+		                        result == DB_RESULT_OFFLINE ? DB_RESULT_TIMEOUT : result,
+		                        now);
+		engine_finish_waiting_requests(engine, s, result, now);
+		for (size_t i = 0; i < LANE_COUNT; i++)
+			s->lanes[i].active = s->lanes[i].ready = false;
+		s->blind_stop_sent = false;
+		if (!was_online)
+			continue;
+		rules = station_rules(s, engine->driver, now);
+		standing_suspend(&s->standing, &rules, now);
+		engine->stats.online--;
+		if (engine->driver->gone)
+			engine->driver->gone(s->device);
+	}
 	node->online = false;
 	engine_end_read(engine, node, now);
 	if (!was_online)

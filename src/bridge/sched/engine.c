@@ -68,11 +68,6 @@ void db_engine_free(struct db_engine *engine)
 	free(engine);
 }
 
-void db_engine_set_wall_offset(struct db_engine *engine, int64_t wall_offset_us)
-{
-	engine->wall_offset_us = wall_offset_us;
-}
-
 void db_engine_report_unconfirmed(struct db_engine *engine)
 {
 	for (size_t i = 0; i < engine->station_count; i++)
@@ -203,7 +198,10 @@ static void wait_for_rest(struct db_engine *engine, db_time now)
 
 static void skip_garbage(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)
 {
-	scan_count_garbage(engine, length);
+	struct scan *scan = engine->scan;
+
+	if (scan && scan->question.flying && !exchange_overlaps(engine))
+		scan->question.garbage += length;
 	engine_count_garbage(engine, bytes, length, now);
 }
 
@@ -302,20 +300,6 @@ bool db_engine_wants_all_frames(const struct db_engine *engine, db_time now)
 
 /* --- requests --------------------------------------------------------------------------------- */
 
-static void receive_stop(struct db_engine *engine, struct station *station,
-                         struct db_request *request, db_time now)
-{
-	engine_finish_waiting_requests(engine, station, DB_RESULT_CANCELLED, now);
-	/* A stop also cancels unfinished commands of the controller's other axes. Disabling one
-	 * axis leaves the others as they are. */
-	for (struct station *s = station->node->first; s; s = s->next_axis) {
-		if (s == station || request->command != DB_CMD_DISABLE)
-			station_cancel_command(s, engine->driver, now);
-	}
-	engine_add_stop(engine, station, request->command, (enum db_stand_cause)request->cause,
-	                request, now);
-}
-
 static void receive_requests(struct db_engine *engine, db_time now)
 {
 	struct db_request *request;
@@ -324,11 +308,23 @@ static void receive_requests(struct db_engine *engine, db_time now)
 		struct station *station = engine_find_station(engine, request->drive);
 
 		engine->idle_until = 0;
-		if (!station)
+		if (!station) {
 			db_queue_finish(request, DB_RESULT_FAILED, now);
-		else if (db_command_is_stop(request->command))
-			receive_stop(engine, station, request, now);
-		else if (engine->shutting_down || station->leaving)
+			continue;
+		}
+		if (db_command_is_stop(request->command)) {
+			engine_finish_waiting_requests(engine, station, DB_RESULT_CANCELLED, now);
+			/* A stop also cancels unfinished commands of the controller's other axes.
+			 * Disabling one axis leaves the others as they are. */
+			for (struct station *s = station->node->first; s; s = s->next_axis) {
+				if (s == station || request->command != DB_CMD_DISABLE)
+					station_cancel_command(s, engine->driver, now);
+			}
+			engine_add_stop(engine, station, request->command,
+			                (enum db_stand_cause)request->cause, request, now);
+			continue;
+		}
+		if (engine->shutting_down || station->leaving)
 			db_queue_finish(request, DB_RESULT_CANCELLED, now);
 		else if (!engine->stats.up)
 			db_queue_finish(request, DB_RESULT_BUS_DOWN, now);
@@ -450,38 +446,33 @@ static db_time next_run(struct db_engine *engine, bool more, db_time now)
 	return wake > now ? wake : now + 1;
 }
 
-/*
- * The beginning of a frame is there: its rest is awaited, once, and not disturbed by a request.
- * Otherwise a drive that is late by just this much would never be understood, and nothing could be
- * learnt about it.
- */
-static bool wait_for_begun(struct db_engine *engine, struct flight *flight)
-{
-	const struct db_exchange *exchange = &flight->station->lanes[flight->lane].exchange;
-	db_time rest;
-
-	if (exchange_overlaps(engine) || flight->extended || engine->received_length == 0)
-		return false;
-	rest = engine->bus->transport->wire_time(engine->bus, exchange->request, 0,
-	                                         exchange->answer_length);
-	flight->extended = true;
-	flight->deadline += rest;
-	flight->patience += rest;
-	return true;
-}
-
 static void give_up_overdue(struct db_engine *engine, db_time now)
 {
 	engine->overdue_from = DB_TIME_NEVER;
 	for (size_t i = 0; i < engine->node_count; i++) {
 		struct node *node = engine->nodes[i];
+		struct flight *flight = &node->flight;
+		const struct db_exchange *exchange;
 
-		if (is_flying(node) && now >= node->flight.deadline &&
-		    !wait_for_begun(engine, &node->flight))
+		if (!is_flying(node))
+			continue;
+		exchange = &flight->station->lanes[flight->lane].exchange;
+		if (now >= flight->deadline && !exchange_overlaps(engine) && !flight->extended &&
+		    engine->received_length > 0) {
+			/* The beginning of a frame is there: its rest is awaited, once, and not
+			 * disturbed by a request. Otherwise a drive that is late by just this much
+			 * would never be understood, and nothing could be learnt about it. */
+			db_time rest = engine->bus->transport->wire_time(
+				engine->bus, exchange->request, 0, exchange->answer_length);
+
+			flight->extended = true;
+			flight->deadline += rest;
+			flight->patience += rest;
+		} else if (now >= flight->deadline) {
 			answer_lost(engine, node, now);
+		}
 		if (is_flying(node))
-			engine->overdue_from = db_time_min(engine->overdue_from,
-			                                   node->flight.deadline);
+			engine->overdue_from = db_time_min(engine->overdue_from, flight->deadline);
 	}
 }
 
@@ -551,15 +542,6 @@ void db_engine_shut_down(struct db_engine *engine, db_time now)
 	}
 }
 
-bool db_engine_is_cleared(const struct db_engine *engine)
-{
-	for (size_t i = 0; engine->stats.up && i < engine->station_count; i++) {
-		if (engine->stations[i]->node->online && station_has_open_stop(engine->stations[i]))
-			return false;
-	}
-	return !engine->stats.up || engine->flights == 0;
-}
-
 void db_engine_set_aside(struct db_engine *engine, db_time now)
 {
 	db_engine_report_unconfirmed(engine);
@@ -571,14 +553,16 @@ void db_engine_set_aside(struct db_engine *engine, db_time now)
 	change_port(engine, false, true, EBUSY, now);
 }
 
-bool db_engine_is_quiet(const struct db_engine *engine)
+bool db_engine_is_quiet(const struct db_engine *engine, bool cleared)
 {
 	if (!engine->stats.up)
 		return true;
 	if (engine->flights > 0)
 		return false;
 	for (size_t i = 0; i < engine->station_count; i++) {
-		if (station_has_open_stop(engine->stations[i]))
+		const struct station *station = engine->stations[i];
+
+		if (station_has_open_stop(station) && (station->node->online || !cleared))
 			return false;
 	}
 	return true;

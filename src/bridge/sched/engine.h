@@ -71,9 +71,8 @@ int db_engine_new(const struct db_bus_config *bus, const struct db_bus_drive *dr
                   void *context, struct db_engine **engine);
 void db_engine_free(struct db_engine *engine);
 
-/* The port was opened (error 0) or lost. `wall_offset_us` turns monotonic into wall time. */
+/* The port was opened (error 0) or lost. */
 void db_engine_port(struct db_engine *engine, bool up, int error, db_time now);
-void db_engine_set_wall_offset(struct db_engine *engine, int64_t wall_offset_us);
 
 /* The port takes no more bytes (`hold`), or has taken everything that send() was given. While it
  * holds, nothing is sent, and the time-outs of answers are extended by that time. May be called
@@ -96,10 +95,8 @@ db_time db_engine_run(struct db_engine *engine, db_time now);
 
 /* From now on only what each drive's on_exit requires is sent. */
 void db_engine_shut_down(struct db_engine *engine, db_time now);
-/* True if the shutdown is complete. */
-bool db_engine_is_quiet(const struct db_engine *engine);
-/* True if the shutdown is complete for all drives that answer. */
-bool db_engine_is_cleared(const struct db_engine *engine);
+/* True if the shutdown is complete; `cleared`: for all drives that answer. */
+bool db_engine_is_quiet(const struct db_engine *engine, bool cleared);
 /* The shutdown is complete, or its time is up. The engine does not end, but its bus is down until
  * the port is available for its drives again. */
 void db_engine_set_aside(struct db_engine *engine, db_time now);

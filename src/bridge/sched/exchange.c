@@ -72,25 +72,6 @@ static const enum db_trace_kind trace_kinds[LANE_COUNT] = {
 
 /* --- waiting ---------------------------------------------------------------------------------- */
 
-/* A frame that must not be lost waits until the drive is sure to receive it. A stop is repeated
- * anyway. */
-static db_time may_send_at(const struct db_engine *engine, const struct station *station,
-                           enum lane_kind kind, db_time now)
-{
-	const struct db_exchange *exchange = &station->lanes[kind].exchange;
-	const struct node *node = station->node;
-	db_time at;
-
-	if (exchange_overlaps(engine))
-		return now;
-	at = gaps_harmless_at(engine, node->address, exchange->request, exchange->request_length,
-	                      now);
-	/* A lost probe costs the drive its place: it waits, too. */
-	if (kind == LANE_STOP || (exchange->repeatable && kind != LANE_PROBE))
-		return at;
-	return db_time_max(at, gaps_over_at(engine, node, now));
-}
-
 /* The line is reserved for this time at most, however much an unsolicited sender sends. */
 #define RESERVED_MOST (3 * LEARN_GAP_MOST)
 
@@ -128,13 +109,21 @@ static bool must_wait(struct db_engine *engine, struct station *station, enum la
                       db_time now)
 {
 	const struct reserved *reserved = &engine->reserved;
+	const struct db_exchange *exchange = &station->lanes[kind].exchange;
+	const struct node *node = station->node;
 	bool again = is_reserved_for(reserved, station, kind);
 	/* The drive's own gap begins with an answer to this bridge; other traffic does not make it
 	 * longer. */
-	db_time at = node_may_be_asked_at(station->node);
+	db_time at = node_may_be_asked_at(node);
 
-	if (!again || now - reserved->since < RESERVED_MOST)
-		at = db_time_max(at, may_send_at(engine, station, kind, now));
+	if (!exchange_overlaps(engine) && (!again || now - reserved->since < RESERVED_MOST)) {
+		at = db_time_max(at, gaps_harmless_at(engine, node->address, exchange->request,
+		                                      exchange->request_length, now));
+		/* A frame that must not be lost waits until the drive is sure to receive it. A stop
+		 * is repeated anyway. A lost probe costs the drive its place: it waits, too. */
+		if (kind != LANE_STOP && (!exchange->repeatable || kind == LANE_PROBE))
+			at = db_time_max(at, gaps_over_at(engine, node, now));
+	}
 	if (at > now) {
 		exchange_reserve(engine, station, kind, at, now);
 		return true;

@@ -121,12 +121,6 @@ void node_answered(struct node *node, bool in_time, db_time now)
 	node->lost_due = 0;
 }
 
-void node_lost_answer(struct node *node)
-{
-	node->lost_due = node->flight.deadline - node->flight.patience;
-	node->lost_question = node->flight.question;
-}
-
 db_time node_latency_of_late_answer(const struct node *node, db_time now)
 {
 	db_time latency = now - node->lost_due;

@@ -161,15 +161,6 @@ static const struct db_bus_config *line_of(const struct scan *scan)
 	return scan->plan.aside ? &scan->port : scan->bus;
 }
 
-static struct node *node_of(const struct db_engine *engine, unsigned address)
-{
-	for (size_t i = 0; i < engine->node_count; i++) {
-		if (engine->nodes[i]->address == address)
-			return engine->nodes[i];
-	}
-	return NULL;
-}
-
 static db_time wire_time(const struct scan *scan, size_t request, size_t answer)
 {
 	return scan->bus->transport->wire_time(line_of(scan), scan->exchange.request, request,
@@ -303,7 +294,6 @@ static bool choose_inquiry(struct db_engine *engine, struct db_inquiry *inquiry)
  * drive that may have begun to move is read first. */
 static bool must_not_save(struct db_engine *engine, const struct db_inquiry *inquiry)
 {
-	const struct station *moving = engine_find_moving(engine);
 	const struct db_driver *driver = engine->driver;
 	/* Or a request that is of no use without one. */
 	bool saves = inquiry->kind == DB_INQUIRY_SAVE ||
@@ -314,10 +304,15 @@ static bool must_not_save(struct db_engine *engine, const struct db_inquiry *inq
 
 	if (exchange_overlaps(engine) || !saves)
 		return false;
-	if (moving) {
-		engine->scan->progress.drive = moving->number;
-		scan_end(engine, DB_SCAN_MOVES);
-		return true;
+	for (size_t i = 0; i < engine->station_count; i++) {
+		const struct station *station = engine->stations[i];
+
+		if (station->node->online &&
+		    (station->snapshot.feedback.status & DB_STATUS_MOVING)) {
+			engine->scan->progress.drive = station->number;
+			scan_end(engine, DB_SCAN_MOVES);
+			return true;
+		}
 	}
 	for (size_t i = 0; i < engine->station_count; i++) {
 		if (engine->stations[i]->node->online && !station_is_read(engine->stations[i]))
@@ -341,7 +336,7 @@ bool scan_send_next(struct db_engine *engine, db_time now)
 		return false;
 	if (!choose_inquiry(engine, &inquiry))
 		return false;
-	node = scan->plan.aside ? NULL : node_of(engine, inquiry.address);
+	node = scan->plan.aside ? NULL : engine_find_node(engine, inquiry.address);
 	if ((node && is_engaged(node, now)) || must_not_save(engine, &inquiry))
 		return false;
 	harmless = gaps_harmless_at(engine, inquiry.address, scan->exchange.request,
@@ -459,7 +454,7 @@ void scan_check(struct db_engine *engine, db_time now)
 	scan->idle_since = now;
 	engine->busy += !exchange_overlaps(engine) ? now - question->sent : 0;
 	engine->quiet_until = now + (db_time)scan->bus->turnaround_us * DB_NS_PER_US;
-	node = node_of(engine, question->inquiry.address);
+	node = engine_find_node(engine, question->inquiry.address);
 	/* The drive known at this address did not answer: what it still sends must not be taken for
 	 * a new answer. */
 	if (node && node->online && !scan->plan.aside && !question->outcome.answered) {
@@ -504,12 +499,6 @@ void scan_receive(struct db_engine *engine, const uint8_t *bytes, size_t length,
 		question->received++;
 	}
 	question->received_at = now;
-}
-
-void scan_count_garbage(struct db_engine *engine, size_t length)
-{
-	if (engine->scan && engine->scan->question.flying && !exchange_overlaps(engine))
-		engine->scan->question.garbage += length;
 }
 
 bool scan_receive_frame(struct db_engine *engine, enum db_frame kind, const uint8_t *frame,

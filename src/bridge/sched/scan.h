@@ -93,9 +93,8 @@ bool scan_is_asking(const struct db_engine *engine, const struct node *node);
  * later. After a command the drive is also asked again whether it stands. */
 void scan_give_way(struct db_engine *engine, const struct node *node, bool commands);
 
-/* Bytes were received; `garbage` of them were not part of a frame. */
+/* Bytes were received. */
 void scan_receive(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now);
-void scan_count_garbage(struct db_engine *engine, size_t length);
 /* A frame was received. True if it was the scan's. */
 bool scan_receive_frame(struct db_engine *engine, enum db_frame kind, const uint8_t *frame,
                         size_t length, db_time now);

@@ -375,10 +375,9 @@ static inline db_time node_may_be_asked_at(const struct node *node)
 	return node->answered_at == 0 ? 0 : node->answered_at + node->gap.now;
 }
 
-/* The current exchange was answered, or lost. `in_time`: the answer was read when it arrived, so
- * that its time is the drive's. */
+/* The current exchange was answered. `in_time`: the answer was read when it arrived, so that its
+ * time is the drive's. */
 void node_answered(struct node *node, bool in_time, db_time now);
-void node_lost_answer(struct node *node);
 /* The latency of an unexpected frame, taken as the answer to the exchange lost last; 0: it is
  * none. */
 db_time node_latency_of_late_answer(const struct node *node, db_time now);
@@ -479,8 +478,8 @@ void engine_report_raw_frame(struct db_engine *engine, const struct station *sta
 
 /* The drive of this number, or null. */
 struct station *engine_find_station(const struct db_engine *engine, uint16_t number);
-/* An online drive that moves; null: none. */
-const struct station *engine_find_moving(const struct db_engine *engine);
+/* The node at this address, or null. */
+struct node *engine_find_node(const struct db_engine *engine, unsigned address);
 
 /* A node has answered, or does not answer any more; its drives' commands end with `result`. */
 void engine_bring_online(struct db_engine *engine, struct node *node, db_time now);
@@ -669,8 +668,6 @@ void stop_answered(struct db_engine *engine, struct station *station, enum db_re
 void stop_lost(struct db_engine *engine, struct node *node, bool stop, db_time cost, db_time now);
 /* The drive was read; the request was sent at `asked`. */
 void stop_judge(struct db_engine *engine, struct station *station, db_time asked, db_time now);
-/* A later motion begins: no stop is sent until it has ended. */
-void stop_give_way(struct station *station);
 
 /* --- common_start.c: motions of a group that begin with one frame ---------------------------- */
 

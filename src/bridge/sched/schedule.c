@@ -72,8 +72,11 @@ static bool begin_queued(struct db_engine *engine, size_t index, db_time now)
 	station->lanes[LANE_COMMAND].exchange.request_size = DB_REQUEST_MAX;
 	station->command_cancelled = false;
 	station->starts_alone = !engine->bus->starts_by_broadcast;
-	if (standing_gives_way_to(&station->standing, request->command))
-		stop_give_way(station);
+	if (standing_gives_way_to(&station->standing, request->command)) {
+		/* A later motion begins: no stop is sent until it has ended. */
+		standing_give_way(&station->standing);
+		station->lanes[LANE_STOP].active = station->lanes[LANE_STOP].ready = false;
+	}
 	if (kind == DB_JOB_SETTINGS && engine->driver->joins_settings)
 		engine_join_waiting_writes(engine, station);
 	if (exchange_begin_job(engine, station, LANE_COMMAND, kind, request, now, &result) ==

@@ -55,19 +55,6 @@ static bool send_stop(struct db_engine *engine, struct station *station, db_time
 	return true;
 }
 
-/* True if all drives wait for the same stop command and none has been sent it. */
-static bool all_want_stop(const struct db_engine *engine, enum db_command command)
-{
-	for (size_t i = 0; i < engine->station_count; i++) {
-		const struct standing *standing = &engine->stations[i]->standing;
-
-		if (standing_is_free(standing) || standing->gives_way || standing->sent_at != 0 ||
-		    standing_next(standing) != command)
-			return false;
-	}
-	return true;
-}
-
 /* One frame stops all drives at once; each is then asked for its confirmation as usual. */
 static bool try_broadcast(struct db_engine *engine, db_time now)
 {
@@ -77,9 +64,16 @@ static bool try_broadcast(struct db_engine *engine, db_time now)
 
 	if (engine->station_count < 2 || !engine->driver->broadcast)
 		return false;
+	/* All drives must wait for the same stop, and none may have been sent it. */
 	command = standing_next(&engine->stations[0]->standing);
-	if (command == DB_CMD_NONE || !all_want_stop(engine, command) ||
-	    !engine->driver->broadcast(command, engine->bus, &exchange))
+	for (size_t i = 0; i < engine->station_count; i++) {
+		const struct standing *standing = &engine->stations[i]->standing;
+
+		if (standing_is_free(standing) || standing->gives_way || standing->sent_at != 0 ||
+		    standing_next(standing) != command)
+			return false;
+	}
+	if (command == DB_CMD_NONE || !engine->driver->broadcast(command, engine->bus, &exchange))
 		return false;
 	for (size_t i = 0; i < engine->station_count; i++)
 		station_stop_sent(engine->stations[i], false, now);
@@ -332,10 +326,4 @@ void stop_lost(struct db_engine *engine, struct node *node, bool stop, db_time c
 		    !node->online)
 			engine->stops_from = now + cost * (STANDING_LOSSES_SHARE - 1);
 	}
-}
-
-void stop_give_way(struct station *station)
-{
-	standing_give_way(&station->standing);
-	station->lanes[LANE_STOP].active = station->lanes[LANE_STOP].ready = false;
 }

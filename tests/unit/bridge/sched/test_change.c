@@ -468,7 +468,7 @@ static void the_end_comes_while_one_leaves(void **state)
 	change_drives(bus, 2, 1, 2);
 	db_engine_shut_down(bus->engine, bus->now);
 	fake_pass(bus, 50 * MS);
-	assert_true(db_engine_is_quiet(bus->engine));
+	assert_true(db_engine_is_quiet(bus->engine, false));
 	assert_int_equal(fake_count(bus, 1, FAKE_STOP), 1);
 	assert_int_equal(fake_count(bus, 2, FAKE_STOP), 1);
 	assert_false(fetch_change(bus));
@@ -483,7 +483,7 @@ static void a_change_that_comes_after_the_end_does_nothing(void **state)
 	db_engine_shut_down(bus->engine, bus->now);
 	change_drives(bus, 2, 1, 2);
 	fake_pass(bus, 50 * MS);
-	assert_true(db_engine_is_quiet(bus->engine));
+	assert_true(db_engine_is_quiet(bus->engine, false));
 	assert_int_equal(fake_count(bus, 2, FAKE_STOP), 1);
 	fake_bus_free(bus);
 }

@@ -301,7 +301,7 @@ static void the_end_stops_every_drive(void **state)
 	enable_first(world);
 	db_engine_shut_down(world->bus->engine, world->bus->now);
 	fake_pass(world->bus, 50 * MS);
-	assert_true(db_engine_is_quiet(world->bus->engine));
+	assert_true(db_engine_is_quiet(world->bus->engine, false));
 	/* All at once by broadcast, then each one for its confirmation. */
 	assert_memory_equal(world->log, "0 stp\n1 stp\n", 12);
 	assert_int_equal(count_sent(world, " stp\n"), 4);
@@ -318,9 +318,9 @@ static void a_stop_at_the_end_that_is_refused_is_repeated(void **state)
 	world->bus->drives[1].on_exit = DB_ON_LOSS_NONE;
 	fail_next(world, 0, VSMD_STP, FAULT_REFUSE);
 	db_engine_shut_down(world->bus->engine, world->bus->now);
-	for (unsigned i = 0; i < 200 && !db_engine_is_quiet(world->bus->engine); i++)
+	for (unsigned i = 0; i < 200 && !db_engine_is_quiet(world->bus->engine, false); i++)
 		fake_pass(world->bus, 1 * MS);
-	assert_true(db_engine_is_quiet(world->bus->engine));
+	assert_true(db_engine_is_quiet(world->bus->engine, false));
 	assert_int_equal(count_sent(world, "1 stp\n"), 2);
 	assert_true(world->sim[0].status.status & VSMD_ST_STP);
 }
@@ -337,7 +337,7 @@ static void a_drive_that_is_offline_at_the_end_is_stopped_when_it_answers(void *
 	/* The line is whole again, and nobody has noticed. */
 	world->sim[1].dead = false;
 	db_engine_shut_down(world->bus->engine, world->bus->now);
-	for (unsigned i = 0; i < 1500 && !db_engine_is_quiet(world->bus->engine); i++)
+	for (unsigned i = 0; i < 1500 && !db_engine_is_quiet(world->bus->engine, false); i++)
 		fake_pass(world->bus, 1 * MS);
 	assert_true(world->sim[1].status.status & VSMD_ST_STP);
 }

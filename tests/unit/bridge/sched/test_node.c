@@ -135,11 +135,7 @@ static void the_latency_of_a_late_answer_counts_from_the_lost_question(void **st
 	struct node *node = *state;
 
 	assert_int_equal(node_latency_of_late_answer(node, NOW), 0);
-	node->flight.deadline = NOW + 10 * MS;
-	node->flight.patience = 10 * MS;
-	node->flight.question = 5;
-	node_lost_answer(node);
-	assert_int_equal(node->lost_question, 5);
+	node->lost_due = NOW;
 	assert_int_equal(node_latency_of_late_answer(node, NOW + 12 * MS), 12 * MS);
 	assert_int_equal(node_latency_of_late_answer(node, NOW + LATE), LATE);
 	assert_int_equal(node_latency_of_late_answer(node, NOW + LATE + 1), 0);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What is reported about drives for the log, once each, and what is published. */
+#include "sched/sched_private.h"
 #include "vsmd_world.h"
 
 static void assert_logged(struct world *world, enum db_event event, unsigned address)
@@ -66,12 +67,12 @@ static void a_clock_that_is_set_makes_no_sample_younger(void **state)
 	struct db_feedback before;
 	struct db_feedback after;
 
-	db_engine_set_wall_offset(world->bus->engine, 1000000);
+	world->bus->engine->wall_offset_us = 1000000;
 	start_bus(world);
 	before = fake_feedback(world->bus, 0);
 	assert_int_equal(before.taken_wall_us, before.taken / 1000 + 1000000);
 	world->sim[0].dead = true;
-	db_engine_set_wall_offset(world->bus->engine, 5000000);
+	world->bus->engine->wall_offset_us = 5000000;
 	pass_seconds(world, 3);
 	after = fake_feedback(world->bus, 0);
 	assert_int_equal(after.taken, before.taken);

@@ -311,7 +311,7 @@ static void keeps_a_stop_for_a_drive_that_is_not_there(void **state)
 	begin_plan(&world, plan);
 	db_engine_shut_down(world.bus->engine, world.bus->now);
 	fake_pass(world.bus, 100 * MS);
-	assert_true(db_engine_is_cleared(world.bus->engine));
+	assert_true(db_engine_is_quiet(world.bus->engine, true));
 	db_engine_set_aside(world.bus->engine, world.bus->now);
 	atomic_store(&world.scan->cancelled, true);
 	fake_pass(world.bus, 10 * MS);

@@ -676,7 +676,7 @@ static void try_end(struct model *model)
 
 	if (!model->ending || model->ended)
 		return;
-	model->ended = now >= model->end_by || db_engine_is_quiet(model->world.bus->engine);
+	model->ended = now >= model->end_by || db_engine_is_quiet(model->world.bus->engine, false);
 	for (size_t i = 0; model->ended && i < WORLD_DRIVES; i++) {
 		claim(model,
 		      model->truth[i].left || obeys(model, i) || now >= model->end_by ||

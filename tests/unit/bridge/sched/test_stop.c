@@ -386,9 +386,9 @@ static void the_end_waits_until_it_stops(void **state)
 	world->sim[0].deaf = 3;
 	db_engine_shut_down(world->bus->engine, world->bus->now);
 	fake_pass(world->bus, 20 * MS);
-	assert_false(db_engine_is_quiet(world->bus->engine));
+	assert_false(db_engine_is_quiet(world->bus->engine, false));
 	fake_pass(world->bus, 300 * MS);
-	assert_true(db_engine_is_quiet(world->bus->engine));
+	assert_true(db_engine_is_quiet(world->bus->engine, false));
 	assert_true(world->sim[0].speed == 0.0f);
 	close_world(world);
 }
@@ -619,7 +619,7 @@ static unsigned count_broadcasts_at_the_end(size_t drives, bool *first)
 	fake_forget_sent(bus);
 	db_engine_shut_down(bus->engine, bus->now);
 	fake_pass(bus, 200 * MS);
-	assert_true(db_engine_is_quiet(bus->engine));
+	assert_true(db_engine_is_quiet(bus->engine, false));
 	count = fake_count(bus, FAKE_ALL, FAKE_STOP);
 	*first = bus->sent[0].frame.address == FAKE_ALL;
 	/* Each one is asked for its confirmation all the same. */
