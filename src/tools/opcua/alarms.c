@@ -35,8 +35,9 @@ static struct db_opcua_alarm *find_or_add(struct db_opcua_alarms *alarms, const 
 	               name[0] ? "." : "", name, db_client_text(told, "cause"));
 	while (*end && strcmp((*end)->id, id) != 0)
 		end = &(*end)->next;
-	if (*end)
-		return *end;
+	alarm = *end;
+	if (alarm)
+		return alarm;
 	alarm = calloc(1, sizeof(*alarm));
 	if (!alarm)
 		return NULL;
