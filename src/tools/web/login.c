@@ -32,17 +32,6 @@ static void end_session(struct db_web_server *server, const char *id)
 	db_web_stream_end(server, over, "LoginRequired", "the login has ended");
 }
 
-static json_t *list_mays(const struct db_grant *grant)
-{
-	json_t *list = json_array();
-
-	for (enum db_may may = DB_MAY_LOOK; may < DB_MAYS; may++) {
-		if (db_grant_has(grant, may, NULL))
-			(void)json_array_append_new(list, json_string(db_may_name(may)));
-	}
-	return list;
-}
-
 /* Which commands need more than to move a drive. */
 static json_t *list_commands(enum db_may may)
 {
@@ -72,6 +61,8 @@ static json_t *list_drives(const struct db_grant *grant)
 
 void db_web_login_tell(struct db_web_request *request)
 {
+	json_t *mays;
+
 	if (request->token[0] == '\0') {
 		struct db_web_secret secret;
 		char value[1 + DB_WEB_SECRET_TEXT];
@@ -85,14 +76,19 @@ void db_web_login_tell(struct db_web_request *request)
 		(void)snprintf(value, sizeof(value), "%c%s", DB_WEB_NOBODY, request->token);
 		db_web_request_set_cookie(request, value);
 	}
+	mays = json_array();
+	for (enum db_may may = DB_MAY_LOOK; may < DB_MAYS; may++) {
+		if (db_grant_has(&request->grant, may, NULL))
+			(void)json_array_append_new(mays, json_string(db_may_name(may)));
+	}
 	/* The version helps who looks for holes. */
 	db_web_request_answer(
 		request, MHD_HTTP_OK,
 		json_pack(
 			"{s:s?, s:s, s:o, s:o, s:{s:o, s:o, s:o}, s:{s:b, s:s?, s:i}, s:s, s:s?, s:b, s:o, s:s?}",
 			"user", request->user[0] ? request->user : NULL, "role",
-			db_role_name(request->grant.role), "may", list_mays(&request->grant),
-			"drives", list_drives(&request->grant), "commands", "stop",
+			db_role_name(request->grant.role), "may", mays, "drives",
+			list_drives(&request->grant), "commands", "stop",
 			list_commands(DB_MAY_STOP), "engineer", list_commands(DB_MAY_ENGINEER),
 			"manage", list_commands(DB_MAY_MANAGE), "password", "own",
 			request->user[0] != '\0' && !request->pam, "weak", request->weak, "least",

@@ -456,36 +456,6 @@ static bool begin_stream(struct db_web_parameters *job, struct db_web_request *r
 	return job->stream;
 }
 
-static void begin(struct db_web_request *request)
-{
-	const json_t *description = db_web_service_description(request->server->service);
-	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
-	const json_t *entry = db_words_look_up(json_object_get(description, "drives"), drive);
-	const json_t *bus = db_words_look_up(json_object_get(description, "buses"),
-	                                     db_words_text(entry, "bus"));
-	struct db_web_parameters *job = calloc(1, sizeof(*job));
-
-	if (!job) {
-		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy", "no memory");
-		return;
-	}
-	job->server = request->server;
-	job->caller = db_web_request_caller(request);
-	job->kind = request->route.kind;
-	job->number = request->number;
-	(void)snprintf(job->drive, sizeof(job->drive), "%s", drive);
-	(void)snprintf(job->family, sizeof(job->family), "%s", db_words_text(bus, "protocol"));
-	if (job->kind == DB_WEB_PARAMETERS && !begin_stream(job, request)) {
-		free(job);
-		return;
-	}
-	if (job->kind != DB_WEB_PARAMETERS)
-		request->answer_by = db_client_now() + ANSWER_WITHIN;
-	job->next = request->server->parameters;
-	request->server->parameters = job;
-	go_on(job);
-}
-
 /* The page has enough. */
 static void end_writing(struct db_web_request *request)
 {
@@ -502,6 +472,12 @@ static void end_writing(struct db_web_request *request)
 
 void db_web_parameters_take(struct db_web_request *request)
 {
+	const json_t *description = request->server->service->description;
+	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
+	struct db_web_parameters *job;
+	const json_t *entry;
+	const json_t *bus;
+
 	if (!check_request(request))
 		return;
 	if (request->route.kind == DB_WEB_PARAMETERS_END) {
@@ -510,7 +486,29 @@ void db_web_parameters_take(struct db_web_request *request)
 	}
 	if (request->route.acts)
 		db_web_log_action(request, request->route.name, request->parameters);
-	begin(request);
+	job = calloc(1, sizeof(*job));
+	if (!job) {
+		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy", "no memory");
+		return;
+	}
+	/* The family of a drive is the protocol of its bus. */
+	entry = db_words_look_up(json_object_get(description, "drives"), drive);
+	bus = db_words_look_up(json_object_get(description, "buses"), db_words_text(entry, "bus"));
+	job->server = request->server;
+	job->caller = db_web_request_caller(request);
+	job->kind = request->route.kind;
+	job->number = request->number;
+	(void)snprintf(job->drive, sizeof(job->drive), "%s", drive);
+	(void)snprintf(job->family, sizeof(job->family), "%s", db_words_text(bus, "protocol"));
+	if (job->kind == DB_WEB_PARAMETERS && !begin_stream(job, request)) {
+		free(job);
+		return;
+	}
+	if (job->kind != DB_WEB_PARAMETERS)
+		request->answer_by = db_client_now() + ANSWER_WITHIN;
+	job->next = request->server->parameters;
+	request->server->parameters = job;
+	go_on(job);
 }
 
 void db_web_parameters_tick(struct db_web_server *server, db_time now)

@@ -39,30 +39,25 @@ static void take_turn(struct db_web_trail_reader *reader)
 	ask((struct verification *)(void *)reader, 0);
 }
 
-static void count_page(struct verification *verification, const json_t *page)
-{
-	json_t *broken;
-	size_t i;
-
-	verification->checked += json_integer_value(json_object_get(page, "checked"));
-	verification->more_broken += json_integer_value(json_object_get(page, "more_broken"));
-	json_array_foreach(json_object_get(page, "broken"), i, broken)
-	{
-		if (json_array_size(verification->broken) < BROKEN_MOST)
-			(void)json_array_append(verification->broken, broken);
-		else
-			verification->more_broken++;
-	}
-}
-
 static void take_page(struct db_web_trail_reader *reader, json_t *page,
                       const struct db_client_error *error)
 {
 	struct verification *verification = (struct verification *)(void *)reader;
 	struct db_web_request *request = verification->request;
+	json_t *broken;
+	size_t i;
 
 	if (!error && request->status == 0) {
-		count_page(verification, page);
+		verification->checked += json_integer_value(json_object_get(page, "checked"));
+		verification->more_broken += json_integer_value(
+			json_object_get(page, "more_broken"));
+		json_array_foreach(json_object_get(page, "broken"), i, broken)
+		{
+			if (json_array_size(verification->broken) < BROKEN_MOST)
+				(void)json_array_append(verification->broken, broken);
+			else
+				verification->more_broken++;
+		}
 		if (!json_is_true(json_object_get(page, "over"))) {
 			ask(verification, json_integer_value(json_object_get(page, "next")));
 			return;
