@@ -116,7 +116,7 @@ struct db_tls_peer *db_tls_peer_new(struct db_tls_peers *peers, int fd, const ui
 	if (gnutls_init(&peer->session, GNUTLS_SERVER | GNUTLS_NONBLOCK | GNUTLS_NO_SIGNAL) != 0 ||
 	    gnutls_priority_set(peer->session, peers->priorities) != 0 ||
 	    gnutls_credentials_set(peer->session, GNUTLS_CRD_CERTIFICATE,
-	                           db_tls_trust_credentials(peer->trust)) != 0 ||
+	                           peer->trust->credentials) != 0 ||
 	    sd_event_add_io(peers->loop, &peer->io, fd, EPOLLIN, on_greeting, peer) < 0 ||
 	    sd_event_source_set_priority(peer->io, SD_EVENT_PRIORITY_IDLE) < 0 ||
 	    sd_event_source_set_enabled(peer->io, SD_EVENT_ONESHOT) < 0) {
@@ -196,13 +196,6 @@ static enum step tls_step_of(ssize_t moved)
 static bool is_empty(const struct chunk *chunk)
 {
 	return chunk->begin == chunk->end;
-}
-
-/* Takes note of bytes that were read into an empty chunk, or written from it. */
-static void fill(struct chunk *chunk, ssize_t size)
-{
-	chunk->begin = 0;
-	chunk->end = (size_t)size;
 }
 
 /* A socket to the service, with who the client is on its way, and its first bytes, which become
@@ -287,7 +280,8 @@ static enum step move_up(struct db_tls_peer *peer, db_time now)
 			peer->behind = 0;
 		if (step != MOVED)
 			return step;
-		fill(up, moved);
+		up->begin = 0;
+		up->end = (size_t)moved;
 		waited_ms = peer->late ? 0 : count_waited_ms(peer);
 		if (waited_ms >= LATE_MS)
 			return hand_over_late(peer, waited_ms);
@@ -314,7 +308,8 @@ static enum step move_down(struct db_tls_peer *peer)
 		step = step_of(moved);
 		if (step != MOVED)
 			return step;
-		fill(down, moved);
+		down->begin = 0;
+		down->end = (size_t)moved;
 	}
 	moved = gnutls_record_send(peer->session, down->bytes + down->begin,
 	                           down->end - down->begin);
