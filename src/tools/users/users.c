@@ -43,15 +43,6 @@ static char *split(char *text)
 	return colon + 1;
 }
 
-/* The role of a line of before; false: there is no such one. */
-static bool read_former_role(const char *word, enum db_role *role)
-{
-	*role = strcmp(word, "reader") == 0   ? DB_ROLE_OBSERVER :
-	        strcmp(word, "operator") == 0 ? DB_ROLE_ENGINEER :
-	                                        DB_ROLE_NONE;
-	return *role != DB_ROLE_NONE;
-}
-
 /* NULL: the line is valid, else the mistake. */
 static const char *parse_line(char *line, struct db_user *user)
 {
@@ -68,7 +59,11 @@ static const char *parse_line(char *line, struct db_user *user)
 	*user = (struct db_user){ .pam = !old && strcmp(hash, PAM) == 0 };
 	if (!db_users_name_is_good(line))
 		return "a name has 1 to 32 letters, digits, '.', '-' and '_'";
-	if (old && !read_former_role(role, &user->grant.role))
+	if (old)
+		user->grant.role = strcmp(role, "reader") == 0   ? DB_ROLE_OBSERVER :
+		                   strcmp(role, "operator") == 0 ? DB_ROLE_ENGINEER :
+		                                                   DB_ROLE_NONE;
+	if (old && user->grant.role == DB_ROLE_NONE)
 		return "in a line of three parts a role is reader or operator";
 	if (!old && !db_role_read(role, &user->grant.role))
 		return "a role is observer, operator, engineer or administrator";
@@ -349,17 +344,6 @@ static bool replace_file(const char *path, const char *text, const struct stat *
 	return good;
 }
 
-/* The folder of all programs' file is made with it: members of the group may replace the file. */
-static void make_folder(const char *folder)
-{
-	const struct group *group = getgrnam(DB_USERS_GROUP);
-
-	if (mkdir(folder, 0750) != 0 || !group || geteuid() != 0)
-		return;
-	if (chown(folder, 0, group->gr_gid) == 0)
-		(void)chmod(folder, 02770);
-}
-
 /* Two who change it at the same time do so one after the other. The lock; -1 with the reason in
  * `out`. Takes from the tries. */
 static int lock_folder(const char *path, bool make, unsigned *tries, FILE *out)
@@ -369,8 +353,15 @@ static int lock_folder(const char *path, bool make, unsigned *tries, FILE *out)
 	const char *folder = copy ? dirname(copy) : NULL;
 	int lock = -1;
 
-	if (folder && make)
-		make_folder(folder);
+	/* The folder of all programs' file is made with it: members of the group may replace the
+	 * file. */
+	if (folder && make) {
+		const struct group *group = getgrnam(DB_USERS_GROUP);
+
+		if (mkdir(folder, 0750) == 0 && group && geteuid() == 0 &&
+		    chown(folder, 0, group->gr_gid) == 0)
+			(void)chmod(folder, 02770);
+	}
 	lock = folder ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
 	free(copy);
 	if (lock < 0) {

@@ -453,17 +453,6 @@ static const char *find_codes(const char *text)
 	return codes > text && codes[-1] == ':' ? codes - 1 : codes;
 }
 
-/* "plant.conf:7: no such key": what is after a name and a colon is a text of its own. Null: there is none. */
-static const char *find_rest(const char *english)
-{
-	const char *rest = strstr(english, ": ");
-
-	return rest && rest > english && rest[2] &&
-	                       !memchr(english, ' ', (size_t)(rest - english)) ?
-	               rest + 2 :
-	               NULL;
-}
-
 /* Translates what begins at `rest`. */
 static const char *translate_rest(const struct db_words_language *language, const char *english,
                                   const char *rest, char room[DB_WORDS_TEXT_MAX], unsigned depth)
@@ -483,8 +472,13 @@ static const char *translate(const struct db_words_language *language, const cha
 {
 	const char *found = look_up(language, english);
 	const char *codes = found ? NULL : find_codes(english);
-	const char *rest = find_rest(english);
+	/* "plant.conf:7: no such key": what is after a name and a colon is a text of its own. */
+	const char *rest = strstr(english, ": ");
 
+	rest = rest && rest > english && rest[2] &&
+	                       !memchr(english, ' ', (size_t)(rest - english)) ?
+	               rest + 2 :
+	               NULL;
 	if (found || !english[0] || depth > DEPTH_MAX)
 		return found && found[0] ? found : english;
 	if (codes && codes - english < DB_WORDS_TEXT_MAX) {
