@@ -446,19 +446,6 @@ static bool read_value(struct scan *scan, struct db_reader_key *key)
 	return true;
 }
 
-/* Adds an empty key; null when out of memory. */
-static struct db_reader_key *add_key(struct db_reader *reader)
-{
-	struct db_reader_key *keys;
-
-	keys = realloc(reader->keys, (reader->key_count + 1) * sizeof(*keys));
-	if (!keys)
-		return NULL;
-	reader->keys = keys;
-	keys[reader->key_count] = (struct db_reader_key){ 0 };
-	return &keys[reader->key_count++];
-}
-
 /* At = or +=; takes over the name. Moves to the token after the value. */
 static bool read_key(struct scan *scan, char *name, unsigned line, size_t section)
 {
@@ -471,13 +458,17 @@ static bool read_key(struct scan *scan, char *name, unsigned line, size_t sectio
 	if (key && append) {
 		free(name);
 	} else {
+		struct db_reader_key *keys;
+
 		if (key)
 			key->refused = true;
-		key = add_key(reader);
-		if (!key) {
+		keys = realloc(reader->keys, (reader->key_count + 1) * sizeof(*keys));
+		if (!keys) {
 			free(name);
 			return false;
 		}
+		reader->keys = keys;
+		key = &keys[reader->key_count++];
 		*key = (struct db_reader_key){ .name = name, .line = line, .section = section };
 	}
 	key->list = append;
