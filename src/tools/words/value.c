@@ -43,7 +43,7 @@ void db_words_clean(char *text)
 		if (*at < ' ' || *at == 0x7f)
 			*at = '?';
 		/* Control characters 80 to 9f in two-byte UTF-8. */
-		if (at[0] == 0xc2 && at[1] < 0xa0)
+		if (at[0] == 0xc2 && at[1] >= 0x80 && at[1] < 0xa0)
 			at[0] = at[1] = '?';
 		/* What turns the direction of a text: U+200E, U+200F, U+202A to U+202E and U+2066
 		 * to U+2069, in UTF-8. */
