@@ -33,21 +33,6 @@ struct db_web_additions {
 	struct db_capture_trigger trigger;
 };
 
-/* False with the mistake. */
-static bool read_trigger(struct db_web_additions *additions, const json_t *text,
-                         const char **problem)
-{
-	*problem = json_is_string(text) && json_string_length(text) < CONDITION_MAX ?
-	                   NULL :
-	                   "a trigger is a text";
-	if (!*problem) {
-		(void)snprintf(additions->condition, CONDITION_MAX, "%s", json_string_value(text));
-		*problem = db_capture_trigger_split(additions->condition, &additions->trigger,
-		                                    &additions->value);
-	}
-	return !*problem;
-}
-
 struct db_web_additions *db_web_additions_new(const struct db_web_request *request,
                                               const char **problem)
 {
@@ -74,7 +59,15 @@ struct db_web_additions *db_web_additions_new(const struct db_web_request *reque
 		additions->finds = json_array();
 		needed = true;
 	} else if (strcmp(method, "Subscribe") == 0 && trigger) {
-		needed = read_trigger(additions, trigger, problem);
+		if (!json_is_string(trigger) || json_string_length(trigger) >= CONDITION_MAX) {
+			*problem = "a trigger is a text";
+		} else {
+			(void)snprintf(additions->condition, CONDITION_MAX, "%s",
+			               json_string_value(trigger));
+			*problem = db_capture_trigger_split(additions->condition,
+			                                    &additions->trigger, &additions->value);
+		}
+		needed = !*problem;
 		(void)json_object_del(parameters, "trigger");
 	}
 	if (needed)

@@ -264,23 +264,6 @@ static bool admit_writes(struct db_web_request *request, const char *drive)
 	return json_object_size(values) > 0 || db_grant_has(&request->grant, DB_MAY_MOVE, drive);
 }
 
-/* A sequence needs the right to move each of its drives; its later beats name none. */
-static void admit_steps(struct db_web_request *request)
-{
-	const json_t *steps = json_object_get(request->parameters, "steps");
-	const json_t *step;
-	size_t i;
-
-	json_array_foreach(steps, i, step)
-	{
-		const char *drive = json_string_value(json_object_get(step, "drive"));
-
-		if (request->status == 0 &&
-		    !db_grant_has(&request->grant, DB_MAY_MOVE, drive ? drive : ""))
-			refuse_deed(request, DB_MAY_MOVE, drive, "sequence");
-	}
-}
-
 void db_web_admit_content(struct db_web_request *request)
 {
 	const struct db_web_route *route = &request->route;
@@ -288,6 +271,8 @@ void db_web_admit_content(struct db_web_request *request)
 	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
 	enum db_may needs = route->needs;
 	bool runs = route->kind == DB_WEB_CALL && strcmp(route->name, "Run") == 0;
+	const json_t *step;
+	size_t i;
 
 	if (route->kind == DB_WEB_CALL && strcmp(route->name, "Write") == 0) {
 		if (!admit_writes(request, drive ? drive : "") && request->status == 0)
@@ -300,8 +285,15 @@ void db_web_admit_content(struct db_web_request *request)
 	/* The chain is of all lines. */
 	if (route->kind == DB_WEB_TRAIL_VERIFY)
 		drive = "";
+	/* A sequence needs the right to move each of its drives; its later beats name none. */
 	if (route->kind == DB_WEB_SEQUENCE) {
-		admit_steps(request);
+		json_array_foreach(json_object_get(request->parameters, "steps"), i, step)
+		{
+			drive = json_string_value(json_object_get(step, "drive"));
+			if (request->status == 0 &&
+			    !db_grant_has(&request->grant, DB_MAY_MOVE, drive ? drive : ""))
+				refuse_deed(request, DB_MAY_MOVE, drive, "sequence");
+		}
 		return;
 	}
 	if (runs)

@@ -278,28 +278,6 @@ void db_web_logout(struct db_web_request *request)
 
 /* --- other sessions of the same user ------------------------------------------------------------ */
 
-static void tell_own(struct db_web_request *request)
-{
-	const struct db_web_session *found[DB_WEB_SESSIONS_MAX];
-	db_time now = db_client_now();
-	size_t count = db_web_sessions_of(request->server->sessions, request->user, now, found);
-	json_t *list = json_array();
-
-	for (size_t i = 0; i < count; i++) {
-		char address[DB_WEB_ADDRESS_TEXT];
-
-		db_web_address_write(&found[i]->from, address);
-		(void)json_array_append_new(
-			list,
-			json_pack("{s:I, s:s, s:I, s:I, s:b}", "number",
-		                  (json_int_t)found[i]->number, "from", address, "begun_ms",
-		                  (json_int_t)((now - found[i]->begun) / DB_NS_PER_MS), "used_ms",
-		                  (json_int_t)((now - found[i]->used) / DB_NS_PER_MS), "own",
-		                  strcmp(found[i]->id, request->session) == 0));
-	}
-	db_web_request_answer(request, MHD_HTTP_OK, json_pack("{s:o}", "sessions", list));
-}
-
 /* What it moves ends as when he logs out there. */
 static void end_other(struct db_web_request *request, const struct db_web_session *session)
 {
@@ -323,8 +301,9 @@ void db_web_login_own(struct db_web_request *request)
 	const struct db_web_session *found[DB_WEB_SESSIONS_MAX];
 	json_t *number = json_object_get(request->parameters, "number");
 	json_t *others = json_object_get(request->parameters, "others");
-	size_t count = db_web_sessions_of(request->server->sessions, request->user, db_client_now(),
-	                                  found);
+	db_time now = db_client_now();
+	size_t count = db_web_sessions_of(request->server->sessions, request->user, now, found);
+	json_t *list;
 	size_t ended = 0;
 
 	if (request->route.kind == DB_WEB_SESSIONS_END) {
@@ -346,19 +325,22 @@ void db_web_login_own(struct db_web_request *request)
 			return;
 		}
 	}
-	tell_own(request);
-}
+	/* Those that there are now. */
+	list = json_array();
+	count = db_web_sessions_of(request->server->sessions, request->user, now, found);
+	for (size_t i = 0; i < count; i++) {
+		char address[DB_WEB_ADDRESS_TEXT];
 
-/* True while the user of this session changes his own password: a request of which something is
- * missing yet changes nothing. */
-static bool changes_own_password(const struct db_web_server *server, const char *session)
-{
-	const struct db_web_request *request = server->requests;
-
-	while (request && (request->route.kind != DB_WEB_PASSWORD || !request->taken ||
-	                   request->status != 0 || strcmp(request->session, session) != 0))
-		request = request->next;
-	return request;
+		db_web_address_write(&found[i]->from, address);
+		(void)json_array_append_new(
+			list,
+			json_pack("{s:I, s:s, s:I, s:I, s:b}", "number",
+		                  (json_int_t)found[i]->number, "from", address, "begun_ms",
+		                  (json_int_t)((now - found[i]->begun) / DB_NS_PER_MS), "used_ms",
+		                  (json_int_t)((now - found[i]->used) / DB_NS_PER_MS), "own",
+		                  strcmp(found[i]->id, request->session) == 0));
+	}
+	db_web_request_answer(request, MHD_HTTP_OK, json_pack("{s:o}", "sessions", list));
 }
 
 struct review {
@@ -370,13 +352,18 @@ static bool may_stay(void *context, const struct db_web_session *session)
 {
 	struct review *review = context;
 	const struct db_user *user = db_users_find(&review->users, session->user);
+	const struct db_web_request *change = review->server->requests;
 
 	if (user && db_users_digest(user) == session->hash)
 		return true;
+	/* The request with which he changes his own password; one of which something is missing yet
+	 * changes nothing. */
+	while (change && (change->route.kind != DB_WEB_PASSWORD || !change->taken ||
+	                  change->status != 0 || strcmp(change->session, session->id) != 0))
+		change = change->next;
 	/* With another password alone, which he is just giving himself: looked at again then. */
 	if (user && user->grant.role == session->grant.role &&
-	    strcmp(user->grant.drives, session->grant.drives) == 0 &&
-	    changes_own_password(review->server, session->id)) {
+	    strcmp(user->grant.drives, session->grant.drives) == 0 && change) {
 		review->server->users_stamp = 0;
 		return true;
 	}

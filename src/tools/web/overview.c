@@ -284,9 +284,10 @@ static void connect_troubles(struct db_web_overview *overview)
 	db_client_error_clear(&error);
 }
 
-void db_web_overview_take_token(struct db_web_overview *overview, const char *token)
+void db_web_overview_take_token(void *server, const char *token)
 {
-	tell(overview, TOKEN, "token", json_pack("{s:s}", "token", token));
+	tell(((struct db_web_server *)server)->overview, TOKEN, "token",
+	     json_pack("{s:s}", "token", token));
 }
 
 /* --- output ----------------------------------------------------------------------------------- */

@@ -456,20 +456,6 @@ static bool begin_stream(struct db_web_parameters *job, struct db_web_request *r
 	return job->stream;
 }
 
-/* The page has enough. */
-static void end_writing(struct db_web_request *request)
-{
-	struct db_web_parameters *job = find_writing(
-		request->server, json_string_value(json_object_get(request->parameters, "drive")));
-
-	if (job && (!job->stream || strcmp(job->page->tab, request->tab) != 0 ||
-	            strcmp(job->page->session, request->session) != 0))
-		job = NULL;
-	if (job)
-		job->end = "it was ended";
-	db_web_request_answer(request, MHD_HTTP_OK, json_pack("{s:b}", "ends", job != NULL));
-}
-
 void db_web_parameters_take(struct db_web_request *request)
 {
 	const json_t *description = request->server->service->description;
@@ -480,8 +466,16 @@ void db_web_parameters_take(struct db_web_request *request)
 
 	if (!check_request(request))
 		return;
+	/* The page has enough. */
 	if (request->route.kind == DB_WEB_PARAMETERS_END) {
-		end_writing(request);
+		job = find_writing(request->server, drive);
+		if (job && (!job->stream || strcmp(job->page->tab, request->tab) != 0 ||
+		            strcmp(job->page->session, request->session) != 0))
+			job = NULL;
+		if (job)
+			job->end = "it was ended";
+		db_web_request_answer(request, MHD_HTTP_OK,
+		                      json_pack("{s:b}", "ends", job != NULL));
 		return;
 	}
 	if (request->route.acts)

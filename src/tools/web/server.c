@@ -521,13 +521,6 @@ static void on_service_changed(void *data)
 		db_web_overview_changed(server->overview);
 }
 
-static void on_token(void *data, const char *token)
-{
-	struct db_web_server *server = data;
-
-	db_web_overview_take_token(server->overview, token);
-}
-
 /* --- life ------------------------------------------------------------------------------------- */
 
 static void log_daemon(void *data, const char *format, va_list arguments)
@@ -549,7 +542,7 @@ static void log_daemon(void *data, const char *format, va_list arguments)
 static bool start_daemon(struct db_web_server *server)
 {
 	const struct db_web_config *config = server->config;
-	const struct db_certificate_pair *pair = config->tls ? db_web_tls_pair(server->tls) : NULL;
+	const struct db_certificate_pair *pair = config->tls ? &server->tls->pair : NULL;
 	struct MHD_OptionItem tls[] = {
 		{ MHD_OPTION_HTTPS_MEM_CERT, 0, pair ? pair->certificate.bytes : NULL },
 		{ MHD_OPTION_HTTPS_MEM_KEY, 0, pair ? pair->key.bytes : NULL },
@@ -603,7 +596,8 @@ static bool start(struct db_web_server *server)
 	                                       config->session_h * 3600 * DB_NS_PER_S);
 	server->hasher = db_web_hasher_new();
 	server->asker = db_web_hasher_new();
-	server->service = db_web_service_new(server, on_service_changed, on_token, server);
+	server->service = db_web_service_new(server, on_service_changed, db_web_overview_take_token,
+	                                     server);
 	server->lanes = db_web_tabs_make_lanes(server);
 	if (server->lanes)
 		server->stops = db_web_stops_new(server);

@@ -11,12 +11,6 @@ struct db_web_credentials {
 	unsigned users; /* connections */
 };
 
-struct db_web_tls {
-	const struct db_web_config *config;
-	struct db_certificate_pair pair;
-	struct db_web_credentials *newest;
-};
-
 static void free_credentials(struct db_web_credentials *credentials)
 {
 	if (credentials->library)
@@ -89,11 +83,6 @@ void db_web_tls_free(struct db_web_tls *tls)
 	}
 	db_certificate_pair_clear(&tls->pair);
 	free(tls);
-}
-
-const struct db_certificate_pair *db_web_tls_pair(const struct db_web_tls *tls)
-{
-	return &tls->pair;
 }
 
 void db_web_tls_reload(struct db_web_tls *tls)

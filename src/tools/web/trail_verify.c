@@ -28,15 +28,12 @@ static void end_verification(void *job)
 	free(verification);
 }
 
-static void ask(const struct verification *verification, json_int_t from)
-{
-	db_web_trail_ask(verification->request->server->trail,
-	                 json_pack("{s:I, s:b}", "from", from, "verify", true));
-}
-
 static void take_turn(struct db_web_trail_reader *reader)
 {
-	ask((struct verification *)(void *)reader, 0);
+	const struct verification *verification = (struct verification *)(void *)reader;
+
+	db_web_trail_ask(verification->request->server->trail,
+	                 json_pack("{s:i, s:b}", "from", 0, "verify", true));
 }
 
 static void take_page(struct db_web_trail_reader *reader, json_t *page,
@@ -59,7 +56,11 @@ static void take_page(struct db_web_trail_reader *reader, json_t *page,
 				verification->more_broken++;
 		}
 		if (!json_is_true(json_object_get(page, "over"))) {
-			ask(verification, json_integer_value(json_object_get(page, "next")));
+			db_web_trail_ask(
+				request->server->trail,
+				json_pack("{s:I, s:b}", "from",
+			                  json_integer_value(json_object_get(page, "next")),
+			                  "verify", true));
 			return;
 		}
 	}
