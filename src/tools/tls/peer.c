@@ -319,29 +319,14 @@ static enum step move_down(struct db_tls_peer *peer)
 	return step;
 }
 
-static void wait_for_more(struct db_tls_peer *peer)
-{
-	uint32_t client = 0;
-	uint32_t service = 0;
-
-	if (is_empty(&peer->up))
-		client |= peer->parted == 0 ? EPOLLIN : 0;
-	else
-		service |= EPOLLOUT;
-	if (is_empty(&peer->down))
-		service |= EPOLLIN;
-	else
-		client |= EPOLLOUT;
-	(void)sd_event_source_set_io_events(peer->io, client);
-	(void)sd_event_source_set_io_events(peer->service_io, service);
-}
-
 static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data)
 {
 	struct db_tls_peer *peer = data;
 	db_time now = db_client_now();
 	enum step up = MOVED;
 	enum step down = MOVED;
+	uint32_t client = 0;
+	uint32_t service = 0;
 
 	(void)source;
 	(void)fd;
@@ -355,13 +340,23 @@ static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data
 	/* An end that is hung up for good would make events for ever. */
 	if (down != GONE && (down != MOVED && (events & (EPOLLHUP | EPOLLERR))))
 		up = GONE;
-	if (up != GONE && down != GONE) {
-		wait_for_more(peer);
+	if (up == GONE || down == GONE) {
+		if (up != GONE)
+			(void)gnutls_bye(peer->session, GNUTLS_SHUT_WR);
+		peer->peers->ended(peer->peers->context, peer, NULL);
 		return 0;
 	}
-	if (up != GONE)
-		(void)gnutls_bye(peer->session, GNUTLS_SHUT_WR);
-	peer->peers->ended(peer->peers->context, peer, NULL);
+	/* What is not sent waits for its receiver; only then more is read from its sender. */
+	if (is_empty(&peer->up))
+		client |= peer->parted == 0 ? EPOLLIN : 0;
+	else
+		service |= EPOLLOUT;
+	if (is_empty(&peer->down))
+		service |= EPOLLIN;
+	else
+		client |= EPOLLOUT;
+	(void)sd_event_source_set_io_events(peer->io, client);
+	(void)sd_event_source_set_io_events(peer->service_io, service);
 	return 0;
 }
 

@@ -81,8 +81,9 @@ static struct member *find(struct db_tls_server *server, const struct db_tls_pee
 }
 
 /* `why`: for the log; null. */
-static void drop(struct db_tls_server *server, struct db_tls_peer *peer, const char *why)
+static void drop(void *context, struct db_tls_peer *peer, const char *why)
 {
+	struct db_tls_server *server = context;
 	struct member *member = find(server, peer);
 	char text[DB_TLS_PEER_TEXT];
 	char address[DB_TLS_PEER_TEXT];
@@ -102,11 +103,6 @@ static void drop(struct db_tls_server *server, struct db_tls_peer *peer, const c
 		server->status.refused++;
 	*member = server->members[--server->count];
 	db_tls_peer_free(peer);
-}
-
-static void on_ended(void *context, struct db_tls_peer *peer, const char *why)
-{
-	drop(context, peer, why);
 }
 
 static void on_ready(void *context, struct db_tls_peer *peer)
@@ -295,19 +291,6 @@ static void look_at_own(struct db_tls_server *server, db_time now)
 	}
 }
 
-static int connect_teller(const char *path)
-{
-	struct sockaddr_un name = { .sun_family = AF_UNIX };
-	int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-
-	(void)snprintf(name.sun_path, sizeof(name.sun_path), "%s", path);
-	if (fd >= 0 && connect(fd, (const struct sockaddr *)&name, sizeof(name)) != 0) {
-		close(fd);
-		return -1;
-	}
-	return fd;
-}
-
 /* Tells the service how it is, so that its status and figures show it. */
 static void tell_status(struct db_tls_server *server, db_time now)
 {
@@ -316,10 +299,19 @@ static void tell_status(struct db_tls_server *server, db_time now)
 	struct db_secure_status *status = &server->status;
 
 	server->tell_at = now + STATUS_INTERVAL;
-	if (server->teller < 0)
-		server->teller = connect_teller(server->config->socket);
-	if (server->teller < 0)
-		return;
+	if (server->teller < 0) {
+		struct sockaddr_un name = { .sun_family = AF_UNIX };
+		int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+
+		(void)snprintf(name.sun_path, sizeof(name.sun_path), "%s", server->config->socket);
+		if (fd < 0)
+			return;
+		if (connect(fd, (const struct sockaddr *)&name, sizeof(name)) != 0) {
+			close(fd);
+			return;
+		}
+		server->teller = fd;
+	}
 	status->expires = server->peers.trust->expires;
 	status->crl_expires = server->peers.trust->crl_expires;
 	status->client_expires = 0;
@@ -494,7 +486,7 @@ struct db_tls_server *db_tls_server_new(sd_event *loop, const struct db_tls_conf
 		.loop = sd_event_ref(loop),
 		.socket = config->socket,
 		.ready = on_ready,
-		.ended = on_ended,
+		.ended = drop,
 		.context = server,
 	};
 	server->members = calloc(config->clients + DB_TLS_GREETINGS, sizeof(*server->members));
