@@ -59,23 +59,17 @@ static const struct {
 	{ "\xE2\x88\x92", "a minus sign (U+2212); a minus is the plain -" },
 };
 
-/* U+FF01 to U+FF5E, which Chinese input methods write for ! to ~: the latter. 0: there is none. */
-static char find_full_width(const char *text)
-{
-	const unsigned char *bytes = (const unsigned char *)text;
-
-	if (bytes[0] == 0xEF && bytes[1] == 0xBC && bytes[2] >= 0x81 && bytes[2] <= 0xBF)
-		return (char)(bytes[2] - 0x81 + '!');
-	if (bytes[0] == 0xEF && bytes[1] == 0xBD && bytes[2] >= 0x80 && bytes[2] <= 0x9E)
-		return (char)(bytes[2] - 0x80 + '`');
-	return 0;
-}
-
 /* Reports a character here that only looks like an allowed one. False: it is none. */
 static bool refuse_misprint(struct scan *scan)
 {
-	char narrow = find_full_width(scan->at);
+	const unsigned char *bytes = (const unsigned char *)scan->at;
+	char narrow = 0;
 
+	/* U+FF01 to U+FF5E, which Chinese input methods write for ! to ~. */
+	if (bytes[0] == 0xEF && bytes[1] == 0xBC && bytes[2] >= 0x81 && bytes[2] <= 0xBF)
+		narrow = (char)(bytes[2] - 0x81 + '!');
+	else if (bytes[0] == 0xEF && bytes[1] == 0xBD && bytes[2] >= 0x80 && bytes[2] <= 0x9E)
+		narrow = (char)(bytes[2] - 0x80 + '`');
 	if (narrow != 0) {
 		db_messages_add_error(scan->messages, scan->line,
 		                      "here stands a full-width character (U+%04X); "

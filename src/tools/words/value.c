@@ -104,16 +104,6 @@ static void write_bits(const json_t *reg, uint64_t bits, char *text, size_t size
 	}
 }
 
-/* As few digits as distinguish it from its neighbours: registers hold single precision. */
-static void write_real(double value, char *text, size_t size)
-{
-	for (int digits = 6; digits <= 9; digits++) {
-		(void)snprintf(text, size, "%.*g", digits, value);
-		if (strtof(text, NULL) == (float)value)
-			return;
-	}
-}
-
 void db_words_write_bare_value(const json_t *reg, const json_t *value, char *text, size_t size)
 {
 	const char *name;
@@ -127,7 +117,13 @@ void db_words_write_bare_value(const json_t *reg, const json_t *value, char *tex
 		(void)snprintf(text, size, "%s", json_is_true(value) ? "on" : "off");
 		break;
 	case JSON_REAL:
-		write_real(json_real_value(value), text, size);
+		/* As few digits as distinguish it from its neighbours: registers hold single
+		 * precision. */
+		for (int digits = 6; digits <= 9; digits++) {
+			(void)snprintf(text, size, "%.*g", digits, json_real_value(value));
+			if (strtof(text, NULL) == (float)json_real_value(value))
+				break;
+		}
 		break;
 	case JSON_INTEGER:
 		name = has_bits(reg) ? NULL : db_words_code_name(reg, json_integer_value(value));
