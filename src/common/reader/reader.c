@@ -59,23 +59,17 @@ static const struct {
 	{ "\xE2\x88\x92", "a minus sign (U+2212); a minus is the plain -" },
 };
 
-/* U+FF01 to U+FF5E, which Chinese input methods write for ! to ~: the latter. 0: there is none. */
-static char find_full_width(const char *text)
-{
-	const unsigned char *bytes = (const unsigned char *)text;
-
-	if (bytes[0] == 0xEF && bytes[1] == 0xBC && bytes[2] >= 0x81 && bytes[2] <= 0xBF)
-		return (char)(bytes[2] - 0x81 + '!');
-	if (bytes[0] == 0xEF && bytes[1] == 0xBD && bytes[2] >= 0x80 && bytes[2] <= 0x9E)
-		return (char)(bytes[2] - 0x80 + '`');
-	return 0;
-}
-
 /* Reports a character here that only looks like an allowed one. False: it is none. */
 static bool refuse_misprint(struct scan *scan)
 {
-	char narrow = find_full_width(scan->at);
+	const unsigned char *bytes = (const unsigned char *)scan->at;
+	char narrow = 0;
 
+	/* U+FF01 to U+FF5E, which Chinese input methods write for ! to ~. */
+	if (bytes[0] == 0xEF && bytes[1] == 0xBC && bytes[2] >= 0x81 && bytes[2] <= 0xBF)
+		narrow = (char)(bytes[2] - 0x81 + '!');
+	else if (bytes[0] == 0xEF && bytes[1] == 0xBD && bytes[2] >= 0x80 && bytes[2] <= 0x9E)
+		narrow = (char)(bytes[2] - 0x80 + '`');
 	if (narrow != 0) {
 		db_messages_add_error(scan->messages, scan->line,
 		                      "here stands a full-width character (U+%04X); "
@@ -446,19 +440,6 @@ static bool read_value(struct scan *scan, struct db_reader_key *key)
 	return true;
 }
 
-/* Adds an empty key; null when out of memory. */
-static struct db_reader_key *add_key(struct db_reader *reader)
-{
-	struct db_reader_key *keys;
-
-	keys = realloc(reader->keys, (reader->key_count + 1) * sizeof(*keys));
-	if (!keys)
-		return NULL;
-	reader->keys = keys;
-	keys[reader->key_count] = (struct db_reader_key){ 0 };
-	return &keys[reader->key_count++];
-}
-
 /* At = or +=; takes over the name. Moves to the token after the value. */
 static bool read_key(struct scan *scan, char *name, unsigned line, size_t section)
 {
@@ -471,13 +452,17 @@ static bool read_key(struct scan *scan, char *name, unsigned line, size_t sectio
 	if (key && append) {
 		free(name);
 	} else {
+		struct db_reader_key *keys;
+
 		if (key)
 			key->refused = true;
-		key = add_key(reader);
-		if (!key) {
+		keys = realloc(reader->keys, (reader->key_count + 1) * sizeof(*keys));
+		if (!keys) {
 			free(name);
 			return false;
 		}
+		reader->keys = keys;
+		key = &keys[reader->key_count++];
 		*key = (struct db_reader_key){ .name = name, .line = line, .section = section };
 	}
 	key->list = append;

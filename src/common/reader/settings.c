@@ -138,24 +138,19 @@ static bool find_word(const char *words, const char *text, unsigned *position)
 	return false;
 }
 
-static bool find_number(const struct db_setting *row, const char *text, unsigned *number)
-{
-	char *end;
-	unsigned long value;
-
-	errno = 0;
-	value = strtoul(text, &end, 10);
-	*number = (unsigned)value;
-	return isdigit((unsigned char)text[0]) && *end == '\0' && errno == 0 && value >= row->min &&
-	       value <= row->max;
-}
-
 /* Stores a value of a key that is not a text. False: it is invalid. */
 static bool keep_value(const struct db_setting *row, const char *text, void *member)
 {
+	unsigned long number;
+	char *end;
+
 	switch (row->kind) {
 	case DB_SETTING_NUMBER:
-		return find_number(row, text, member);
+		errno = 0;
+		number = strtoul(text, &end, 10);
+		*(unsigned *)member = (unsigned)number;
+		return isdigit((unsigned char)text[0]) && *end == '\0' && errno == 0 &&
+		       number >= row->min && number <= row->max;
 	case DB_SETTING_LIST:
 		return find_word(row->words, text, &((struct db_setting_list *)member)->word);
 	case DB_SETTING_WORD:

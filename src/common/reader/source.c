@@ -29,28 +29,6 @@ void db_file_explain(const char *path, int error, FILE *errors)
 		        strerror(error));
 }
 
-/* Anything that would block or never ends is not accepted as a file. */
-static bool is_file(const char *path, const struct stat *about, FILE *errors)
-{
-	if (S_ISREG(about->st_mode))
-		return true;
-	fprintf(errors, "%s: it is %s, not a file; the path of a configuration file\n", path,
-	        S_ISDIR(about->st_mode)  ? "a folder" :
-	        S_ISFIFO(about->st_mode) ? "a pipe" :
-	        S_ISSOCK(about->st_mode) ? "a socket" :
-	                                   "a device");
-	return false;
-}
-
-static unsigned line_at(const char *text, size_t offset)
-{
-	unsigned line = 1;
-
-	for (size_t i = 0; i < offset; i++)
-		line += text[i] == '\n';
-	return line;
-}
-
 /* Checks for bytes that no text of a configuration has. */
 static bool is_text(const char *path, const char *text, size_t length, FILE *errors)
 {
@@ -74,10 +52,14 @@ static bool is_text(const char *path, const char *text, size_t length, FILE *err
 		return false;
 	}
 	if (strlen(text) != length) {
+		unsigned line = 1;
+
+		for (const char *at = text; *at; at++)
+			line += *at == '\n';
 		fprintf(errors,
 		        "%s:%u: there is a zero byte; it is damaged, or UTF-16 text: save it as "
 		        "UTF-8\n",
-		        path, line_at(text, strlen(text)));
+		        path, line);
 		return false;
 	}
 	return true;
@@ -124,8 +106,16 @@ char *db_file_read(const char *path, FILE *errors)
 
 	if (fd < 0 || fstat(fd, &about) != 0)
 		db_file_explain(path, errno, errors);
-	else if (is_file(path, &about, errors))
+	else if (S_ISREG(about.st_mode))
 		text = read_text(path, fd, &about, errors);
+	else
+		/* What would block, or never ends. */
+		fprintf(errors, "%s: it is %s, not a file; the path of a configuration file\n",
+		        path,
+		        S_ISDIR(about.st_mode)  ? "a folder" :
+		        S_ISFIFO(about.st_mode) ? "a pipe" :
+		        S_ISSOCK(about.st_mode) ? "a socket" :
+		                                  "a device");
 	if (fd >= 0)
 		close(fd);
 	return text;

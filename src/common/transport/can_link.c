@@ -87,7 +87,7 @@ struct question {
 	struct ifinfomsg link;
 };
 
-static bool ask(int fd, unsigned index)
+bool db_can_link_read(unsigned index, struct db_can_link *link)
 {
 	const struct sockaddr_nl kernel = { .nl_family = AF_NETLINK };
 	const struct question question = {
@@ -97,14 +97,6 @@ static bool ask(int fd, unsigned index)
 		          .nlmsg_seq = 1 },
 		.link = { .ifi_family = AF_UNSPEC, .ifi_index = (int)index },
 	};
-
-	return sendto(fd, &question, sizeof(question), MSG_DONTWAIT,
-	              (const struct sockaddr *)&kernel,
-	              sizeof(kernel)) == (ssize_t)sizeof(question);
-}
-
-bool db_can_link_read(unsigned index, struct db_can_link *link)
-{
 	struct pollfd one = { .events = POLLIN };
 	uint8_t answer[ANSWER_SIZE];
 	bool known = false;
@@ -113,7 +105,9 @@ bool db_can_link_read(unsigned index, struct db_can_link *link)
 	one.fd = socket(AF_NETLINK, SOCK_RAW | SOCK_CLOEXEC | SOCK_NONBLOCK, NETLINK_ROUTE);
 	if (one.fd < 0)
 		return false;
-	if (ask(one.fd, index) && poll(&one, 1, ANSWER_TIME) == 1) {
+	if (sendto(one.fd, &question, sizeof(question), MSG_DONTWAIT,
+	           (const struct sockaddr *)&kernel, sizeof(kernel)) == (ssize_t)sizeof(question) &&
+	    poll(&one, 1, ANSWER_TIME) == 1) {
 		ssize_t length = recv(one.fd, answer, sizeof(answer), MSG_DONTWAIT);
 
 		known = length > 0 && db_can_link_parse(answer, (size_t)length, link);

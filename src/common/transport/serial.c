@@ -75,18 +75,6 @@ static int sp_errno(enum sp_return code)
 	}
 }
 
-static enum sp_parity sp_parity_of(enum db_parity parity)
-{
-	switch (parity) {
-	case DB_PARITY_EVEN:
-		return SP_PARITY_EVEN;
-	case DB_PARITY_ODD:
-		return SP_PARITY_ODD;
-	default:
-		return SP_PARITY_NONE;
-	}
-}
-
 static int control(int fd, unsigned long request, void *argument)
 {
 	return ioctl(fd, request, argument);
@@ -94,6 +82,9 @@ static int control(int fd, unsigned long request, void *argument)
 
 static int open_port(const char *path, const struct db_bus_config *config, struct db_serial *serial)
 {
+	enum sp_parity parity = config->parity == DB_PARITY_EVEN ? SP_PARITY_EVEN :
+	                        config->parity == DB_PARITY_ODD  ? SP_PARITY_ODD :
+	                                                           SP_PARITY_NONE;
 	enum sp_return code;
 	int error;
 
@@ -112,7 +103,7 @@ static int open_port(const char *path, const struct db_bus_config *config, struc
 	if (code == SP_OK)
 		code = sp_set_bits(serial->port, 8);
 	if (code == SP_OK)
-		code = sp_set_parity(serial->port, sp_parity_of(config->parity));
+		code = sp_set_parity(serial->port, parity);
 	if (code == SP_OK)
 		code = sp_set_stopbits(serial->port, (int)config->stop_bits);
 	if (code == SP_OK)

@@ -374,23 +374,11 @@ static void port_pass(struct db_port *port, bool everything)
 	port->passes_all = everything;
 }
 
-static int copy_filters(struct db_port *port, const struct db_can_filter *filters, size_t count)
-{
-	if (count == 0)
-		return 0;
-	port->filters = calloc(count, sizeof(*filters));
-	if (!port->filters)
-		return -ENOMEM;
-	memcpy(port->filters, filters, count * sizeof(*filters));
-	port->filter_count = count;
-	return 0;
-}
-
 static int port_open(const struct db_bus_config *bus, const struct db_can_filter *filters,
                      size_t filter_count, db_time now, struct db_port **port)
 {
 	struct db_port *made;
-	int error;
+	int error = 0;
 
 	if (slcan_bitrate_digit(bus->bitrate) < 0)
 		return -EINVAL;
@@ -399,7 +387,14 @@ static int port_open(const struct db_bus_config *bus, const struct db_can_filter
 		return -ENOMEM;
 	made->bitrate = bus->bitrate;
 	made->health.error = EINPROGRESS;
-	error = copy_filters(made, filters, filter_count);
+	if (filter_count > 0) {
+		made->filters = calloc(filter_count, sizeof(*filters));
+		error = made->filters ? 0 : -ENOMEM;
+	}
+	if (made->filters) {
+		memcpy(made->filters, filters, filter_count * sizeof(*filters));
+		made->filter_count = filter_count;
+	}
 	if (error == 0)
 		error = db_serial_open(bus, &made->serial);
 	if (error != 0) {
@@ -417,17 +412,6 @@ static int port_fd(const struct db_port *port)
 	return db_serial_fd(port->serial);
 }
 
-/* Never more bytes than frames there is room for: the rest waits in the serial port, where poll()
- * sees it. The first byte may complete a partly read frame. */
-static size_t read_size(size_t room, size_t done, size_t size)
-{
-	size_t bytes = 1 + (room / FRAME_SIZE - 1) * SHORTEST_FRAME_LINE;
-
-	if (bytes > READ_MAX - done)
-		bytes = READ_MAX - done;
-	return bytes < size ? bytes : size;
-}
-
 static ssize_t port_read(struct db_port *port, void *bytes, size_t size, db_time now)
 {
 	uint8_t *to = bytes;
@@ -436,9 +420,16 @@ static ssize_t port_read(struct db_port *port, void *bytes, size_t size, db_time
 
 	while (port->lost == 0 && size - filled >= FRAME_SIZE && done < READ_MAX) {
 		uint8_t raw[256];
-		size_t wanted = read_size(size - filled, done, sizeof(raw));
-		ssize_t got = db_serial_read(port->serial, raw, wanted);
+		/* Never more bytes than frames there is room for: the rest waits in the serial
+		 * port, where poll() sees it. The first byte may complete a partly read frame. */
+		size_t wanted = 1 + ((size - filled) / FRAME_SIZE - 1) * SHORTEST_FRAME_LINE;
+		ssize_t got;
 
+		if (wanted > READ_MAX - done)
+			wanted = READ_MAX - done;
+		if (wanted > sizeof(raw))
+			wanted = sizeof(raw);
+		got = db_serial_read(port->serial, raw, wanted);
 		if (got < 0)
 			port->lost = (int)got;
 		for (ssize_t i = 0; i < got; i++) {
@@ -494,16 +485,6 @@ static void run_step(struct db_port *port, db_time now)
 	}
 }
 
-static db_time next_step(const struct db_port *port)
-{
-	if (port->step == STEP_READY)
-		return port->status_useless && !port->status_asked ? DB_TIME_NEVER :
-		                                                     port->status_at;
-	if (port->step == STEP_FLUSH && port->quiet_at < port->step_ends)
-		return port->quiet_at;
-	return port->step_ends;
-}
-
 static db_time port_run(struct db_port *port, db_time now, int *error)
 {
 	db_time next;
@@ -512,7 +493,13 @@ static db_time port_run(struct db_port *port, db_time now, int *error)
 	if (port->lost == 0)
 		run_step(port, now);
 	*error = port->lost;
-	next = next_step(port);
+	if (port->step == STEP_READY)
+		next = port->status_useless && !port->status_asked ? DB_TIME_NEVER :
+		                                                     port->status_at;
+	else if (port->step == STEP_FLUSH && port->quiet_at < port->step_ends)
+		next = port->quiet_at;
+	else
+		next = port->step_ends;
 	if (port->out_length > 0 && next > now + FLUSH_RETRY)
 		next = now + FLUSH_RETRY;
 	return next;

@@ -129,30 +129,6 @@ static void note_link(struct db_port *port, db_time now)
 
 /* --- opening ---------------------------------------------------------------------------------- */
 
-static int check_is_up(int fd, const char *interface)
-{
-	struct ifreq request = { 0 };
-
-	strncpy(request.ifr_name, interface, sizeof(request.ifr_name) - 1);
-	if (ioctl(fd, SIOCGIFFLAGS, &request) != 0)
-		return -errno;
-	return request.ifr_flags & IFF_UP ? 0 : -ENETDOWN;
-}
-
-/* Before bind(), so that nothing unwanted ever waits in the socket. */
-static int set_filters(int fd, const struct db_can_filter *filters, size_t count)
-{
-	const can_err_mask_t errors = CAN_ERR_LOSTARB | CAN_ERR_CRTL | CAN_ERR_PROT | CAN_ERR_ACK |
-	                              CAN_ERR_BUSOFF | CAN_ERR_BUSERROR | CAN_ERR_RESTARTED;
-
-	if (count > 0 && setsockopt(fd, SOL_CAN_RAW, CAN_RAW_FILTER, filters,
-	                            (socklen_t)(count * sizeof(*filters))) != 0)
-		return -errno;
-	if (setsockopt(fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof(errors)) != 0)
-		return -errno;
-	return 0;
-}
-
 static void port_pass(struct db_port *port, bool everything)
 {
 	const struct db_can_filter all = { 0, 0 };
@@ -168,8 +144,10 @@ static void port_pass(struct db_port *port, bool everything)
 static int open_socket(struct db_port *port, const char *interface,
                        const struct db_can_filter *filters, size_t filter_count)
 {
+	const can_err_mask_t errors = CAN_ERR_LOSTARB | CAN_ERR_CRTL | CAN_ERR_PROT | CAN_ERR_ACK |
+	                              CAN_ERR_BUSOFF | CAN_ERR_BUSERROR | CAN_ERR_RESTARTED;
 	struct sockaddr_can address = { .can_family = AF_CAN };
-	int error;
+	struct ifreq request = { 0 };
 
 	port->index = if_nametoindex(interface);
 	if (port->index == 0)
@@ -177,13 +155,19 @@ static int open_socket(struct db_port *port, const char *interface,
 	port->fd = socket(PF_CAN, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, CAN_RAW);
 	if (port->fd < 0)
 		return -errno;
-	error = check_is_up(port->fd, interface);
-	if (error == 0)
-		error = filter_count > CAN_FILTERS_MAX ?
-		                -EINVAL :
-		                set_filters(port->fd, filters, filter_count);
-	if (error != 0)
-		return error;
+	strncpy(request.ifr_name, interface, sizeof(request.ifr_name) - 1);
+	if (ioctl(port->fd, SIOCGIFFLAGS, &request) != 0)
+		return -errno;
+	if (!(request.ifr_flags & IFF_UP))
+		return -ENETDOWN;
+	if (filter_count > CAN_FILTERS_MAX)
+		return -EINVAL;
+	/* Before bind(), so that nothing unwanted ever waits in the socket. */
+	if (filter_count > 0 && setsockopt(port->fd, SOL_CAN_RAW, CAN_RAW_FILTER, filters,
+	                                   (socklen_t)(filter_count * sizeof(*filters))) != 0)
+		return -errno;
+	if (setsockopt(port->fd, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &errors, sizeof(errors)) != 0)
+		return -errno;
 	if (filter_count > 0)
 		memcpy(port->filters, filters, filter_count * sizeof(*filters));
 	port->filter_count = filter_count;

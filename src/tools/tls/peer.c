@@ -116,7 +116,7 @@ struct db_tls_peer *db_tls_peer_new(struct db_tls_peers *peers, int fd, const ui
 	if (gnutls_init(&peer->session, GNUTLS_SERVER | GNUTLS_NONBLOCK | GNUTLS_NO_SIGNAL) != 0 ||
 	    gnutls_priority_set(peer->session, peers->priorities) != 0 ||
 	    gnutls_credentials_set(peer->session, GNUTLS_CRD_CERTIFICATE,
-	                           db_tls_trust_credentials(peer->trust)) != 0 ||
+	                           peer->trust->credentials) != 0 ||
 	    sd_event_add_io(peers->loop, &peer->io, fd, EPOLLIN, on_greeting, peer) < 0 ||
 	    sd_event_source_set_priority(peer->io, SD_EVENT_PRIORITY_IDLE) < 0 ||
 	    sd_event_source_set_enabled(peer->io, SD_EVENT_ONESHOT) < 0) {
@@ -196,13 +196,6 @@ static enum step tls_step_of(ssize_t moved)
 static bool is_empty(const struct chunk *chunk)
 {
 	return chunk->begin == chunk->end;
-}
-
-/* Takes note of bytes that were read into an empty chunk, or written from it. */
-static void fill(struct chunk *chunk, ssize_t size)
-{
-	chunk->begin = 0;
-	chunk->end = (size_t)size;
 }
 
 /* A socket to the service, with who the client is on its way, and its first bytes, which become
@@ -287,7 +280,8 @@ static enum step move_up(struct db_tls_peer *peer, db_time now)
 			peer->behind = 0;
 		if (step != MOVED)
 			return step;
-		fill(up, moved);
+		up->begin = 0;
+		up->end = (size_t)moved;
 		waited_ms = peer->late ? 0 : count_waited_ms(peer);
 		if (waited_ms >= LATE_MS)
 			return hand_over_late(peer, waited_ms);
@@ -314,7 +308,8 @@ static enum step move_down(struct db_tls_peer *peer)
 		step = step_of(moved);
 		if (step != MOVED)
 			return step;
-		fill(down, moved);
+		down->begin = 0;
+		down->end = (size_t)moved;
 	}
 	moved = gnutls_record_send(peer->session, down->bytes + down->begin,
 	                           down->end - down->begin);
@@ -324,29 +319,14 @@ static enum step move_down(struct db_tls_peer *peer)
 	return step;
 }
 
-static void wait_for_more(struct db_tls_peer *peer)
-{
-	uint32_t client = 0;
-	uint32_t service = 0;
-
-	if (is_empty(&peer->up))
-		client |= peer->parted == 0 ? EPOLLIN : 0;
-	else
-		service |= EPOLLOUT;
-	if (is_empty(&peer->down))
-		service |= EPOLLIN;
-	else
-		client |= EPOLLOUT;
-	(void)sd_event_source_set_io_events(peer->io, client);
-	(void)sd_event_source_set_io_events(peer->service_io, service);
-}
-
 static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data)
 {
 	struct db_tls_peer *peer = data;
 	db_time now = db_client_now();
 	enum step up = MOVED;
 	enum step down = MOVED;
+	uint32_t client = 0;
+	uint32_t service = 0;
 
 	(void)source;
 	(void)fd;
@@ -360,13 +340,23 @@ static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data
 	/* An end that is hung up for good would make events for ever. */
 	if (down != GONE && (down != MOVED && (events & (EPOLLHUP | EPOLLERR))))
 		up = GONE;
-	if (up != GONE && down != GONE) {
-		wait_for_more(peer);
+	if (up == GONE || down == GONE) {
+		if (up != GONE)
+			(void)gnutls_bye(peer->session, GNUTLS_SHUT_WR);
+		peer->peers->ended(peer->peers->context, peer, NULL);
 		return 0;
 	}
-	if (up != GONE)
-		(void)gnutls_bye(peer->session, GNUTLS_SHUT_WR);
-	peer->peers->ended(peer->peers->context, peer, NULL);
+	/* What is not sent waits for its receiver; only then more is read from its sender. */
+	if (is_empty(&peer->up))
+		client |= peer->parted == 0 ? EPOLLIN : 0;
+	else
+		service |= EPOLLOUT;
+	if (is_empty(&peer->down))
+		service |= EPOLLIN;
+	else
+		client |= EPOLLOUT;
+	(void)sd_event_source_set_io_events(peer->io, client);
+	(void)sd_event_source_set_io_events(peer->service_io, service);
 	return 0;
 }
 

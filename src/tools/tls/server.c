@@ -68,11 +68,6 @@ struct db_tls_server {
 	db_time tell_at;
 };
 
-static int64_t wall_s(void)
-{
-	return db_client_wall_us() / 1000000;
-}
-
 /* --- who is there ----------------------------------------------------------------------------- */
 
 /* Each peer is one of them until it is dropped. */
@@ -86,8 +81,9 @@ static struct member *find(struct db_tls_server *server, const struct db_tls_pee
 }
 
 /* `why`: for the log; null. */
-static void drop(struct db_tls_server *server, struct db_tls_peer *peer, const char *why)
+static void drop(void *context, struct db_tls_peer *peer, const char *why)
 {
+	struct db_tls_server *server = context;
 	struct member *member = find(server, peer);
 	char text[DB_TLS_PEER_TEXT];
 	char address[DB_TLS_PEER_TEXT];
@@ -109,28 +105,11 @@ static void drop(struct db_tls_server *server, struct db_tls_peer *peer, const c
 	db_tls_peer_free(peer);
 }
 
-static void on_ended(void *context, struct db_tls_peer *peer, const char *why)
-{
-	drop(context, peer, why);
-}
-
 static void on_ready(void *context, struct db_tls_peer *peer)
 {
 	struct db_tls_server *server = context;
 
 	db_tls_places_set_ready(&server->places, peer);
-}
-
-static size_t count_clients_of(const struct db_tls_server *server, const uint8_t address[16])
-{
-	size_t count = 0;
-
-	for (size_t i = 0; i < server->count; i++) {
-		const struct db_secure_client *client = db_tls_peer_client(server->members[i].peer);
-
-		count += server->members[i].open && db_tls_places_same(client->address, address);
-	}
-	return count;
 }
 
 /* --- greetings -------------------------------------------------------------------------------- */
@@ -214,12 +193,17 @@ static void admit(struct db_tls_server *server, struct db_tls_peer *peer, db_tim
 	const struct db_secure_client *client = db_tls_peer_client(peer);
 	struct member *member = find(server, peer);
 	char text[DB_TLS_PEER_TEXT];
+	size_t alike = 0;
 
 	if (server->clients >= server->config->clients) {
 		drop(server, peer, "there are as many clients as may be (clients)");
 		return;
 	}
-	if (count_clients_of(server, client->address) >= server->config->clients_per_address) {
+	for (size_t i = 0; i < server->count; i++)
+		alike += server->members[i].open &&
+		         db_tls_places_same(db_tls_peer_client(server->members[i].peer)->address,
+		                            client->address);
+	if (alike >= server->config->clients_per_address) {
 		drop(server, peer,
 		     "its address has as many clients as it may have (clients-per-address)");
 		return;
@@ -234,7 +218,7 @@ static void admit(struct db_tls_server *server, struct db_tls_peer *peer, db_tim
 	db_client_log_rationed(&server->comings, now, DB_CLIENT_INFO, "client %s: %s%s", text,
 	                       client->role[0] != '\0' ? "role " : "no role in its certificate",
 	                       client->role);
-	(void)db_certificate_expiry_look(&member->expiry, text, wall_s());
+	(void)db_certificate_expiry_look(&member->expiry, text, db_client_wall_us() / 1000000);
 	if (!db_tls_peer_open(peer, now))
 		drop(server, peer, "drivebridged is not there");
 }
@@ -277,8 +261,9 @@ static void check_one(struct db_tls_server *server, db_time now)
 			continue;
 		member->check_at = now + CHECK_INTERVAL;
 		db_tls_peer_write(member->peer, text);
-		(void)db_certificate_expiry_look(&member->expiry, text, wall_s());
-		if (!db_tls_peer_check(member->peer, wall_s(), why))
+		(void)db_certificate_expiry_look(&member->expiry, text,
+		                                 db_client_wall_us() / 1000000);
+		if (!db_tls_peer_check(member->peer, db_client_wall_us() / 1000000, why))
 			drop(server, member->peer, why);
 		return;
 	}
@@ -286,15 +271,15 @@ static void check_one(struct db_tls_server *server, db_time now)
 
 static void look_at_own(struct db_tls_server *server, db_time now)
 {
-	int64_t due = db_tls_trust_crl_expires(server->peers.trust);
+	int64_t due = server->peers.trust->crl_expires;
 	char what[300];
 	char date[DB_CERTIFICATE_DATE];
 
 	server->look_at = now + CHECK_INTERVAL;
 	(void)snprintf(what, sizeof(what), "certificate-file = %s",
 	               server->config->certificate_file);
-	(void)db_certificate_expiry_look(&server->expiry, what, wall_s());
-	if (due == 0 || wall_s() < due) {
+	(void)db_certificate_expiry_look(&server->expiry, what, db_client_wall_us() / 1000000);
+	if (due == 0 || db_client_wall_us() / 1000000 < due) {
 		server->crl_said = false;
 	} else if (!server->crl_said) {
 		db_certificate_write_date(due, date);
@@ -306,19 +291,6 @@ static void look_at_own(struct db_tls_server *server, db_time now)
 	}
 }
 
-static int connect_teller(const char *path)
-{
-	struct sockaddr_un name = { .sun_family = AF_UNIX };
-	int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-
-	(void)snprintf(name.sun_path, sizeof(name.sun_path), "%s", path);
-	if (fd >= 0 && connect(fd, (const struct sockaddr *)&name, sizeof(name)) != 0) {
-		close(fd);
-		return -1;
-	}
-	return fd;
-}
-
 /* Tells the service how it is, so that its status and figures show it. */
 static void tell_status(struct db_tls_server *server, db_time now)
 {
@@ -327,12 +299,21 @@ static void tell_status(struct db_tls_server *server, db_time now)
 	struct db_secure_status *status = &server->status;
 
 	server->tell_at = now + STATUS_INTERVAL;
-	if (server->teller < 0)
-		server->teller = connect_teller(server->config->socket);
-	if (server->teller < 0)
-		return;
-	status->expires = db_tls_trust_expires(server->peers.trust);
-	status->crl_expires = db_tls_trust_crl_expires(server->peers.trust);
+	if (server->teller < 0) {
+		struct sockaddr_un name = { .sun_family = AF_UNIX };
+		int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+
+		(void)snprintf(name.sun_path, sizeof(name.sun_path), "%s", server->config->socket);
+		if (fd < 0)
+			return;
+		if (connect(fd, (const struct sockaddr *)&name, sizeof(name)) != 0) {
+			close(fd);
+			return;
+		}
+		server->teller = fd;
+	}
+	status->expires = server->peers.trust->expires;
+	status->crl_expires = server->peers.trust->crl_expires;
 	status->client_expires = 0;
 	status->clients = (uint32_t)server->clients;
 	status->greetings = (uint32_t)(server->count - server->clients);
@@ -450,7 +431,8 @@ static bool load_trust(struct db_tls_server *server)
 {
 	char why[DB_TLS_WHY];
 	char doubt[DB_TLS_WHY];
-	struct db_tls_trust *trust = db_tls_trust_load(server->config, wall_s(), why, doubt);
+	struct db_tls_trust *trust = db_tls_trust_load(server->config,
+	                                               db_client_wall_us() / 1000000, why, doubt);
 
 	if (!trust) {
 		db_client_log(DB_CLIENT_ERROR, "%s%s", why,
@@ -462,7 +444,7 @@ static bool load_trust(struct db_tls_server *server)
 	db_tls_trust_let_go(server->peers.trust);
 	server->peers.trust = trust;
 	server->crl_said = false;
-	db_certificate_expiry_set(&server->expiry, db_tls_trust_expires(trust));
+	db_certificate_expiry_set(&server->expiry, trust->expires);
 	return true;
 }
 
@@ -504,7 +486,7 @@ struct db_tls_server *db_tls_server_new(sd_event *loop, const struct db_tls_conf
 		.loop = sd_event_ref(loop),
 		.socket = config->socket,
 		.ready = on_ready,
-		.ended = on_ended,
+		.ended = drop,
 		.context = server,
 	};
 	server->members = calloc(config->clients + DB_TLS_GREETINGS, sizeof(*server->members));

@@ -16,14 +16,6 @@
 #define UNTIMELY \
 	(GNUTLS_CERT_REVOCATION_DATA_SUPERSEDED | GNUTLS_CERT_REVOCATION_DATA_ISSUED_IN_FUTURE)
 
-struct db_tls_trust {
-	unsigned holders;
-	gnutls_certificate_credentials_t credentials;
-	gnutls_x509_trust_list_t authorities;
-	int64_t expires;
-	int64_t crl_expires; /* 0: no list */
-};
-
 /* --- loading ---------------------------------------------------------------------------------- */
 
 /* A file in the form of the library; it is the file's memory. */
@@ -229,21 +221,6 @@ void db_tls_trust_let_go(struct db_tls_trust *trust)
 	if (trust->authorities)
 		gnutls_x509_trust_list_deinit(trust->authorities, 1);
 	free(trust);
-}
-
-gnutls_certificate_credentials_t db_tls_trust_credentials(const struct db_tls_trust *trust)
-{
-	return trust->credentials;
-}
-
-int64_t db_tls_trust_expires(const struct db_tls_trust *trust)
-{
-	return trust->expires;
-}
-
-int64_t db_tls_trust_crl_expires(const struct db_tls_trust *trust)
-{
-	return trust->crl_expires;
 }
 
 /* --- a client's certificate ------------------------------------------------------------------- */

@@ -11,10 +11,18 @@
 #include "tls/config.h"
 
 #include <gnutls/gnutls.h>
+#include <gnutls/x509.h>
 
 #define DB_TLS_WHY 512
 
-struct db_tls_trust;
+/* The other files of this room read it, and change nothing. */
+struct db_tls_trust {
+	unsigned holders;
+	gnutls_certificate_credentials_t credentials;
+	gnutls_x509_trust_list_t authorities;
+	int64_t expires;     /* end of its own certificate */
+	int64_t crl_expires; /* when a newer list of revoked ones is due; 0: there is no list */
+};
 
 /* Null: a file is wrong; `why` says which, and what is wrong. Otherwise `doubt` says what peers may
  * refuse, or "". */
@@ -23,12 +31,6 @@ struct db_tls_trust *db_tls_trust_load(const struct db_tls_config *config, int64
 /* Sessions that use its credentials keep it. Null is fine. */
 struct db_tls_trust *db_tls_trust_hold(struct db_tls_trust *trust);
 void db_tls_trust_let_go(struct db_tls_trust *trust);
-
-gnutls_certificate_credentials_t db_tls_trust_credentials(const struct db_tls_trust *trust);
-
-/* End of its own certificate; when a newer list of revoked certificates is due, 0: there is none. */
-int64_t db_tls_trust_expires(const struct db_tls_trust *trust);
-int64_t db_tls_trust_crl_expires(const struct db_tls_trust *trust);
 
 /*
  * Whether the client's certificate in this session is good now: signed by an authority, for

@@ -43,15 +43,6 @@ static char *split(char *text)
 	return colon + 1;
 }
 
-/* The role of a line of before; false: there is no such one. */
-static bool read_former_role(const char *word, enum db_role *role)
-{
-	*role = strcmp(word, "reader") == 0   ? DB_ROLE_OBSERVER :
-	        strcmp(word, "operator") == 0 ? DB_ROLE_ENGINEER :
-	                                        DB_ROLE_NONE;
-	return *role != DB_ROLE_NONE;
-}
-
 /* NULL: the line is valid, else the mistake. */
 static const char *parse_line(char *line, struct db_user *user)
 {
@@ -68,7 +59,11 @@ static const char *parse_line(char *line, struct db_user *user)
 	*user = (struct db_user){ .pam = !old && strcmp(hash, PAM) == 0 };
 	if (!db_users_name_is_good(line))
 		return "a name has 1 to 32 letters, digits, '.', '-' and '_'";
-	if (old && !read_former_role(role, &user->grant.role))
+	if (old)
+		user->grant.role = strcmp(role, "reader") == 0   ? DB_ROLE_OBSERVER :
+		                   strcmp(role, "operator") == 0 ? DB_ROLE_ENGINEER :
+		                                                   DB_ROLE_NONE;
+	if (old && user->grant.role == DB_ROLE_NONE)
 		return "in a line of three parts a role is reader or operator";
 	if (!old && !db_role_read(role, &user->grant.role))
 		return "a role is observer, operator, engineer or administrator";
@@ -349,17 +344,6 @@ static bool replace_file(const char *path, const char *text, const struct stat *
 	return good;
 }
 
-/* The folder of all programs' file is made with it: members of the group may replace the file. */
-static void make_folder(const char *folder)
-{
-	const struct group *group = getgrnam(DB_USERS_GROUP);
-
-	if (mkdir(folder, 0750) != 0 || !group || geteuid() != 0)
-		return;
-	if (chown(folder, 0, group->gr_gid) == 0)
-		(void)chmod(folder, 02770);
-}
-
 /* Two who change it at the same time do so one after the other. The lock; -1 with the reason in
  * `out`. Takes from the tries. */
 static int lock_folder(const char *path, bool make, unsigned *tries, FILE *out)
@@ -369,8 +353,15 @@ static int lock_folder(const char *path, bool make, unsigned *tries, FILE *out)
 	const char *folder = copy ? dirname(copy) : NULL;
 	int lock = -1;
 
-	if (folder && make)
-		make_folder(folder);
+	/* The folder of all programs' file is made with it: members of the group may replace the
+	 * file. */
+	if (folder && make) {
+		const struct group *group = getgrnam(DB_USERS_GROUP);
+
+		if (mkdir(folder, 0750) == 0 && group && geteuid() == 0 &&
+		    chown(folder, 0, group->gr_gid) == 0)
+			(void)chmod(folder, 02770);
+	}
 	lock = folder ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
 	free(copy);
 	if (lock < 0) {
@@ -397,17 +388,6 @@ static bool can_appoint(const struct db_user *user, bool pam)
 	return user->grant.role == DB_ROLE_ADMINISTRATOR && (pam || !user->pam);
 }
 
-/* Whether somebody can still log in and make users when this user's line is another one. */
-static bool leaves_administrator(const struct db_users *users, const char *name,
-                                 const struct db_user *user, bool pam)
-{
-	bool left = user && can_appoint(user, pam);
-
-	for (size_t i = 0; i < users->count && !left; i++)
-		left = strcmp(users->list[i].name, name) != 0 && can_appoint(&users->list[i], pam);
-	return left;
-}
-
 static bool terms_hold(const char *path, const char *name, const struct db_user *user,
                        const struct db_users_terms *terms, FILE *out)
 {
@@ -418,15 +398,19 @@ static bool terms_hold(const char *path, const char *name, const struct db_user 
 	bool as_before = now ? terms->before &&
 	                                 db_users_digest(now) == db_users_digest(terms->before) :
 	                       !terms->before;
+	/* Whether somebody can still log in and make users when this user's line is another one. */
+	bool left = user && can_appoint(user, terms->pam);
 
+	for (size_t i = 0; i < users.count && !left; i++)
+		left = strcmp(users.list[i].name, name) != 0 &&
+		       can_appoint(&users.list[i], terms->pam);
 	if (good && terms->by && (!by || by->grant.role != DB_ROLE_ADMINISTRATOR)) {
 		(void)fprintf(out, "%s: %s is no administrator any more\n", path, terms->by);
 		good = false;
 	} else if (good && !as_before) {
 		(void)fprintf(out, "%s: the user %s was changed meanwhile\n", path, name);
 		good = false;
-	} else if (good && now && now->grant.role == DB_ROLE_ADMINISTRATOR &&
-	           !leaves_administrator(&users, name, user, terms->pam)) {
+	} else if (good && now && now->grant.role == DB_ROLE_ADMINISTRATOR && !left) {
 		(void)fprintf(out, "%s: no administrator who can log in would be left\n", path);
 		good = false;
 	}

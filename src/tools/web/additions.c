@@ -33,21 +33,6 @@ struct db_web_additions {
 	struct db_capture_trigger trigger;
 };
 
-/* False with the mistake. */
-static bool read_trigger(struct db_web_additions *additions, const json_t *text,
-                         const char **problem)
-{
-	*problem = json_is_string(text) && json_string_length(text) < CONDITION_MAX ?
-	                   NULL :
-	                   "a trigger is a text";
-	if (!*problem) {
-		(void)snprintf(additions->condition, CONDITION_MAX, "%s", json_string_value(text));
-		*problem = db_capture_trigger_split(additions->condition, &additions->trigger,
-		                                    &additions->value);
-	}
-	return !*problem;
-}
-
 struct db_web_additions *db_web_additions_new(const struct db_web_request *request,
                                               const char **problem)
 {
@@ -74,7 +59,15 @@ struct db_web_additions *db_web_additions_new(const struct db_web_request *reque
 		additions->finds = json_array();
 		needed = true;
 	} else if (strcmp(method, "Subscribe") == 0 && trigger) {
-		needed = read_trigger(additions, trigger, problem);
+		if (!json_is_string(trigger) || json_string_length(trigger) >= CONDITION_MAX) {
+			*problem = "a trigger is a text";
+		} else {
+			(void)snprintf(additions->condition, CONDITION_MAX, "%s",
+			               json_string_value(trigger));
+			*problem = db_capture_trigger_split(additions->condition,
+			                                    &additions->trigger, &additions->value);
+		}
+		needed = !*problem;
 		(void)json_object_del(parameters, "trigger");
 	}
 	if (needed)
@@ -94,9 +87,8 @@ void db_web_additions_free(struct db_web_additions *additions)
 
 static json_t *find_bus(const struct db_web_additions *additions)
 {
-	return db_words_look_up(
-		json_object_get(db_web_service_description(additions->service), "buses"),
-		additions->bus);
+	return db_words_look_up(json_object_get(additions->service->description, "buses"),
+	                        additions->bus);
 }
 
 /* --- triggers --------------------------------------------------------------------------------- */
@@ -117,19 +109,6 @@ bool db_web_additions_take_registers(struct db_web_additions *additions, const j
 		                              size);
 	(void)snprintf(problem, size, "%s has no register \"%s\"", additions->trigger.drive, name);
 	return false;
-}
-
-static void mark_samples(struct db_web_additions *additions, const json_t *samples)
-{
-	size_t i;
-	json_t *sample;
-
-	json_array_foreach(samples, i, sample)
-	{
-		if (strcmp(db_words_text(sample, "drive"), additions->trigger.drive) == 0 &&
-		    db_capture_trigger_take(&additions->trigger, json_object_get(sample, "values")))
-			(void)json_object_set_new(sample, "triggers", json_true());
-	}
 }
 
 /* --- traces ----------------------------------------------------------------------------------- */
@@ -202,7 +181,7 @@ static void complete_trace(struct db_web_additions *additions, json_t *answer)
 
 static void complete_scan(struct db_web_additions *additions, json_t *answer)
 {
-	const json_t *description = db_web_service_description(additions->service);
+	const json_t *description = additions->service->description;
 	const json_t *bus = find_bus(additions);
 	char *text;
 
@@ -217,12 +196,24 @@ static void complete_scan(struct db_web_additions *additions, json_t *answer)
 
 void db_web_additions_complete(struct db_web_additions *additions, json_t *answer)
 {
+	size_t i;
+	json_t *sample;
+
 	if (!additions)
 		return;
-	if (additions->trace)
+	if (additions->trace) {
 		complete_trace(additions, answer);
-	else if (additions->finds)
+		return;
+	}
+	if (additions->finds) {
 		complete_scan(additions, answer);
-	else
-		mark_samples(additions, json_object_get(answer, "samples"));
+		return;
+	}
+	/* Samples that fulfil the trigger's condition are marked. */
+	json_array_foreach(json_object_get(answer, "samples"), i, sample)
+	{
+		if (strcmp(db_words_text(sample, "drive"), additions->trigger.drive) == 0 &&
+		    db_capture_trigger_take(&additions->trigger, json_object_get(sample, "values")))
+			(void)json_object_set_new(sample, "triggers", json_true());
+	}
 }

@@ -81,17 +81,6 @@ static void take_session(struct db_web_request *request, const char *id)
 	request->pam = session && session->pam;
 }
 
-static void find_session(struct db_web_request *request)
-{
-	const char *cookie = MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND,
-	                                                 request->secure ? DB_WEB_COOKIE_SECURE :
-	                                                                   DB_WEB_COOKIE);
-
-	take_session(request, cookie ? cookie : "");
-	if (cookie && cookie[0] == DB_WEB_NOBODY && db_web_secret_is_good(cookie + 1))
-		(void)snprintf(request->token, sizeof(request->token), "%s", cookie + 1);
-}
-
 static bool is_json(const char *type)
 {
 	static const char json[] = "application/json";
@@ -114,33 +103,26 @@ static bool may_at_all(const struct db_web_request *request)
 	return db_grant_has(&request->grant, request->route.needs, NULL);
 }
 
-/* The words for what is refused. `what`: the command or register, as the request calls it; words
- * that are no name are not the trail's: they may be long, or mislead its reader. */
-static void name_deed(const struct db_web_request *request, const char *what, char deed[NOTED_MAX])
+/* Refuses it, and adds that to the audit trail. `what`: the command or register, as the request
+ * calls it; NULL: neither. */
+static void refuse_deed(struct db_web_request *request, enum db_may may, const char *drive,
+                        const char *what)
 {
 	static const char letters[] = "abcdefghijklmnopqrstuvwxyz0123456789_";
+	const struct db_web_service *service = request->server->service;
+	const struct db_web_caller caller = db_web_request_caller(request);
+	bool known = drive && drive[0] &&
+	             db_words_look_up(json_object_get(service->description, "drives"), drive);
+	/* Words that are no name are not the trail's: they may be long, or mislead its reader. */
 	bool good = what && what[strspn(what, letters)] == '\0' &&
 	            strlen(what) + sizeof("write ") <= NOTED_MAX;
+	char deed[NOTED_MAX];
+	char why[256];
 
 	if (strcmp(request->route.name, "Write") == 0)
 		(void)snprintf(deed, NOTED_MAX, "write%s%s", good ? " " : "", good ? what : "");
 	else
 		(void)snprintf(deed, NOTED_MAX, "%s", good ? what : request->route.name);
-}
-
-/* Refuses it, and adds that to the audit trail. `what` as above; NULL: neither. */
-static void refuse_deed(struct db_web_request *request, enum db_may may, const char *drive,
-                        const char *what)
-{
-	const struct db_web_service *service = request->server->service;
-	const struct db_web_caller caller = db_web_request_caller(request);
-	bool known = drive && drive[0] &&
-	             db_words_look_up(
-			     json_object_get(db_web_service_description(service), "drives"), drive);
-	char deed[NOTED_MAX];
-	char why[256];
-
-	name_deed(request, what, deed);
 	db_grant_explain(&request->grant, may, drive, why, sizeof(why));
 	db_web_service_note(service,
 	                    &(struct db_link_note){ .kind = "denied",
@@ -234,10 +216,16 @@ static void check_head(struct db_web_request *request, unsigned hosts)
 void db_web_admit(struct db_web_request *request)
 {
 	struct head_lines lines = { .hosts = 0 };
+	const char *cookie;
 
 	(void)MHD_get_connection_values(request->connection, MHD_HEADER_KIND, count_line, &lines);
 	find_peer(request, lines.forwarded);
-	find_session(request);
+	cookie = MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND,
+	                                     request->secure ? DB_WEB_COOKIE_SECURE :
+	                                                       DB_WEB_COOKIE);
+	take_session(request, cookie ? cookie : "");
+	if (cookie && cookie[0] == DB_WEB_NOBODY && db_web_secret_is_good(cookie + 1))
+		(void)snprintf(request->token, sizeof(request->token), "%s", cookie + 1);
 	check_head(request, lines.hosts);
 }
 
@@ -276,23 +264,6 @@ static bool admit_writes(struct db_web_request *request, const char *drive)
 	return json_object_size(values) > 0 || db_grant_has(&request->grant, DB_MAY_MOVE, drive);
 }
 
-/* A sequence needs the right to move each of its drives; its later beats name none. */
-static void admit_steps(struct db_web_request *request)
-{
-	const json_t *steps = json_object_get(request->parameters, "steps");
-	const json_t *step;
-	size_t i;
-
-	json_array_foreach(steps, i, step)
-	{
-		const char *drive = json_string_value(json_object_get(step, "drive"));
-
-		if (request->status == 0 &&
-		    !db_grant_has(&request->grant, DB_MAY_MOVE, drive ? drive : ""))
-			refuse_deed(request, DB_MAY_MOVE, drive, "sequence");
-	}
-}
-
 void db_web_admit_content(struct db_web_request *request)
 {
 	const struct db_web_route *route = &request->route;
@@ -300,6 +271,8 @@ void db_web_admit_content(struct db_web_request *request)
 	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
 	enum db_may needs = route->needs;
 	bool runs = route->kind == DB_WEB_CALL && strcmp(route->name, "Run") == 0;
+	const json_t *step;
+	size_t i;
 
 	if (route->kind == DB_WEB_CALL && strcmp(route->name, "Write") == 0) {
 		if (!admit_writes(request, drive ? drive : "") && request->status == 0)
@@ -312,8 +285,15 @@ void db_web_admit_content(struct db_web_request *request)
 	/* The chain is of all lines. */
 	if (route->kind == DB_WEB_TRAIL_VERIFY)
 		drive = "";
+	/* A sequence needs the right to move each of its drives; its later beats name none. */
 	if (route->kind == DB_WEB_SEQUENCE) {
-		admit_steps(request);
+		json_array_foreach(json_object_get(request->parameters, "steps"), i, step)
+		{
+			drive = json_string_value(json_object_get(step, "drive"));
+			if (request->status == 0 &&
+			    !db_grant_has(&request->grant, DB_MAY_MOVE, drive ? drive : ""))
+				refuse_deed(request, DB_MAY_MOVE, drive, "sequence");
+		}
 		return;
 	}
 	if (runs)

@@ -167,20 +167,10 @@ static void begin(struct db_web_request *request)
 		dispose(commission);
 }
 
-static struct db_web_commission *find(const struct db_web_request *request)
-{
-	struct db_web_commission *one = request->server->commissions;
-
-	while (one &&
-	       (strcmp(one->tab, request->tab) != 0 || strcmp(one->session, request->session) != 0))
-		one = one->next;
-	return one;
-}
-
 static void hear(struct db_web_request *request)
 {
 	struct db_web_server *server = request->server;
-	struct db_web_commission *commission = find(request);
+	struct db_web_commission *commission = server->commissions;
 	const json_t *parameters = request->parameters;
 	const char *answer = json_string_value(json_object_get(parameters, "answer"));
 	const char *token = json_string_value(json_object_get(parameters, "token"));
@@ -188,6 +178,9 @@ static void hear(struct db_web_request *request)
 	json_int_t question = json_integer_value(json_object_get(parameters, "question"));
 	db_time now = db_client_now();
 
+	while (commission && (strcmp(commission->tab, request->tab) != 0 ||
+	                      strcmp(commission->session, request->session) != 0))
+		commission = commission->next;
 	if (!commission) {
 		db_web_request_refuse(request, MHD_HTTP_CONFLICT, "NotHeld",
 		                      "this page commissions no drive, or not any more");
@@ -196,8 +189,7 @@ static void hear(struct db_web_request *request)
 	commission->heard = now;
 	/* A confirmation that is too old holds nothing. */
 	if (motion > 0 && token &&
-	    db_web_tokens_age(db_web_service_tokens(server->service), token, now) <=
-	            DB_WEB_TOKEN_FRESH)
+	    db_web_tokens_age(&server->service->tokens, token, now) <= DB_WEB_TOKEN_FRESH)
 		db_web_round_hold(commission->round, (uint64_t)motion, token, now);
 	if (json_is_true(json_object_get(parameters, "end")))
 		leave(commission, "by its page");

@@ -46,17 +46,6 @@ static void check_networks(struct db_settings *settings, const char *section, co
 	}
 }
 
-static void check_hosts(struct db_settings *settings, const struct db_setting_list *hosts)
-{
-	for (const char *at = hosts->names; at && *at; at += strlen(at) + 1) {
-		if (at[strspn(at, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-		                  "0123456789-._")] != '\0')
-			db_messages_add_error(
-				settings->messages, db_settings_line(settings, "server", "hosts"),
-				"hosts: %s is no host name; without a scheme, port or path", at);
-	}
-}
-
 static void check_whole(struct db_settings *settings, const void *context)
 {
 	struct db_web_config *config = settings->values;
@@ -67,7 +56,13 @@ static void check_whole(struct db_settings *settings, const void *context)
 	(void)context;
 	check_networks(settings, "server", "proxies", &config->proxies);
 	check_networks(settings, "metrics", "allow", &config->metrics_allow);
-	check_hosts(settings, &config->hosts);
+	for (const char *at = config->hosts.names; at && *at; at += strlen(at) + 1) {
+		if (at[strspn(at, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+		                  "0123456789-._")] != '\0')
+			db_messages_add_error(
+				settings->messages, db_settings_line(settings, "server", "hosts"),
+				"hosts: %s is no host name; without a scheme, port or path", at);
+	}
 	check_certificate(settings);
 	if (!db_web_endpoint_parse(config->listen, &endpoint, &size))
 		db_messages_add_error(

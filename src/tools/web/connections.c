@@ -137,13 +137,6 @@ static struct db_web_connection *find_leaver(struct db_web_connections *connecti
 	return leaver;
 }
 
-static unsigned most_headless(const struct db_web_connections *connections)
-{
-	unsigned part = connections->most / 16;
-
-	return part < DB_WEB_CONNECTIONS_HEADLESS ? DB_WEB_CONNECTIONS_HEADLESS : part;
-}
-
 bool db_web_connections_crowd(const struct db_web_connections *connections)
 {
 	unsigned headless = 0;
@@ -178,7 +171,10 @@ bool db_web_connections_admit(struct db_web_connections *connections,
 	unsigned alike = 0;
 	unsigned strangers = 0;
 	unsigned headless = 0;
+	unsigned most_headless = connections->most / 16;
 
+	if (most_headless < DB_WEB_CONNECTIONS_HEADLESS)
+		most_headless = DB_WEB_CONNECTIONS_HEADLESS;
 	*leaver = NULL;
 	for (size_t i = 0; i < places(connections); i++) {
 		const struct db_web_connection *one = &connections->places[i];
@@ -197,7 +193,7 @@ bool db_web_connections_admit(struct db_web_connections *connections,
 		*leaver = find_leaver(connections, &prefix, IDLE);
 	else if (there >= connections->most && strangers == 0)
 		*leaver = find_leaver(connections, NULL, IDLE);
-	else if (headless >= most_headless(connections))
+	else if (headless >= most_headless)
 		*leaver = find_leaver(connections, NULL, HEADLESS);
 	else if (there >= connections->most ||
 	         strangers >= connections->most - connections->most / 4)

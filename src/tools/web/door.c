@@ -44,14 +44,6 @@ static void close_oldest(struct db_web_door *door)
 	door->count--;
 }
 
-static void hold(struct db_web_door *door, int fd)
-{
-	if (door->count == HELD_MAX)
-		close_oldest(door);
-	door->held[(door->oldest + door->count) % HELD_MAX] = (struct held){ fd, db_client_now() };
-	door->count++;
-}
-
 static int on_connection(sd_event_source *source, int listening, uint32_t events, void *data)
 {
 	struct db_web_door *door = data;
@@ -63,8 +55,14 @@ static int on_connection(sd_event_source *source, int listening, uint32_t events
 		int fd = accept4(listening, (struct sockaddr *)&peer, &size,
 		                 SOCK_NONBLOCK | SOCK_CLOEXEC);
 
-		if (fd >= 0 && !door->take(door->context, fd, (struct sockaddr *)&peer, size))
-			hold(door, fd);
+		/* One that may not come in is held: closed at once, it would come again at once. */
+		if (fd >= 0 && !door->take(door->context, fd, (struct sockaddr *)&peer, size)) {
+			if (door->count == HELD_MAX)
+				close_oldest(door);
+			door->held[(door->oldest + door->count) % HELD_MAX] =
+				(struct held){ fd, db_client_now() };
+			door->count++;
+		}
 		if (fd >= 0 || errno == ECONNABORTED || errno == EINTR)
 			continue;
 		/* It would make events without end; the next tick tries again. */

@@ -11,37 +11,13 @@
 /* A disk that fails takes seconds. */
 #define ANSWER_WITHIN (10 * DB_NS_PER_S)
 
-/* Names alone: a key never leaves its machine this way. */
-static json_t *list_certificates(const struct db_web_config *config)
-{
-	const char *path = config->certificate_file;
-	const char *slash = path ? strrchr(path, '/') : NULL;
-	json_t *names = json_array();
-
-	if (path && path[0] != '\0')
-		(void)json_array_append_new(names, json_string(slash ? slash + 1 : path));
-	return names;
-}
-
-static void note(const struct db_web_request *request, bool with_users)
-{
-	struct db_web_caller caller = db_web_request_caller(request);
-
-	db_web_service_note(request->server->service,
-	                    &(struct db_link_note){
-				    .kind = "users",
-				    .what = "backup",
-				    .user = caller.user,
-				    .from = caller.from,
-				    .text = with_users ? "the configuration and the names of users "
-	                                                 "were taken as a file" :
-	                                                 "the configuration was taken as a file",
-			    });
-}
-
 static void answer_configuration(struct db_web_request *request, json_t *parameters)
 {
+	struct db_web_caller caller = db_web_request_caller(request);
+	const char *path = request->server->config->certificate_file;
+	const char *slash = path ? strrchr(path, '/') : NULL;
 	bool appoints = db_grant_has(&request->grant, DB_MAY_APPOINT, NULL);
+	json_t *certificates;
 	json_t *users = NULL;
 
 	/* Answers by itself when the file of users cannot be read. */
@@ -50,11 +26,24 @@ static void answer_configuration(struct db_web_request *request, json_t *paramet
 		if (!users)
 			return;
 	}
-	note(request, appoints);
+	db_web_service_note(request->server->service,
+	                    &(struct db_link_note){
+				    .kind = "users",
+				    .what = "backup",
+				    .user = caller.user,
+				    .from = caller.from,
+				    .text = appoints ? "the configuration and the names of users "
+	                                               "were taken as a file" :
+	                                               "the configuration was taken as a file",
+			    });
+	/* Names alone: a key never leaves its machine this way. */
+	certificates = json_array();
+	if (path && path[0] != '\0')
+		(void)json_array_append_new(certificates, json_string(slash ? slash + 1 : path));
 	db_web_request_answer(request, MHD_HTTP_OK,
 	                      json_pack("{s:s, s:O, s:o?, s:o}", "version", DB_VERSION,
 	                                "configuration", parameters, "users", users, "certificates",
-	                                list_certificates(request->server->config)));
+	                                certificates));
 }
 
 void db_web_gateway(struct db_web_request *request)

@@ -3,6 +3,7 @@
 #include "web/call.h"
 #include "web/service.h"
 #include "web/tabs.h"
+#include "words/value.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -12,72 +13,54 @@
 #define WEEK_S (7 * 24 * 3600)
 #define NUMBER_MAX INT64_C(9007199254740992)
 
-static const char *text_of(const json_t *object, const char *key)
-{
-	const char *text = json_string_value(json_object_get(object, key));
-
-	return text ? text : "";
-}
-
 /* --- values ----------------------------------------------------------------------------------- */
-
-/* Leaves the rows of the user's drives. */
-static void filter_rows(const struct db_grant *grant, const json_t *answer)
-{
-	json_t *rows = json_object_get(answer, "rows");
-
-	for (size_t i = json_array_size(rows); i-- > 0;) {
-		if (!db_grant_has_drive(grant, text_of(json_array_get(rows, i), "drive")))
-			(void)json_array_remove(rows, i);
-	}
-}
 
 static void answer_values(struct db_web_request *request, json_t *parameters)
 {
-	filter_rows(&request->grant, parameters);
+	json_t *rows = json_object_get(parameters, "rows");
+
+	/* Of the user's drives alone. */
+	for (size_t i = json_array_size(rows); i-- > 0;) {
+		if (!db_grant_has_drive(&request->grant,
+		                        db_words_text(json_array_get(rows, i), "drive")))
+			(void)json_array_remove(rows, i);
+	}
 	(void)json_object_set_new(parameters, "now_us", json_integer(db_client_wall_us()));
 	request->packable = true;
 	db_web_request_answer(request, MHD_HTTP_OK, json_incref(parameters));
 }
 
-/* The parameters of the service's method; NULL: the request was refused. */
-static json_t *make_query(struct db_web_request *request)
+void db_web_health(struct db_web_request *request)
 {
 	const json_t *span = json_object_get(request->parameters, "for_s");
 	json_t *step = json_object_get(request->parameters, "step_s");
 	json_t *drive = json_object_get(request->parameters, "drive");
 	bool of_drive = strcmp(request->route.name, "Health") == 0;
 	json_int_t since_us;
+	json_t *query;
 
 	if (!json_is_integer(span) || json_integer_value(span) < 1 ||
 	    json_integer_value(span) > WEEK_S || !json_is_integer(step) ||
 	    (of_drive &&
-	     (!json_is_string(drive) || text_of(request->parameters, "drive")[0] == '\0'))) {
+	     (!json_is_string(drive) || db_words_text(request->parameters, "drive")[0] == '\0'))) {
 		db_web_request_refuse(
 			request, MHD_HTTP_BAD_REQUEST, "BadRequest",
 			"right is {\"for_s\": 1 to %d, \"step_s\": 60, 900 or 3600%s}", WEEK_S,
 			of_drive ? ", \"drive\": a name" : "");
-		return NULL;
+		return;
 	}
 	if (of_drive && !db_grant_has_drive(&request->grant, json_string_value(drive))) {
 		db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "NotAllowed",
 		                      "%.40s is not among this user's drives: %s",
 		                      json_string_value(drive), request->grant.drives);
-		return NULL;
+		return;
 	}
 	/* By this machine's clock, which is the service's; a browser's may be wrong. */
 	since_us = db_client_wall_us() - json_integer_value(span) * 1000000;
 	if (since_us < 1)
 		since_us = 1;
-	return of_drive ? json_pack("{s:I, s:O, s:O}", "since_us", since_us, "step_s", step,
-	                            "drive", drive) :
-	                  json_pack("{s:I, s:O}", "since_us", since_us, "step_s", step);
-}
-
-void db_web_health(struct db_web_request *request)
-{
-	json_t *query = make_query(request);
-
+	query = json_pack("{s:I, s:O, s:O*}", "since_us", since_us, "step_s", step, "drive",
+	                  of_drive ? drive : NULL);
 	if (query)
 		db_web_call_aside(request, request->route.name, query, ANSWER_WITHIN,
 		                  answer_values);
@@ -108,8 +91,8 @@ static void on_alarms(void *data, json_t *parameters, const struct db_client_err
 	for (size_t i = json_array_size(alarms); i-- > 0;) {
 		const json_t *alarm = json_array_get(alarms, i);
 
-		if (strcmp(text_of(alarm, "kind"), "drive") == 0 &&
-		    !db_grant_has_drive(&request->grant, text_of(alarm, "name")))
+		if (strcmp(db_words_text(alarm, "kind"), "drive") == 0 &&
+		    !db_grant_has_drive(&request->grant, db_words_text(alarm, "name")))
 			(void)json_array_remove(alarms, i);
 	}
 	db_web_request_answer(request, MHD_HTTP_OK, json_incref(parameters));

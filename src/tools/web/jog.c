@@ -63,7 +63,9 @@ static void on_stop_answer(void *data, json_t *parameters, const struct db_clien
 static void send_stop(struct db_web_jog *jog)
 {
 	jog->stops++;
-	if (!db_web_stops_drive(jog->server->stops, &jog->caller, jog->drive, on_stop_answer, jog))
+	if (!db_web_stops_send(jog->server->stops, &jog->caller, "Run",
+	                       json_pack("{s:s, s:s}", "drive", jog->drive, "command", "stop"),
+	                       on_stop_answer, jog))
 		jog->stops--;
 }
 
@@ -186,17 +188,6 @@ static int on_overdue(sd_event_source *source, uint64_t us, void *data)
 
 /* --- the page's beats ------------------------------------------------------------------------- */
 
-static void answer(const struct db_web_jog *jog, struct db_web_request *request, uint64_t number)
-{
-	bool mine = number == jog->grip.number;
-	bool held = mine && db_web_grip_is_held(&jog->grip);
-	const char *why = !mine ? "released" : db_web_grip_end_name(jog->grip.end);
-
-	db_web_request_answer(request, MHD_HTTP_OK,
-	                      json_pack("{s:b, s:s, s:s, s:s}", "held", held, "why", why, "text",
-	                                mine ? jog->text : "", "result", mine ? jog->result : ""));
-}
-
 /* A beat, as the page sends it. */
 struct beat {
 	const char *drive;
@@ -220,8 +211,7 @@ static bool read_beat(const struct db_web_request *request, db_time now, struct 
 		.velocity = json_number_value(velocity),
 		.token = json_string_value(json_object_get(request->parameters, "token")),
 	};
-	beat->age = db_web_tokens_age(db_web_service_tokens(request->server->service), beat->token,
-	                              now);
+	beat->age = db_web_tokens_age(&request->server->service->tokens, beat->token, now);
 	return beat->drive && strlen(beat->drive) < DRIVE_MAX && grip >= 1 && number >= 1 &&
 	       json_is_number(velocity);
 }
@@ -284,6 +274,7 @@ bool db_web_jog_take(struct db_web_jog *jog, struct db_web_request *request)
 {
 	db_time now = db_client_now();
 	struct beat beat;
+	bool mine;
 
 	if (!read_beat(request, now, &beat)) {
 		db_web_request_refuse(
@@ -300,7 +291,13 @@ bool db_web_jog_take(struct db_web_jog *jog, struct db_web_request *request)
 	if (strcmp(beat.drive, jog->drive) == 0 && beat.grip >= jog->waits)
 		handle_beat(jog, &beat, now);
 	settle(jog);
-	answer(jog, request, beat.grip);
+	/* Of a former grip there is nothing more to tell: it is over. */
+	mine = beat.grip == jog->grip.number;
+	db_web_request_answer(
+		request, MHD_HTTP_OK,
+		json_pack("{s:b, s:s, s:s, s:s}", "held", mine && db_web_grip_is_held(&jog->grip),
+	                  "why", mine ? db_web_grip_end_name(jog->grip.end) : "released", "text",
+	                  mine ? jog->text : "", "result", mine ? jog->result : ""));
 	return true;
 }
 
@@ -346,7 +343,10 @@ void db_web_jog_lose(struct db_web_jog *jog)
 		              db_web_service_is_up(jog->server->service) ?
 		                      "it is told to stop over another one" :
 		                      "its watchdog is to stop it");
-		(void)db_web_stops_drive(jog->server->stops, &jog->caller, jog->drive, NULL, NULL);
+		(void)db_web_stops_send(
+			jog->server->stops, &jog->caller, "Run",
+			json_pack("{s:s, s:s}", "drive", jog->drive, "command", "stop"), NULL,
+			NULL);
 	}
 	jog->stop_again = DB_TIME_NEVER;
 	settle(jog);

@@ -32,17 +32,6 @@ static void end_session(struct db_web_server *server, const char *id)
 	db_web_stream_end(server, over, "LoginRequired", "the login has ended");
 }
 
-static json_t *list_mays(const struct db_grant *grant)
-{
-	json_t *list = json_array();
-
-	for (enum db_may may = DB_MAY_LOOK; may < DB_MAYS; may++) {
-		if (db_grant_has(grant, may, NULL))
-			(void)json_array_append_new(list, json_string(db_may_name(may)));
-	}
-	return list;
-}
-
 /* Which commands need more than to move a drive. */
 static json_t *list_commands(enum db_may may)
 {
@@ -72,6 +61,8 @@ static json_t *list_drives(const struct db_grant *grant)
 
 void db_web_login_tell(struct db_web_request *request)
 {
+	json_t *mays;
+
 	if (request->token[0] == '\0') {
 		struct db_web_secret secret;
 		char value[1 + DB_WEB_SECRET_TEXT];
@@ -85,14 +76,19 @@ void db_web_login_tell(struct db_web_request *request)
 		(void)snprintf(value, sizeof(value), "%c%s", DB_WEB_NOBODY, request->token);
 		db_web_request_set_cookie(request, value);
 	}
+	mays = json_array();
+	for (enum db_may may = DB_MAY_LOOK; may < DB_MAYS; may++) {
+		if (db_grant_has(&request->grant, may, NULL))
+			(void)json_array_append_new(mays, json_string(db_may_name(may)));
+	}
 	/* The version helps who looks for holes. */
 	db_web_request_answer(
 		request, MHD_HTTP_OK,
 		json_pack(
 			"{s:s?, s:s, s:o, s:o, s:{s:o, s:o, s:o}, s:{s:b, s:s?, s:i}, s:s, s:s?, s:b, s:o, s:s?}",
 			"user", request->user[0] ? request->user : NULL, "role",
-			db_role_name(request->grant.role), "may", list_mays(&request->grant),
-			"drives", list_drives(&request->grant), "commands", "stop",
+			db_role_name(request->grant.role), "may", mays, "drives",
+			list_drives(&request->grant), "commands", "stop",
 			list_commands(DB_MAY_STOP), "engineer", list_commands(DB_MAY_ENGINEER),
 			"manage", list_commands(DB_MAY_MANAGE), "password", "own",
 			request->user[0] != '\0' && !request->pam, "weak", request->weak, "least",
@@ -282,28 +278,6 @@ void db_web_logout(struct db_web_request *request)
 
 /* --- other sessions of the same user ------------------------------------------------------------ */
 
-static void tell_own(struct db_web_request *request)
-{
-	const struct db_web_session *found[DB_WEB_SESSIONS_MAX];
-	db_time now = db_client_now();
-	size_t count = db_web_sessions_of(request->server->sessions, request->user, now, found);
-	json_t *list = json_array();
-
-	for (size_t i = 0; i < count; i++) {
-		char address[DB_WEB_ADDRESS_TEXT];
-
-		db_web_address_write(&found[i]->from, address);
-		(void)json_array_append_new(
-			list,
-			json_pack("{s:I, s:s, s:I, s:I, s:b}", "number",
-		                  (json_int_t)found[i]->number, "from", address, "begun_ms",
-		                  (json_int_t)((now - found[i]->begun) / DB_NS_PER_MS), "used_ms",
-		                  (json_int_t)((now - found[i]->used) / DB_NS_PER_MS), "own",
-		                  strcmp(found[i]->id, request->session) == 0));
-	}
-	db_web_request_answer(request, MHD_HTTP_OK, json_pack("{s:o}", "sessions", list));
-}
-
 /* What it moves ends as when he logs out there. */
 static void end_other(struct db_web_request *request, const struct db_web_session *session)
 {
@@ -327,8 +301,9 @@ void db_web_login_own(struct db_web_request *request)
 	const struct db_web_session *found[DB_WEB_SESSIONS_MAX];
 	json_t *number = json_object_get(request->parameters, "number");
 	json_t *others = json_object_get(request->parameters, "others");
-	size_t count = db_web_sessions_of(request->server->sessions, request->user, db_client_now(),
-	                                  found);
+	db_time now = db_client_now();
+	size_t count = db_web_sessions_of(request->server->sessions, request->user, now, found);
+	json_t *list;
 	size_t ended = 0;
 
 	if (request->route.kind == DB_WEB_SESSIONS_END) {
@@ -350,19 +325,22 @@ void db_web_login_own(struct db_web_request *request)
 			return;
 		}
 	}
-	tell_own(request);
-}
+	/* Those that there are now. */
+	list = json_array();
+	count = db_web_sessions_of(request->server->sessions, request->user, now, found);
+	for (size_t i = 0; i < count; i++) {
+		char address[DB_WEB_ADDRESS_TEXT];
 
-/* True while the user of this session changes his own password: a request of which something is
- * missing yet changes nothing. */
-static bool changes_own_password(const struct db_web_server *server, const char *session)
-{
-	const struct db_web_request *request = server->requests;
-
-	while (request && (request->route.kind != DB_WEB_PASSWORD || !request->taken ||
-	                   request->status != 0 || strcmp(request->session, session) != 0))
-		request = request->next;
-	return request;
+		db_web_address_write(&found[i]->from, address);
+		(void)json_array_append_new(
+			list,
+			json_pack("{s:I, s:s, s:I, s:I, s:b}", "number",
+		                  (json_int_t)found[i]->number, "from", address, "begun_ms",
+		                  (json_int_t)((now - found[i]->begun) / DB_NS_PER_MS), "used_ms",
+		                  (json_int_t)((now - found[i]->used) / DB_NS_PER_MS), "own",
+		                  strcmp(found[i]->id, request->session) == 0));
+	}
+	db_web_request_answer(request, MHD_HTTP_OK, json_pack("{s:o}", "sessions", list));
 }
 
 struct review {
@@ -374,13 +352,18 @@ static bool may_stay(void *context, const struct db_web_session *session)
 {
 	struct review *review = context;
 	const struct db_user *user = db_users_find(&review->users, session->user);
+	const struct db_web_request *change = review->server->requests;
 
 	if (user && db_users_digest(user) == session->hash)
 		return true;
+	/* The request with which he changes his own password; one of which something is missing yet
+	 * changes nothing. */
+	while (change && (change->route.kind != DB_WEB_PASSWORD || !change->taken ||
+	                  change->status != 0 || strcmp(change->session, session->id) != 0))
+		change = change->next;
 	/* With another password alone, which he is just giving himself: looked at again then. */
 	if (user && user->grant.role == session->grant.role &&
-	    strcmp(user->grant.drives, session->grant.drives) == 0 &&
-	    changes_own_password(review->server, session->id)) {
+	    strcmp(user->grant.drives, session->grant.drives) == 0 && change) {
 		review->server->users_stamp = 0;
 		return true;
 	}

@@ -44,7 +44,7 @@ static void put_own(FILE *out, const struct db_web_server *server)
 	if (server->tls)
 		put(out, "certificate_expires_timestamp_seconds", "gauge",
 		    "When the certificate ends, in seconds since 1970.",
-		    (uint64_t)db_web_tls_pair(server->tls)->facts.ends);
+		    (uint64_t)server->tls->pair.facts.ends);
 	put(out, "jogs_total", "counter", "Motions by a button that was held.", counts->jogs);
 	put(out, "late_jogs_total", "counter",
 	    "Those that ended because nothing was heard of the button.", counts->late_jogs);

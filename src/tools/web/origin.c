@@ -7,19 +7,13 @@
 
 #define NAME_MAX_LENGTH 255
 
-static bool is_port(const char *text)
-{
-	size_t length = strlen(text);
-
-	return length >= 1 && length <= 5 && strspn(text, "0123456789") == length;
-}
-
 bool db_web_host_is_good(const char *host, const struct db_setting_list *names)
 {
 	char name[NAME_MAX_LENGTH + 1];
 	struct db_web_address address;
 	const char *end;
 	size_t length;
+	size_t digits;
 
 	if (!host)
 		return false;
@@ -28,7 +22,9 @@ bool db_web_host_is_good(const char *host, const struct db_setting_list *names)
 	if (host[0] == '[' && !end)
 		return false;
 	end = !end ? host + strlen(host) : host[0] == '[' ? end + 1 : end;
-	if (*end != '\0' && (*end != ':' || !is_port(end + 1)))
+	/* Nothing follows but, perhaps, a port. */
+	digits = *end == ':' ? strspn(end + 1, "0123456789") : 0;
+	if (*end != '\0' && (digits < 1 || digits > 5 || end[1 + digits] != '\0'))
 		return false;
 	if (host[0] == '[') {
 		length = (size_t)(end - host) - 2;

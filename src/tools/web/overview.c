@@ -103,9 +103,8 @@ static void tell(struct db_web_overview *overview, size_t what, const char *even
 
 void db_web_overview_changed(struct db_web_overview *overview)
 {
-	json_t *description = overview->server->service ?
-	                              db_web_service_description(overview->server->service) :
-	                              NULL;
+	json_t *description = overview->server->service ? overview->server->service->description :
+	                                                  NULL;
 
 	disconnect(overview);
 	/* Other drives may have other registers. */
@@ -285,9 +284,10 @@ static void connect_troubles(struct db_web_overview *overview)
 	db_client_error_clear(&error);
 }
 
-void db_web_overview_take_token(struct db_web_overview *overview, const char *token)
+void db_web_overview_take_token(void *server, const char *token)
 {
-	tell(overview, TOKEN, "token", json_pack("{s:s}", "token", token));
+	tell(((struct db_web_server *)server)->overview, TOKEN, "token",
+	     json_pack("{s:s}", "token", token));
 }
 
 /* --- output ----------------------------------------------------------------------------------- */
@@ -311,8 +311,10 @@ static struct db_web_text *choose_next(void *data, unsigned seen[DB_WEB_STREAM_K
 	return NULL;
 }
 
-void db_web_overview_begin(struct db_web_overview *overview, struct db_web_request *request)
+void db_web_overview_begin(struct db_web_request *request)
 {
+	struct db_web_overview *overview = request->server->overview;
+
 	db_web_stream_begin_shared(request, choose_next, overview);
 	db_web_overview_tick(overview, db_client_now());
 }
@@ -341,8 +343,7 @@ void db_web_overview_tick(struct db_web_overview *overview, db_time now)
 	if (!overview->watch)
 		connect_troubles(overview);
 	if (!overview->link &&
-	    json_array_size(json_object_get(db_web_service_description(overview->server->service),
-	                                    "drives")) > 0)
+	    json_array_size(json_object_get(overview->server->service->description, "drives")) > 0)
 		connect_values(overview);
 	if (now >= overview->figures_at && !overview->asking) {
 		overview->asking = db_link_send(reader, "Figures", NULL, false, on_figures,
@@ -350,7 +351,7 @@ void db_web_overview_tick(struct db_web_overview *overview, db_time now)
 		overview->figures_at = now + FIGURES_EVERY;
 	}
 	if (now >= overview->look_at) {
-		db_web_service_refresh(overview->server->service);
+		db_plant_refresh(overview->server->service->plant);
 		overview->look_at = now + LOOK_EVERY;
 	}
 }

@@ -456,19 +456,38 @@ static bool begin_stream(struct db_web_parameters *job, struct db_web_request *r
 	return job->stream;
 }
 
-static void begin(struct db_web_request *request)
+void db_web_parameters_take(struct db_web_request *request)
 {
-	const json_t *description = db_web_service_description(request->server->service);
+	const json_t *description = request->server->service->description;
 	const char *drive = json_string_value(json_object_get(request->parameters, "drive"));
-	const json_t *entry = db_words_look_up(json_object_get(description, "drives"), drive);
-	const json_t *bus = db_words_look_up(json_object_get(description, "buses"),
-	                                     db_words_text(entry, "bus"));
-	struct db_web_parameters *job = calloc(1, sizeof(*job));
+	struct db_web_parameters *job;
+	const json_t *entry;
+	const json_t *bus;
 
+	if (!check_request(request))
+		return;
+	/* The page has enough. */
+	if (request->route.kind == DB_WEB_PARAMETERS_END) {
+		job = find_writing(request->server, drive);
+		if (job && (!job->stream || strcmp(job->page->tab, request->tab) != 0 ||
+		            strcmp(job->page->session, request->session) != 0))
+			job = NULL;
+		if (job)
+			job->end = "it was ended";
+		db_web_request_answer(request, MHD_HTTP_OK,
+		                      json_pack("{s:b}", "ends", job != NULL));
+		return;
+	}
+	if (request->route.acts)
+		db_web_log_action(request, request->route.name, request->parameters);
+	job = calloc(1, sizeof(*job));
 	if (!job) {
 		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy", "no memory");
 		return;
 	}
+	/* The family of a drive is the protocol of its bus. */
+	entry = db_words_look_up(json_object_get(description, "drives"), drive);
+	bus = db_words_look_up(json_object_get(description, "buses"), db_words_text(entry, "bus"));
 	job->server = request->server;
 	job->caller = db_web_request_caller(request);
 	job->kind = request->route.kind;
@@ -484,33 +503,6 @@ static void begin(struct db_web_request *request)
 	job->next = request->server->parameters;
 	request->server->parameters = job;
 	go_on(job);
-}
-
-/* The page has enough. */
-static void end_writing(struct db_web_request *request)
-{
-	struct db_web_parameters *job = find_writing(
-		request->server, json_string_value(json_object_get(request->parameters, "drive")));
-
-	if (job && (!job->stream || strcmp(job->page->tab, request->tab) != 0 ||
-	            strcmp(job->page->session, request->session) != 0))
-		job = NULL;
-	if (job)
-		job->end = "it was ended";
-	db_web_request_answer(request, MHD_HTTP_OK, json_pack("{s:b}", "ends", job != NULL));
-}
-
-void db_web_parameters_take(struct db_web_request *request)
-{
-	if (!check_request(request))
-		return;
-	if (request->route.kind == DB_WEB_PARAMETERS_END) {
-		end_writing(request);
-		return;
-	}
-	if (request->route.acts)
-		db_web_log_action(request, request->route.name, request->parameters);
-	begin(request);
 }
 
 void db_web_parameters_tick(struct db_web_server *server, db_time now)

@@ -58,27 +58,13 @@ static const struct {
 	{ DB_LANES_FULL, "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
 };
 
-/* Details of a call that was not carried out because it was too long on its way; NULL: another
- * error. */
-static json_t *describe_late(const struct db_client_error *error)
-{
-	const json_t *age_ms = json_object_get(error->parameters, "age_ms");
-	char text[DB_WEB_LATE_TEXT];
-
-	if (strcmp(error->name, DB_CLIENT_SERVICE "TooOld") != 0)
-		return NULL;
-	db_web_tokens_write_late(text, json_is_integer(age_ms) ?
-	                                       json_integer_value(age_ms) * DB_NS_PER_MS :
-	                                       DB_TIME_NEVER);
-	return json_string(text);
-}
-
 json_t *db_web_error_describe(const struct db_client_error *error, unsigned *status)
 {
 	const char *last = strrchr(error->name, '.');
 	const char *told = last ? last + 1 : error->name;
+	const json_t *age_ms = json_object_get(error->parameters, "age_ms");
 	unsigned found = MHD_HTTP_BAD_GATEWAY;
-	json_t *late;
+	char late[DB_WEB_LATE_TEXT] = "";
 
 	for (size_t i = 0; i < sizeof(errors) / sizeof(errors[0]); i++) {
 		if (strcmp(errors[i].name, error->name) == 0) {
@@ -88,10 +74,14 @@ json_t *db_web_error_describe(const struct db_client_error *error, unsigned *sta
 	}
 	if (status)
 		*status = found;
-	late = describe_late(error);
-	return json_pack("{s:s, s:o, s:o}", "error", told, "parameters",
+	/* The call was not carried out because it was too long on its way. */
+	if (strcmp(error->name, DB_CLIENT_SERVICE "TooOld") == 0)
+		db_web_tokens_write_late(late, json_is_integer(age_ms) ?
+		                                       json_integer_value(age_ms) * DB_NS_PER_MS :
+		                                       DB_TIME_NEVER);
+	return json_pack("{s:s, s:o, s:s}", "error", told, "parameters",
 	                 error->parameters ? json_incref(error->parameters) : json_object(), "text",
-	                 late ? late : json_string(error->text));
+	                 late[0] ? late : error->text);
 }
 
 /* --- answers ---------------------------------------------------------------------------------- */
@@ -253,22 +243,11 @@ static void add_device_cookie(const struct db_web_request *request, struct MHD_R
 	(void)MHD_add_response_header(response, MHD_HTTP_HEADER_SET_COOKIE, cookie);
 }
 
-/* How long a browser that has come with TLS comes in no other way. */
-static void add_transport_security(const struct db_web_request *request,
-                                   struct MHD_Response *response)
-{
-	char value[48];
-
-	(void)snprintf(value, sizeof(value), "max-age=%u",
-	               request->server->config->hsts_days * 24 * 3600);
-	(void)MHD_add_response_header(response, MHD_HTTP_HEADER_STRICT_TRANSPORT_SECURITY, value);
-}
-
 enum MHD_Result db_web_request_send(struct db_web_request *request)
 {
 	struct MHD_Response *response = make_response(request);
 	enum MHD_Result result;
-	char number[16];
+	char value[48];
 
 	if (!response)
 		return MHD_NO;
@@ -287,11 +266,16 @@ enum MHD_Result db_web_request_send(struct db_web_request *request)
 		                              request->cookie);
 	if (request->logged_in && request->device_cookie[0] != '\0')
 		add_device_cookie(request, response);
-	if (request->secure)
-		add_transport_security(request, response);
+	/* How long a browser that has come with TLS comes in no other way. */
+	if (request->secure) {
+		(void)snprintf(value, sizeof(value), "max-age=%u",
+		               request->server->config->hsts_days * 24 * 3600);
+		(void)MHD_add_response_header(response, MHD_HTTP_HEADER_STRICT_TRANSPORT_SECURITY,
+		                              value);
+	}
 	if (request->retry_s > 0) {
-		(void)snprintf(number, sizeof(number), "%u", request->retry_s);
-		(void)MHD_add_response_header(response, MHD_HTTP_HEADER_RETRY_AFTER, number);
+		(void)snprintf(value, sizeof(value), "%u", request->retry_s);
+		(void)MHD_add_response_header(response, MHD_HTTP_HEADER_RETRY_AFTER, value);
 	}
 	if (request->status == MHD_HTTP_METHOD_NOT_ALLOWED)
 		(void)MHD_add_response_header(
@@ -318,8 +302,8 @@ struct db_web_caller db_web_request_caller(const struct db_web_request *request)
 	               request->user[0] ? request->user : "nobody", address,
 	               proxy[0] ? " through " : "", proxy);
 	(void)snprintf(caller.from, sizeof(caller.from), "%s%s",
-	               db_web_service_has_audit(request->server->service) ? "page, " : "",
-	               db_web_service_has_audit(request->server->service) ? address : "");
+	               request->server->service->has_audit ? "page, " : "",
+	               request->server->service->has_audit ? address : "");
 	return caller;
 }
 

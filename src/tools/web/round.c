@@ -89,34 +89,28 @@ static bool hear(void *data)
 	return !ends;
 }
 
-/* A list of "yes no"; null: a number. */
-static json_t *split_choices(const char *choices)
-{
-	json_t *list = choices[0] ? json_array() : json_null();
-
-	for (const char *at = choices; *at;) {
-		size_t word = strcspn(at, " ");
-
-		(void)json_array_append_new(list, json_stringn(at, word));
-		at += word + strspn(at + word, " ");
-	}
-	return list;
-}
-
 static const char *ask(void *data, struct db_commission_act *act,
                        const struct db_commission_action *question)
 {
 	struct db_web_round *round = data;
+	/* A list of "yes no"; null: a number. */
+	json_t *choices = question->choices[0] ? json_array() : json_null();
 	uint64_t number;
 	bool waits = true;
 
+	for (const char *at = question->choices; *at;) {
+		size_t word = strcspn(at, " ");
+
+		(void)json_array_append_new(choices, json_stringn(at, word));
+		at += word + strspn(at + word, " ");
+	}
 	(void)pthread_mutex_lock(&round->mutex);
 	number = ++round->question;
 	round->choices = question->choices;
 	(void)pthread_mutex_unlock(&round->mutex);
 	tell(round, "ask",
 	     json_pack("{s:I, s:s, s:s, s:o}", "question", (json_int_t)number, "id", question->id,
-	               "text", question->text, "choices", split_choices(question->choices)));
+	               "text", question->text, "choices", choices));
 	while (waits && !act->interrupted) {
 		(void)db_commission_act_wait(act, -1, 1000);
 		(void)pthread_mutex_lock(&round->mutex);
@@ -184,22 +178,6 @@ static const char *hold(void *data, const char *own)
 	return held ? round->hold_token : NULL;
 }
 
-static void report_result(struct db_web_round *round, const struct db_commission_round *work)
-{
-	struct db_commission_report report = db_commission_round_report(work);
-	char *sections = db_commission_report_copy(&report, db_commission_report_sections);
-	char *text = db_commission_report_copy(&report, db_commission_report_write);
-
-	tell(round, "result",
-	     json_pack("{s:s, s:b, s:b, s:b, s:O, s:O, s:s, s:s}", "drive", report.drive,
-	               "interrupted", work->act.interrupted, "late", db_web_round_is_late(round),
-	               "lost", work->act.lost, "done", work->done, "verdicts",
-	               work->engine.verdicts, "sections", sections ? sections : "", "report",
-	               text ? text : ""));
-	free(sections);
-	free(text);
-}
-
 static void *run(void *context)
 {
 	struct db_web_round *round = context;
@@ -222,10 +200,23 @@ static void *run(void *context)
 	};
 	struct db_client_error error = { .parameters = NULL };
 	struct db_commission_round work;
+	struct db_commission_report report;
+	char *sections;
+	char *text;
 
 	if (db_commission_round_open(&work, &order, &asker, &error) == 0) {
 		db_commission_round_run(&work, round->order.only);
-		report_result(round, &work);
+		report = db_commission_round_report(&work);
+		sections = db_commission_report_copy(&report, db_commission_report_sections);
+		text = db_commission_report_copy(&report, db_commission_report_write);
+		tell(round, "result",
+		     json_pack("{s:s, s:b, s:b, s:b, s:O, s:O, s:s, s:s}", "drive", report.drive,
+		               "interrupted", work.act.interrupted, "late",
+		               db_web_round_is_late(round), "lost", work.act.lost, "done",
+		               work.done, "verdicts", work.engine.verdicts, "sections",
+		               sections ? sections : "", "report", text ? text : ""));
+		free(sections);
+		free(text);
 	} else {
 		tell(round, "failed",
 		     json_pack("{s:s, s:s}", "error", error.name, "text", error.text));

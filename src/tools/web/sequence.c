@@ -94,8 +94,9 @@ static void send_stop(struct db_web_sequence *sequence)
 		return;
 	}
 	sequence->stops++;
-	if (!db_web_stops_drives(sequence->server->stops, &sequence->caller, drives,
-	                         sequence->act ? on_stop_answer : NULL, sequence) ||
+	if (!db_web_stops_send(sequence->server->stops, &sequence->caller, "Stop",
+	                       json_pack("{s:o}", "drives", drives),
+	                       sequence->act ? on_stop_answer : NULL, sequence) ||
 	    !sequence->act)
 		sequence->stops--;
 }
@@ -240,23 +241,6 @@ static int on_overdue(sd_event_source *source, uint64_t us, void *data)
 
 /* --- the page's beats ------------------------------------------------------------------------- */
 
-static void answer(const struct db_web_sequence *sequence, struct db_web_request *request,
-                   uint64_t number)
-{
-	bool mine = number == sequence->grip.number;
-	bool held = mine && db_web_grip_is_held(&sequence->grip);
-	db_time left = sequence->next_at - db_client_now();
-	const char *why = !mine ? "released" : db_web_grip_end_name(sequence->grip.end);
-
-	if (sequence->moves || left < 0 || !held)
-		left = 0;
-	db_web_request_answer(request, MHD_HTTP_OK,
-	                      json_pack("{s:b, s:s, s:s, s:i, s:b, s:I}", "held", held, "why", why,
-	                                "text", mine ? sequence->text : "", "step",
-	                                (int)sequence->at + 1, "moves", sequence->moves, "wait_ms",
-	                                (json_int_t)(left / DB_NS_PER_MS)));
-}
-
 static bool read_step(const json_t *json, struct step *step)
 {
 	const char *drive = json_string_value(json_object_get(json, "drive"));
@@ -320,8 +304,7 @@ static void handle_beat(struct db_web_sequence *sequence, const struct db_web_re
 {
 	const char *token = json_string_value(json_object_get(request->parameters, "token"));
 	bool held = json_is_true(json_object_get(request->parameters, "held"));
-	db_time age = db_web_tokens_age(db_web_service_tokens(request->server->service), token,
-	                                now);
+	db_time age = db_web_tokens_age(&request->server->service->tokens, token, now);
 	bool is_first = number > sequence->grip.number;
 	struct step steps[DB_WEB_STEPS_MAX];
 	size_t count = is_first ? read_steps(json_object_get(request->parameters, "steps"), steps) :
@@ -360,6 +343,9 @@ bool db_web_sequence_take(struct db_web_sequence *sequence, struct db_web_reques
 	json_int_t beat = json_integer_value(json_object_get(request->parameters, "beat"));
 	const json_t *steps = json_object_get(request->parameters, "steps");
 	struct step read[DB_WEB_STEPS_MAX];
+	db_time left;
+	bool mine;
+	bool held;
 
 	if (grip < 1 || beat < 1 ||
 	    !json_is_boolean(json_object_get(request->parameters, "held")) ||
@@ -375,7 +361,18 @@ bool db_web_sequence_take(struct db_web_sequence *sequence, struct db_web_reques
 	sequence->caller = db_web_request_caller(request);
 	handle_beat(sequence, request, (uint64_t)grip, (uint64_t)beat, db_client_now());
 	settle(sequence);
-	answer(sequence, request, (uint64_t)grip);
+	/* Of a former grip there is nothing more to tell: it is over. */
+	mine = (uint64_t)grip == sequence->grip.number;
+	held = mine && db_web_grip_is_held(&sequence->grip);
+	left = sequence->next_at - db_client_now();
+	if (sequence->moves || left < 0 || !held)
+		left = 0;
+	db_web_request_answer(
+		request, MHD_HTTP_OK,
+		json_pack("{s:b, s:s, s:s, s:i, s:b, s:I}", "held", held, "why",
+	                  mine ? db_web_grip_end_name(sequence->grip.end) : "released", "text",
+	                  mine ? sequence->text : "", "step", (int)sequence->at + 1, "moves",
+	                  sequence->moves, "wait_ms", (json_int_t)(left / DB_NS_PER_MS)));
 	return true;
 }
 

@@ -109,13 +109,6 @@ static void make_call(struct db_web_request *request)
 		db_web_call(request, db_web_service_reader(request->server->service), READ_WITHIN);
 }
 
-static void begin_stream(struct db_web_request *request)
-{
-	if (request->route.needs > DB_MAY_LOOK)
-		db_web_log_action(request, request->route.name, request->parameters);
-	db_web_stream_begin(request);
-}
-
 static void tell_moment(struct db_web_request *request)
 {
 	db_web_request_answer(request, MHD_HTTP_OK,
@@ -127,11 +120,6 @@ static bool is_of_a_person(enum db_web_kind kind)
 {
 	return kind != DB_WEB_ALIVE && kind != DB_WEB_CLOCK && kind != DB_WEB_COMMISSION_SAY &&
 	       kind != DB_WEB_HEALTH && kind != DB_WEB_ALARMS;
-}
-
-static void begin_overview(struct db_web_request *request)
-{
-	db_web_overview_begin(request->server->overview, request);
 }
 
 static void dispatch(struct db_web_request *request)
@@ -159,12 +147,12 @@ static void dispatch(struct db_web_request *request)
 		[DB_WEB_PARAMETERS_END] = db_web_parameters_take,
 		[DB_WEB_PARAMETERS_FILE] = db_web_parameters_take,
 		[DB_WEB_PARAMETERS_READ] = db_web_parameters_take,
-		[DB_WEB_SETUP] = db_web_setup_take,
-		[DB_WEB_SETUP_SAY] = db_web_setup_take,
+		[DB_WEB_SETUP] = db_web_setup_begin,
+		[DB_WEB_SETUP_SAY] = db_web_setup_hear,
 		[DB_WEB_CALL] = make_call,
 		[DB_WEB_CONFIGURATION] = make_call,
-		[DB_WEB_STREAM] = begin_stream,
-		[DB_WEB_OVERVIEW] = begin_overview,
+		[DB_WEB_STREAM] = db_web_stream_begin,
+		[DB_WEB_OVERVIEW] = db_web_overview_begin,
 		[DB_WEB_TRAIL_SEARCH] = db_web_trail_search,
 		[DB_WEB_TRAIL_VERIFY] = db_web_trail_verify,
 		[DB_WEB_TRAIL_FILE] = db_web_trail_file,
@@ -303,12 +291,6 @@ static void end_request(void *data, struct MHD_Connection *connection, void **co
 
 /* --- connections ------------------------------------------------------------------------------ */
 
-/* Behind a trusted proxy there are many browsers. */
-static bool is_counted(const struct db_web_server *server, const struct db_web_address *address)
-{
-	return !db_web_networks_have(&server->config->proxies, address);
-}
-
 /* The daemon closes the connection when it sees that no more data arrive. */
 static void close_connection(void *connection)
 {
@@ -326,8 +308,10 @@ static bool take_connection(void *data, int fd, const struct sockaddr *peer, soc
 	struct db_web_connection *leaver;
 	struct db_web_address address;
 
+	/* Many browsers come through a trusted proxy: its connections are not counted. */
 	if (!db_web_address_of(peer, &address) ||
-	    !db_web_connections_admit(server->connections, &address, is_counted(server, &address),
+	    !db_web_connections_admit(server->connections, &address,
+	                              !db_web_networks_have(&server->config->proxies, &address),
 	                              db_client_now(), &leaver))
 		return false;
 	if (leaver)
@@ -357,7 +341,8 @@ static void count_connection(void *data, struct MHD_Connection *connection, void
 	}
 	if (!info || !db_web_address_of(info->client_addr, &address))
 		memset(&address, 0, sizeof(address));
-	place = db_web_connections_add(server->connections, &address, is_counted(server, &address),
+	place = db_web_connections_add(server->connections, &address,
+	                               !db_web_networks_have(&server->config->proxies, &address),
 	                               connection);
 	*context = place;
 	info = place && server->tls ?
@@ -436,15 +421,19 @@ static int on_turn(sd_event_source *source, void *data)
 	return 0;
 }
 
-static void take_compared(struct db_web_server *server, struct db_web_hasher *hasher)
+/* A password was compared, or a user changed, by one of the two threads. */
+static int on_compared(sd_event_source *source, int fd, uint32_t events, void *data)
 {
+	struct db_web_server *server = data;
+	struct db_web_hasher *hasher = fd == db_web_hasher_fd(server->hasher) ? server->hasher :
+	                                                                        server->asker;
 	struct db_web_work work;
 
+	(void)source;
+	(void)events;
 	while (db_web_hasher_take(hasher, &work)) {
-		struct db_web_request *request = server->requests;
+		struct db_web_request *request = db_web_request_find(server, work.number);
 
-		while (request && request->number != work.number)
-			request = request->next;
 		if (request && request->status != 0)
 			request = NULL;
 		if (work.change != DB_WEB_CHANGE_NONE ||
@@ -454,40 +443,12 @@ static void take_compared(struct db_web_server *server, struct db_web_hasher *ha
 			db_web_login_end(request, &work);
 	}
 	explicit_bzero(&work, sizeof(work));
-}
-
-static int on_hashed(sd_event_source *source, int fd, uint32_t events, void *data)
-{
-	(void)source;
-	(void)fd;
-	(void)events;
-	take_compared(data, ((struct db_web_server *)data)->hasher);
 	return 0;
-}
-
-static int on_asked(sd_event_source *source, int fd, uint32_t events, void *data)
-{
-	(void)source;
-	(void)fd;
-	(void)events;
-	take_compared(data, ((struct db_web_server *)data)->asker);
-	return 0;
-}
-
-static void answer_late(struct db_web_server *server, db_time now)
-{
-	struct db_client_error error = { .parameters = NULL };
-
-	db_client_error_set(&error, DB_CLIENT_TIMEOUT, "the service does not answer in time");
-	for (struct db_web_request *request = server->requests; request; request = request->next) {
-		if (now >= request->answer_by && request->status == 0)
-			db_web_request_fail(request, &error);
-	}
-	db_client_error_clear(&error);
 }
 
 static int on_tick(sd_event_source *source, uint64_t us, void *data)
 {
+	struct db_client_error error = { .parameters = NULL };
 	struct db_web_server *server = data;
 	db_time now = db_client_now();
 
@@ -502,7 +463,13 @@ static int on_tick(sd_event_source *source, uint64_t us, void *data)
 	db_web_stops_tick(server->stops);
 	db_web_stream_tick(server, now);
 	db_web_trail_tick(server->trail, now);
-	answer_late(server, now);
+	/* What the service has not answered in time fails. */
+	db_client_error_set(&error, DB_CLIENT_TIMEOUT, "the service does not answer in time");
+	for (struct db_web_request *request = server->requests; request; request = request->next) {
+		if (now >= request->answer_by && request->status == 0)
+			db_web_request_fail(request, &error);
+	}
+	db_client_error_clear(&error);
 	run_daemon(server);
 	db_web_connections_tick(server->connections, close_connection);
 	db_web_door_tick(server->door, now);
@@ -554,13 +521,6 @@ static void on_service_changed(void *data)
 		db_web_overview_changed(server->overview);
 }
 
-static void on_token(void *data, const char *token)
-{
-	struct db_web_server *server = data;
-
-	db_web_overview_take_token(server->overview, token);
-}
-
 /* --- life ------------------------------------------------------------------------------------- */
 
 static void log_daemon(void *data, const char *format, va_list arguments)
@@ -582,7 +542,7 @@ static void log_daemon(void *data, const char *format, va_list arguments)
 static bool start_daemon(struct db_web_server *server)
 {
 	const struct db_web_config *config = server->config;
-	const struct db_certificate_pair *pair = config->tls ? db_web_tls_pair(server->tls) : NULL;
+	const struct db_certificate_pair *pair = config->tls ? &server->tls->pair : NULL;
 	struct MHD_OptionItem tls[] = {
 		{ MHD_OPTION_HTTPS_MEM_CERT, 0, pair ? pair->certificate.bytes : NULL },
 		{ MHD_OPTION_HTTPS_MEM_KEY, 0, pair ? pair->key.bytes : NULL },
@@ -636,7 +596,8 @@ static bool start(struct db_web_server *server)
 	                                       config->session_h * 3600 * DB_NS_PER_S);
 	server->hasher = db_web_hasher_new();
 	server->asker = db_web_hasher_new();
-	server->service = db_web_service_new(server, on_service_changed, on_token, server);
+	server->service = db_web_service_new(server, on_service_changed, db_web_overview_take_token,
+	                                     server);
 	server->lanes = db_web_tabs_make_lanes(server);
 	if (server->lanes)
 		server->stops = db_web_stops_new(server);
@@ -651,9 +612,9 @@ static bool start(struct db_web_server *server)
 	    sd_event_add_time_relative(server->loop, &server->tick, CLOCK_MONOTONIC, 0,
 	                               TICK_ACCURACY_US, on_tick, server) < 0 ||
 	    sd_event_add_io(server->loop, &server->hashed, db_web_hasher_fd(server->hasher),
-	                    EPOLLIN, on_hashed, server) < 0 ||
+	                    EPOLLIN, on_compared, server) < 0 ||
 	    sd_event_add_io(server->loop, &server->asked, db_web_hasher_fd(server->asker), EPOLLIN,
-	                    on_asked, server) < 0 ||
+	                    on_compared, server) < 0 ||
 	    sd_event_add_signal(server->loop, &server->signals[0], SIGTERM, on_signal, server) <
 	            0 ||
 	    sd_event_add_signal(server->loop, &server->signals[1], SIGINT, on_signal, server) < 0 ||

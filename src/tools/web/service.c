@@ -5,20 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct db_web_service {
-	struct db_web_server *server;
-	db_web_service_changed_fn *changed;
-	db_web_service_token_fn *give_token;
-	void *data;
-	struct db_plant *plant;
-	struct db_link *clock; /* NULL while the service is away */
-	json_t *description;
-	json_t *states; /* the codes of axis_state */
-	struct db_web_tokens tokens;
-	bool asking; /* a token was asked for */
-	bool has_audit;
-};
-
 static void lose_link(void *data)
 {
 	const struct db_web_service *service = data;
@@ -162,16 +148,6 @@ void db_web_service_tick(struct db_web_service *service, db_time now)
 		                               service) == 0;
 }
 
-void db_web_service_refresh(struct db_web_service *service)
-{
-	db_plant_refresh(service->plant);
-}
-
-bool db_web_service_has_audit(const struct db_web_service *service)
-{
-	return service->has_audit;
-}
-
 void db_web_service_note(const struct db_web_service *service, const struct db_link_note *note)
 {
 	struct db_link *reader = db_web_service_reader(service);
@@ -193,19 +169,9 @@ json_t *db_web_service_stops(const struct db_web_service *service)
 	return names;
 }
 
-bool db_web_service_is_stop(const struct db_web_service *service, const char *command)
-{
-	return db_plant_is_stop(service->plant, command);
-}
-
 bool db_web_service_is_up(const struct db_web_service *service)
 {
 	return service->description && db_plant_is_there(service->plant);
-}
-
-json_t *db_web_service_description(const struct db_web_service *service)
-{
-	return service->description;
 }
 
 bool db_web_service_is_moving(const struct db_web_service *service, const json_t *axis_state)
@@ -227,11 +193,6 @@ bool db_web_service_is_moving(const struct db_web_service *service, const json_t
 struct db_link *db_web_service_reader(const struct db_web_service *service)
 {
 	return service->description ? db_plant_reader(service->plant) : NULL;
-}
-
-const struct db_web_tokens *db_web_service_tokens(const struct db_web_service *service)
-{
-	return &service->tokens;
 }
 
 struct db_link *db_web_service_open(struct db_web_service *service, db_link_lost_fn *lost,

@@ -17,13 +17,26 @@
 #define DB_WEB_STREAM_LINKS 12
 #define DB_WEB_TABS_MAX 5
 
-struct db_web_service;
-
 /* Called when the service is connected or lost, and when it has other drives. */
 typedef void db_web_service_changed_fn(void *data);
 
 /* Called with each token of its clock. */
 typedef void db_web_service_token_fn(void *data, const char *token);
+
+/* The other files of this room read it, and change nothing. */
+struct db_web_service {
+	struct db_web_server *server;
+	db_web_service_changed_fn *changed;
+	db_web_service_token_fn *give_token;
+	void *data;
+	struct db_plant *plant;
+	struct db_link *clock;       /* NULL while the service is away */
+	json_t *description;         /* the answer of Describe; NULL while the service is away */
+	json_t *states;              /* the codes of axis_state */
+	struct db_web_tokens tokens; /* received from its clock, while a page needs them */
+	bool asking;                 /* a token was asked for */
+	bool has_audit;              /* it takes what is for its audit trail */
+};
 
 /* NULL without memory. Freed with db_web_service_free(), NULL is allowed. */
 struct db_web_service *db_web_service_new(struct db_web_server *server,
@@ -35,21 +48,12 @@ void db_web_service_tick(struct db_web_service *service, db_time now);
 
 bool db_web_service_is_up(const struct db_web_service *service);
 
-/* The answer of Describe; NULL while the service is away. Belongs to the service. */
-json_t *db_web_service_description(const struct db_web_service *service);
-
-/* Reads the description again; `changed` is called if it differs. */
-void db_web_service_refresh(struct db_web_service *service);
-
-/* True if it takes what is for its audit trail. */
-bool db_web_service_has_audit(const struct db_web_service *service);
 /* Adds to the audit trail what a user did here. */
 void db_web_service_note(const struct db_web_service *service, const struct db_link_note *note);
 
 /* The commands that stop a drive, which pages send past everything that waits: a new array of their
  * names. Without a connection those that were known last. */
 json_t *db_web_service_stops(const struct db_web_service *service);
-bool db_web_service_is_stop(const struct db_web_service *service, const char *command);
 
 /* True if a drive with this value of axis_state moves, by the names that the service gives to the
  * values. */
@@ -57,9 +61,6 @@ bool db_web_service_is_moving(const struct db_web_service *service, const json_t
 
 /* NULL while it is away. */
 struct db_link *db_web_service_reader(const struct db_web_service *service);
-
-/* The tokens received from the service's clock, while a page needs them. */
-const struct db_web_tokens *db_web_service_tokens(const struct db_web_service *service);
 
 /* A further connection, closed by the caller. NULL with an error. */
 struct db_link *db_web_service_open(struct db_web_service *service, db_link_lost_fn *lost,

@@ -23,15 +23,10 @@ struct db_web_sessions *db_web_sessions_new(db_time idle, db_time longest)
 	return sessions;
 }
 
-static void clear(struct db_web_session *session)
-{
-	explicit_bzero(session, sizeof(*session));
-}
-
 void db_web_sessions_free(struct db_web_sessions *sessions)
 {
 	for (size_t i = 0; sessions && i < DB_WEB_SESSIONS_MAX; i++)
-		clear(&sessions->list[i]);
+		explicit_bzero(&sessions->list[i], sizeof(sessions->list[i]));
 	free(sessions);
 }
 
@@ -76,11 +71,11 @@ const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessi
 		struct db_web_session *session = &sessions->list[i];
 
 		if (session->id[0] != '\0' && is_over(sessions, session, now))
-			clear(session);
+			explicit_bzero(session, sizeof(*session));
 		if (place->id[0] != '\0' && (session->id[0] == '\0' || session->used < place->used))
 			place = session;
 	}
-	clear(place);
+	explicit_bzero(place, sizeof(*place));
 	db_web_secret_write(&secrets[0], place->id);
 	db_web_secret_write(&secrets[1], place->token);
 	place->number = ++sessions->last_number;
@@ -110,7 +105,7 @@ const struct db_web_session *db_web_sessions_find(struct db_web_sessions *sessio
 	struct db_web_session *session = look_up(sessions, id);
 
 	if (session && is_over(sessions, session, now)) {
-		clear(session);
+		explicit_bzero(session, sizeof(*session));
 		return NULL;
 	}
 	return session;
@@ -160,7 +155,7 @@ void db_web_sessions_end(struct db_web_sessions *sessions, const char *id)
 	struct db_web_session *session = look_up(sessions, id);
 
 	if (session)
-		clear(session);
+		explicit_bzero(session, sizeof(*session));
 }
 
 void db_web_sessions_review(struct db_web_sessions *sessions, db_web_session_check_fn *check,
@@ -170,6 +165,6 @@ void db_web_sessions_review(struct db_web_sessions *sessions, db_web_session_che
 		struct db_web_session *session = &sessions->list[i];
 
 		if (session->id[0] != '\0' && !check(context, session))
-			clear(session);
+			explicit_bzero(session, sizeof(*session));
 	}
 }

@@ -261,7 +261,7 @@ static bool is_number(const json_t *value)
 static bool read_move(struct db_web_request *request, struct db_setup_move *move)
 {
 	const json_t *parameters = request->parameters;
-	const json_t *description = db_web_service_description(request->server->service);
+	const json_t *description = request->server->service->description;
 	const char *bus = db_words_text(parameters, "bus");
 	const char *what = db_words_text(parameters, "what");
 	const json_t *from = json_object_get(parameters, "from");
@@ -296,7 +296,7 @@ static bool read_move(struct db_web_request *request, struct db_setup_move *move
 	return !mistake;
 }
 
-static void begin(struct db_web_request *request)
+void db_web_setup_begin(struct db_web_request *request)
 {
 	struct db_web_server *server = request->server;
 	struct db_web_setup *setup;
@@ -334,8 +334,7 @@ static void begin(struct db_web_request *request)
 		finish(setup);
 }
 
-/* The user's answer, or wish to end it. */
-static void hear(struct db_web_request *request)
+void db_web_setup_hear(struct db_web_request *request)
 {
 	struct db_web_setup *setup = request->server->setups;
 	json_int_t question = json_integer_value(json_object_get(request->parameters, "question"));
@@ -364,14 +363,6 @@ static void hear(struct db_web_request *request)
 		setup->until = DB_TIME_NEVER;
 		fail(setup, "io.drivebridge.Client.Interrupted", "it was ended");
 	}
-}
-
-void db_web_setup_take(struct db_web_request *request)
-{
-	if (request->route.kind == DB_WEB_SETUP)
-		begin(request);
-	else
-		hear(request);
 }
 
 void db_web_setup_tick(struct db_web_server *server, db_time now)

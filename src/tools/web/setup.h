@@ -9,8 +9,11 @@
 
 #include "web/request.h"
 
-/* Serves a request, by its kind: the stream, or an answer to it. */
-void db_web_setup_take(struct db_web_request *request);
+/* Answers with the stream of a new one. */
+void db_web_setup_begin(struct db_web_request *request);
+
+/* The user's answer to its question, or his wish to end it. */
+void db_web_setup_hear(struct db_web_request *request);
 
 void db_web_setup_tick(struct db_web_server *server, db_time now);
 

@@ -118,20 +118,13 @@ bool db_web_stops_call(struct db_web_stops *stops, struct db_web_request *reques
 	return true;
 }
 
-bool db_web_stops_drive(struct db_web_stops *stops, const struct db_web_caller *caller,
-                        const char *drive, db_client_answer_fn *answer, void *data)
-{
-	return db_stops_send(
-		stops->stops, NULL, &(struct db_stops_user){ caller->user, caller->from }, "Run",
-		json_pack("{s:s, s:s}", "drive", drive, "command", "stop"), false, answer, data);
-}
-
-bool db_web_stops_drives(struct db_web_stops *stops, const struct db_web_caller *caller,
-                         json_t *drives, db_client_answer_fn *answer, void *data)
+bool db_web_stops_send(struct db_web_stops *stops, const struct db_web_caller *caller,
+                       const char *method, json_t *parameters, db_client_answer_fn *answer,
+                       void *data)
 {
 	return db_stops_send(stops->stops, NULL,
-	                     &(struct db_stops_user){ caller->user, caller->from }, "Stop",
-	                     json_pack("{s:o}", "drives", drives), false, answer, data);
+	                     &(struct db_stops_user){ caller->user, caller->from }, method,
+	                     parameters, false, answer, data);
 }
 
 void db_web_stops_forget(struct db_web_stops *stops, const void *data)

@@ -21,13 +21,11 @@ void db_web_stops_free(struct db_web_stops *stops);
  * with pending: the service does not get the same stop twice. False then. */
 bool db_web_stops_call(struct db_web_stops *stops, struct db_web_request *request, db_time within);
 
-/* Stops one drive. `answer`: as of db_stops_send(). False when there will be no answer. */
-bool db_web_stops_drive(struct db_web_stops *stops, const struct db_web_caller *caller,
-                        const char *drive, db_client_answer_fn *answer, void *data);
-
-/* Stops these drives, a list of at least one, with one call, Stop; takes it over. As above. */
-bool db_web_stops_drives(struct db_web_stops *stops, const struct db_web_caller *caller,
-                         json_t *drives, db_client_answer_fn *answer, void *data);
+/* Sends what stops one drive (Run, with its command stop) or a list of at least one (Stop); takes
+ * the parameters over. `answer`: as of db_stops_send(). False when there will be no answer. */
+bool db_web_stops_send(struct db_web_stops *stops, const struct db_web_caller *caller,
+                       const char *method, json_t *parameters, db_client_answer_fn *answer,
+                       void *data);
 
 /* The receiver of these answers no longer exists. */
 void db_web_stops_forget(struct db_web_stops *stops, const void *data);

@@ -353,41 +353,29 @@ static void free_stream(struct db_web_stream *stream)
 	free(stream);
 }
 
-/* Packs what it sends, if the browser can unpack it. Without memory it is sent as it is. */
-static void begin_packing(struct db_web_stream *stream)
+/* From now on the request owns it. */
+static void attach(struct db_web_stream *stream)
 {
-	const char *accepted = MHD_lookup_connection_value(
-		stream->request->connection, MHD_HEADER_KIND, MHD_HTTP_HEADER_ACCEPT_ENCODING);
+	struct db_web_request *request = stream->request;
+	const char *accepted = MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND,
+	                                                   MHD_HTTP_HEADER_ACCEPT_ENCODING);
+	const union MHD_ConnectionInfo *info = MHD_get_connection_info(
+		request->connection, MHD_CONNECTION_INFO_CONNECTION_FD);
 	z_stream *packer = accepted && strstr(accepted, "gzip") ? calloc(1, sizeof(*packer)) : NULL;
+	int most = UNSENT_MAX;
 
+	/* What it sends is packed if the browser can unpack it; without memory it is not. */
 	if (packer && deflateInit2(packer, Z_DEFAULT_COMPRESSION, Z_DEFLATED, WINDOW_BITS,
 	                           MEMORY_LEVEL, Z_DEFAULT_STRATEGY) != Z_OK) {
 		free(packer);
 		packer = NULL;
 	}
 	stream->packer = packer;
-	stream->request->packed = packer;
-}
-
-static void limit_unsent(const struct db_web_stream *stream)
-{
-	const union MHD_ConnectionInfo *info = MHD_get_connection_info(
-		stream->request->connection, MHD_CONNECTION_INFO_CONNECTION_FD);
-	int most = UNSENT_MAX;
-
+	request->packed = packer;
 	/* A kernel without it holds more, whose age the page knows. */
 	if (info)
 		(void)setsockopt(info->connect_fd, IPPROTO_TCP, TCP_NOTSENT_LOWAT, &most,
 		                 sizeof(most));
-}
-
-/* From now on the request owns it. */
-static void attach(struct db_web_stream *stream)
-{
-	struct db_web_request *request = stream->request;
-
-	begin_packing(stream);
-	limit_unsent(stream);
 	request->response = MHD_create_response_from_callback(MHD_SIZE_UNKNOWN, BLOCK, take_bytes,
 	                                                      stream, NULL);
 	request->stream = stream;
@@ -457,24 +445,17 @@ static void on_registers(void *data, json_t *parameters, const struct db_client_
 		lose(stream);
 }
 
-/* Its first call. False: the connection is lost. */
-static bool call_first(struct db_web_stream *stream)
-{
-	const char *drive = db_web_additions_drive(stream->additions);
-
-	if (!drive)
-		return call_service(stream);
-	return db_link_send(stream->link, "Registers", json_pack("{s:s}", "drive", drive), false,
-	                    on_registers, stream) == 0;
-}
-
 void db_web_stream_begin(struct db_web_request *request)
 {
 	struct db_client_error error = { .parameters = NULL };
 	struct db_web_stream *stream;
 	const char *problem = NULL;
+	const char *drive;
 	unsigned count = 0;
+	bool sent;
 
+	if (request->route.needs > DB_MAY_LOOK)
+		db_web_log_action(request, request->route.name, request->parameters);
 	for (stream = request->server->streams; stream; stream = stream->next_stream)
 		count += stream->link != NULL;
 	if (count >= DB_WEB_STREAM_LINKS) {
@@ -499,7 +480,13 @@ void db_web_stream_begin(struct db_web_request *request)
 		return;
 	}
 	stream->link = db_web_service_open(request->server->service, lose, stream, &error);
-	if (!stream->link || !call_first(stream)) {
+	/* A trigger is read with the registers of its drive, so these are asked for first. */
+	drive = db_web_additions_drive(stream->additions);
+	sent = stream->link &&
+	       (drive ? db_link_send(stream->link, "Registers", json_pack("{s:s}", "drive", drive),
+	                             false, on_registers, stream) == 0 :
+	                call_service(stream));
+	if (!sent) {
 		if (error.name[0] == '\0')
 			db_client_error_set(&error, DB_CLIENT_LOST,
 			                    "the service has closed the connection");
@@ -565,30 +552,24 @@ void db_web_stream_poke(struct db_web_server *server)
 	}
 }
 
-static bool may_go_on(struct db_web_stream *stream, db_time now)
-{
-	struct db_web_sessions *sessions = stream->server->sessions;
-	struct db_web_request *request = stream->request;
-
-	if (request->session[0] == '\0')
-		return true;
-	/* Viewing keeps an observer's session alive without input; those of others have to expire. */
-	if (request->grant.role == DB_ROLE_OBSERVER &&
-	    db_web_sessions_find(sessions, request->session, now))
-		db_web_sessions_touch(sessions, request->session, now);
-	return db_web_sessions_find(sessions, request->session, now);
-}
-
 void db_web_stream_tick(struct db_web_server *server, db_time now)
 {
 	static const char alive[] = ": alive\n\n";
 
 	for (struct db_web_stream *stream = server->streams; stream; stream = stream->next_stream) {
+		const struct db_web_request *request = stream->request;
 		struct db_web_text *text;
 
-		if (!stream->ended && !may_go_on(stream, now))
-			db_web_stream_end(server, stream->request->session, "LoginRequired",
+		if (stream->ended)
+			continue;
+		/* Viewing keeps an observer's session alive without input; those of others have to
+		 * expire. */
+		if (request->session[0] != '\0' &&
+		    !db_web_sessions_find(server->sessions, request->session, now))
+			db_web_stream_end(server, request->session, "LoginRequired",
 			                  "the login has ended");
+		else if (request->session[0] != '\0' && request->grant.role == DB_ROLE_OBSERVER)
+			db_web_sessions_touch(server->sessions, request->session, now);
 		if (stream->ended || !stream->waiting || now - stream->told < ALIVE_EVERY)
 			continue;
 		text = malloc(sizeof(*text) + sizeof(alive));

@@ -189,7 +189,7 @@ static bool is_stop(const struct db_web_request *request, const char **drive)
 		       json_object_get(values, "group_stop_units");
 	}
 	return strcmp(request->route.name, "Run") == 0 && *drive && command &&
-	       db_web_service_is_stop(request->server->service, command);
+	       db_plant_is_stop(request->server->service->plant, command);
 }
 
 /* Past all waiting calls; and repeated after them if a motion may be waiting. */

@@ -11,17 +11,6 @@ struct db_web_credentials {
 	unsigned users; /* connections */
 };
 
-struct db_web_tls {
-	const struct db_web_config *config;
-	struct db_certificate_pair pair;
-	struct db_web_credentials *newest;
-};
-
-static int64_t wall_s(void)
-{
-	return db_client_wall_us() / 1000000;
-}
-
 static void free_credentials(struct db_web_credentials *credentials)
 {
 	if (credentials->library)
@@ -66,7 +55,8 @@ struct db_web_tls *db_web_tls_new(const struct db_web_config *config)
 	if (tls) {
 		tls->config = config;
 		state = db_certificate_pair_load(&tls->pair, config->certificate_file,
-		                                 config->key_file, wall_s(), why);
+		                                 config->key_file, db_client_wall_us() / 1000000,
+		                                 why);
 	}
 	if (state == DB_CERTIFICATE_WRONG) {
 		db_client_log(DB_CLIENT_ERROR, "%s", why);
@@ -95,15 +85,11 @@ void db_web_tls_free(struct db_web_tls *tls)
 	free(tls);
 }
 
-const struct db_certificate_pair *db_web_tls_pair(const struct db_web_tls *tls)
-{
-	return &tls->pair;
-}
-
 void db_web_tls_reload(struct db_web_tls *tls)
 {
 	if (db_certificate_pair_renew(&tls->pair, tls->config->certificate_file,
-	                              tls->config->key_file, wall_s(), "each new connection"))
+	                              tls->config->key_file, db_client_wall_us() / 1000000,
+	                              "each new connection"))
 		(void)use_pair(tls);
 }
 
@@ -135,5 +121,6 @@ void db_web_tls_tick(struct db_web_tls *tls)
 		*at = one->next;
 		free_credentials(one);
 	}
-	db_certificate_pair_look(&tls->pair, tls->config->certificate_file, wall_s());
+	db_certificate_pair_look(&tls->pair, tls->config->certificate_file,
+	                         db_client_wall_us() / 1000000);
 }

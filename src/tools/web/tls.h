@@ -6,14 +6,20 @@
 #ifndef DRIVEBRIDGE_WEB_TLS_H
 #define DRIVEBRIDGE_WEB_TLS_H
 
+#include "certificates/pair.h"
 #include "web/config.h"
 
 #include <gnutls/gnutls.h>
 
-struct db_web_tls;
-
 /* What one connection or more have; belongs to struct db_web_tls. */
 struct db_web_credentials;
+
+/* The other files of this room read `pair`, and change nothing. */
+struct db_web_tls {
+	const struct db_web_config *config;
+	struct db_certificate_pair pair; /* for the library at its start; valid until a reload */
+	struct db_web_credentials *newest;
+};
 
 /* TLS 1.2 and 1.3, with forward secrecy and authenticated encryption. */
 #define DB_WEB_TLS_PRIORITIES \
@@ -23,9 +29,6 @@ struct db_web_credentials;
  * reason. Freed with db_web_tls_free() when no connection is left; NULL is allowed. */
 struct db_web_tls *db_web_tls_new(const struct db_web_config *config);
 void db_web_tls_free(struct db_web_tls *tls);
-
-/* For the library at its start; valid until the next reload. */
-const struct db_certificate_pair *db_web_tls_pair(const struct db_web_tls *tls);
 
 /* Reads the files again; if they are not good, what was before stays in use. Logs it. */
 void db_web_tls_reload(struct db_web_tls *tls);

@@ -34,8 +34,10 @@ void db_web_trail_free(struct db_web_trail *trail)
 	free(trail);
 }
 
-static void drop_link(struct db_web_trail *trail)
+/* Also when it is lost: whoever has asked has been told already. */
+static void drop_link(void *data)
 {
+	struct db_web_trail *trail = data;
 	struct db_link *link = trail->link;
 
 	trail->link = NULL;
@@ -54,14 +56,6 @@ static void fail(struct db_web_trail *trail, const char *name, const char *text)
 	db_client_error_clear(&error);
 }
 
-static void lose_link(void *data)
-{
-	struct db_web_trail *trail = data;
-
-	/* Whoever has asked has been told already. */
-	drop_link(trail);
-}
-
 static void on_page(void *data, json_t *parameters, const struct db_client_error *error, bool more)
 {
 	struct db_web_trail *trail = data;
@@ -76,7 +70,7 @@ void db_web_trail_ask(struct db_web_trail *trail, json_t *query)
 	struct db_client_error error = { .parameters = NULL };
 
 	if (!trail->link && !trail->ended)
-		trail->link = db_web_service_open(trail->server->service, lose_link, trail, &error);
+		trail->link = db_web_service_open(trail->server->service, drop_link, trail, &error);
 	if (!trail->link)
 		json_decref(query);
 	else

@@ -154,15 +154,6 @@ static enum MHD_Result read_argument(void *data, enum MHD_ValueKind kind, const 
 	return MHD_YES;
 }
 
-static unsigned count_files(const struct db_web_server *server)
-{
-	unsigned count = 0;
-
-	for (const struct db_web_request *one = server->requests; one; one = one->next)
-		count += one->route.kind == DB_WEB_TRAIL_FILE && one->job;
-	return count;
-}
-
 static bool attach(struct db_web_request *request, struct file *file)
 {
 	time_t now = time(NULL);
@@ -187,13 +178,16 @@ static bool attach(struct db_web_request *request, struct file *file)
 void db_web_trail_file(struct db_web_request *request)
 {
 	struct file *file;
+	unsigned count = 0;
 
 	(void)MHD_get_connection_values(request->connection, MHD_GET_ARGUMENT_KIND, read_argument,
 	                                request->parameters);
 	db_web_admit_content(request);
 	if (request->status != 0)
 		return;
-	if (count_files(request->server) >= DB_WEB_TRAIL_FILES) {
+	for (const struct db_web_request *one = request->server->requests; one; one = one->next)
+		count += one->route.kind == DB_WEB_TRAIL_FILE && one->job;
+	if (count >= DB_WEB_TRAIL_FILES) {
 		db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Busy",
 		                      "others download the trail at this moment; try again");
 		return;

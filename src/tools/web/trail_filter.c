@@ -46,29 +46,23 @@ json_t *db_web_trail_filter_query(const struct db_web_trail_filter *filter, json
 	                 "drive", filter->drive, "who", filter->who, "refused", filter->refused);
 }
 
-static bool has_text(const struct db_web_trail_filter *filter, const json_t *record)
+bool db_web_trail_filter_has(const struct db_web_trail_filter *filter, const json_t *record)
 {
+	json_int_t time_us = json_integer_value(json_object_get(record, "time_us"));
 	char *line;
 	bool found;
 
+	if (!db_grant_has(&filter->grant, DB_MAY_AUDIT, db_words_text(record, "drive")) ||
+	    (filter->until_us != 0 && time_us > filter->until_us) ||
+	    (filter->kind[0] != '\0' && strcmp(filter->kind, db_words_text(record, "kind")) != 0) ||
+	    (filter->way[0] != '\0' && strcmp(filter->way, db_capture_audit_way(record)) != 0))
+		return false;
 	if (filter->text[0] == '\0')
 		return true;
 	line = db_capture_audit_describe(record);
 	found = line && strcasestr(line, filter->text);
 	free(line);
 	return found || strcasestr(db_words_text(record, "result"), filter->text);
-}
-
-bool db_web_trail_filter_has(const struct db_web_trail_filter *filter, const json_t *record)
-{
-	json_int_t time_us = json_integer_value(json_object_get(record, "time_us"));
-
-	return db_grant_has(&filter->grant, DB_MAY_AUDIT, db_words_text(record, "drive")) &&
-	       (filter->until_us == 0 || time_us <= filter->until_us) &&
-	       (filter->kind[0] == '\0' ||
-	        strcmp(filter->kind, db_words_text(record, "kind")) == 0) &&
-	       (filter->way[0] == '\0' || strcmp(filter->way, db_capture_audit_way(record)) == 0) &&
-	       has_text(filter, record);
 }
 
 void db_web_trail_describe(json_t *record)

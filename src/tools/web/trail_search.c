@@ -31,11 +31,6 @@ struct search {
 	db_time begun;
 };
 
-static struct search *search_of(struct db_web_trail_reader *reader)
-{
-	return (struct search *)(void *)reader;
-}
-
 static void end_search(void *job)
 {
 	struct search *search = job;
@@ -57,18 +52,13 @@ static void answer(struct search *search, bool over)
 	                                search->high, "over", over, "trail", search->trail));
 }
 
-static void ask(const struct search *search, json_int_t from)
-{
-	db_web_trail_ask(search->request->server->trail,
-	                 db_web_trail_filter_query(&search->filter, from));
-}
-
 /* --- windows ---------------------------------------------------------------------------------- */
 
 static void begin_window(struct search *search)
 {
 	search->low = search->high > search->width ? search->high - search->width : 1;
-	ask(search, search->low);
+	db_web_trail_ask(search->request->server->trail,
+	                 db_web_trail_filter_query(&search->filter, search->low));
 }
 
 static void end_window(struct search *search)
@@ -116,7 +106,8 @@ static void take_window(struct search *search, const json_t *page)
 	if (next >= search->high || json_is_true(json_object_get(page, "over")))
 		end_window(search);
 	else
-		ask(search, next);
+		db_web_trail_ask(search->request->server->trail,
+		                 db_web_trail_filter_query(&search->filter, next));
 }
 
 /* --- the newest record that is wanted --------------------------------------------------------- */
@@ -163,7 +154,7 @@ static void take_newest(struct search *search, const json_t *page)
 
 static void take_turn(struct db_web_trail_reader *reader)
 {
-	struct search *search = search_of(reader);
+	struct search *search = (struct search *)(void *)reader;
 
 	search->begun = db_client_now();
 	if (search->take == take_newest)
@@ -176,7 +167,7 @@ static void take_turn(struct db_web_trail_reader *reader)
 static void take_page(struct db_web_trail_reader *reader, json_t *page,
                       const struct db_client_error *error)
 {
-	struct search *search = search_of(reader);
+	struct search *search = (struct search *)(void *)reader;
 	struct db_web_request *request = search->request;
 
 	/* A request that is answered goes on until its connection knows. */

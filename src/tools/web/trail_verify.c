@@ -28,31 +28,12 @@ static void end_verification(void *job)
 	free(verification);
 }
 
-static void ask(const struct verification *verification, json_int_t from)
-{
-	db_web_trail_ask(verification->request->server->trail,
-	                 json_pack("{s:I, s:b}", "from", from, "verify", true));
-}
-
 static void take_turn(struct db_web_trail_reader *reader)
 {
-	ask((struct verification *)(void *)reader, 0);
-}
+	const struct verification *verification = (struct verification *)(void *)reader;
 
-static void count_page(struct verification *verification, const json_t *page)
-{
-	json_t *broken;
-	size_t i;
-
-	verification->checked += json_integer_value(json_object_get(page, "checked"));
-	verification->more_broken += json_integer_value(json_object_get(page, "more_broken"));
-	json_array_foreach(json_object_get(page, "broken"), i, broken)
-	{
-		if (json_array_size(verification->broken) < BROKEN_MOST)
-			(void)json_array_append(verification->broken, broken);
-		else
-			verification->more_broken++;
-	}
+	db_web_trail_ask(verification->request->server->trail,
+	                 json_pack("{s:i, s:b}", "from", 0, "verify", true));
 }
 
 static void take_page(struct db_web_trail_reader *reader, json_t *page,
@@ -60,11 +41,26 @@ static void take_page(struct db_web_trail_reader *reader, json_t *page,
 {
 	struct verification *verification = (struct verification *)(void *)reader;
 	struct db_web_request *request = verification->request;
+	json_t *broken;
+	size_t i;
 
 	if (!error && request->status == 0) {
-		count_page(verification, page);
+		verification->checked += json_integer_value(json_object_get(page, "checked"));
+		verification->more_broken += json_integer_value(
+			json_object_get(page, "more_broken"));
+		json_array_foreach(json_object_get(page, "broken"), i, broken)
+		{
+			if (json_array_size(verification->broken) < BROKEN_MOST)
+				(void)json_array_append(verification->broken, broken);
+			else
+				verification->more_broken++;
+		}
 		if (!json_is_true(json_object_get(page, "over"))) {
-			ask(verification, json_integer_value(json_object_get(page, "next")));
+			db_web_trail_ask(
+				request->server->trail,
+				json_pack("{s:I, s:b}", "from",
+			                  json_integer_value(json_object_get(page, "next")),
+			                  "verify", true));
 			return;
 		}
 	}

@@ -253,33 +253,26 @@ static void log_end(const struct db_web_request *request, const struct db_web_wo
 		                                             "");
 }
 
-static void note_end(const struct db_web_server *server, const struct db_web_work *work,
-                     const struct db_web_caller *caller)
+void db_web_users_end(struct db_web_server *server, struct db_web_request *request,
+                      const struct db_web_work *work)
 {
+	struct db_web_caller caller = { .text = "a page that has left", .from = "page" };
 	const char *what = work->change == DB_WEB_CHANGE_REMOVE ? "removed" :
 	                   work->compares                       ? "password" :
 	                                                          "put";
 	char detail[128];
 
+	if (request)
+		caller = db_web_request_caller(request);
+	log_end(request, work, caller.text);
 	(void)snprintf(detail, sizeof(detail), "%s: %s, %.48s", work->fresh.name,
 	               db_role_name(work->fresh.grant.role), work->fresh.grant.drives);
 	db_web_service_note(server->service, &(struct db_link_note){ .kind = "users",
 	                                                             .what = what,
-	                                                             .user = caller->user,
-	                                                             .from = caller->from,
+	                                                             .user = caller.user,
+	                                                             .from = caller.from,
 	                                                             .text = detail,
 	                                                             .refused = !work->done });
-}
-
-void db_web_users_end(struct db_web_server *server, struct db_web_request *request,
-                      const struct db_web_work *work)
-{
-	struct db_web_caller caller = { .text = "a page that has left", .from = "page" };
-
-	if (request)
-		caller = db_web_request_caller(request);
-	log_end(request, work, caller.text);
-	note_end(server, work, &caller);
 	if (!request)
 		return;
 	if (work->right && work->compares)

@@ -313,25 +313,6 @@ static bool is_name(const char *pattern, const struct place *place, const char *
 	       (!braced && place->begin == pattern);
 }
 
-/* What the number at a place consists of. Null: it is none. */
-static const char *letters_of(const struct place *place)
-{
-	return strchr("diu", place->kind) ? "+-0123456789" :
-	       strchr("xX", place->kind)  ? "0123456789abcdefABCDEF" :
-	       strchr("fg", place->kind)  ? "+-.0123456789einfa" :
-	                                    NULL;
-}
-
-/* Whether such a value may stand at a place: a number where there is one. */
-static bool fits(const struct place *place, const char *value, size_t size)
-{
-	const char *letters = letters_of(place);
-
-	if (place->kind == 'c')
-		return size == 1;
-	return !letters || (size > 0 && strspn(value, letters) >= size);
-}
-
 /* Whether `text` is this pattern with values, and which. Each value ends where what follows it comes first; only the last one
  * reaches as far as it can. */
 static bool match(const char *pattern, const char *text, struct value values[PLACES_MAX],
@@ -352,6 +333,11 @@ static bool match(const char *pattern, const char *text, struct value values[PLA
 	for (*count = 0; more && *count < PLACES_MAX; ++*count) {
 		struct value *value = &values[*count];
 		struct place here = place;
+		/* What the number at this place consists of. Null: it is none. */
+		const char *letters = strchr("diu", here.kind) ? "+-0123456789" :
+		                      strchr("xX", here.kind)  ? "0123456789abcdefABCDEF" :
+		                      strchr("fg", here.kind)  ? "+-.0123456789einfa" :
+		                                                 NULL;
 		const char *end;
 
 		memcpy(value->name, place.name, sizeof(value->name));
@@ -362,26 +348,19 @@ static bool match(const char *pattern, const char *text, struct value values[PLA
 		end = !more && strlen(text) >= length ? text + strlen(text) - length :
 		                                        memmem(text, strlen(text), pattern, length);
 		/* Where another value follows at once, a number is as long as it can be. */
-		if (more && length == 0 && letters_of(&here))
-			end = text + strspn(text, letters_of(&here));
+		if (more && length == 0 && letters)
+			end = text + strspn(text, letters);
 		if (!end || strncmp(end, pattern, length) != 0)
 			return false;
 		value->size = (size_t)(end - text);
-		if (!fits(&here, text, value->size))
+		/* Where there was a number, there has to be one. */
+		if ((here.kind == 'c' && value->size != 1) ||
+		    (letters && (value->size == 0 || strspn(text, letters) < value->size)))
 			return false;
 		value->stays = is_name(whole, &here, text, value->size);
 		text = end + length;
 	}
 	return !more && !*text;
-}
-
-static const struct value *find_value(const struct value *values, size_t count, const char *name)
-{
-	for (size_t i = 0; i < count; i++) {
-		if (strcmp(values[i].name, name) == 0)
-			return &values[i];
-	}
-	return NULL;
 }
 
 static const char *translate(const struct db_words_language *language, const char *english,
@@ -410,14 +389,16 @@ static bool fill_in(const struct db_words_language *language, const char *transl
 	room[0] = '\0';
 	for (; find_place(translation, &conversions, &place);
 	     translation = place.begin + place.size) {
-		const struct value *value = find_value(values, count, place.name);
+		const struct value *value = values;
 		char text[DB_WORDS_TEXT_MAX];
 		char other[DB_WORDS_TEXT_MAX];
 		const char *words;
 
 		if (!append(room, &used, translation, (size_t)(place.begin - translation)))
 			return false;
-		if (!value || value->size >= sizeof(text))
+		while (value < values + count && strcmp(value->name, place.name) != 0)
+			value++;
+		if (value == values + count || value->size >= sizeof(text))
 			return false;
 		memcpy(text, value->begin, value->size);
 		text[value->size] = '\0';
@@ -453,17 +434,6 @@ static const char *find_codes(const char *text)
 	return codes > text && codes[-1] == ':' ? codes - 1 : codes;
 }
 
-/* "plant.conf:7: no such key": what is after a name and a colon is a text of its own. Null: there is none. */
-static const char *find_rest(const char *english)
-{
-	const char *rest = strstr(english, ": ");
-
-	return rest && rest > english && rest[2] &&
-	                       !memchr(english, ' ', (size_t)(rest - english)) ?
-	               rest + 2 :
-	               NULL;
-}
-
 /* Translates what begins at `rest`. */
 static const char *translate_rest(const struct db_words_language *language, const char *english,
                                   const char *rest, char room[DB_WORDS_TEXT_MAX], unsigned depth)
@@ -483,8 +453,13 @@ static const char *translate(const struct db_words_language *language, const cha
 {
 	const char *found = look_up(language, english);
 	const char *codes = found ? NULL : find_codes(english);
-	const char *rest = find_rest(english);
+	/* "plant.conf:7: no such key": what is after a name and a colon is a text of its own. */
+	const char *rest = strstr(english, ": ");
 
+	rest = rest && rest > english && rest[2] &&
+	                       !memchr(english, ' ', (size_t)(rest - english)) ?
+	               rest + 2 :
+	               NULL;
 	if (found || !english[0] || depth > DEPTH_MAX)
 		return found && found[0] ? found : english;
 	if (codes && codes - english < DB_WORDS_TEXT_MAX) {

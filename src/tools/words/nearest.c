@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "words/nearest.h"
+#include "words/value.h"
 
 #include <stdint.h>
 #include <stdio.h>
@@ -41,22 +42,6 @@ unsigned db_words_distance(const char *one, const char *other)
 	return cost[rows][columns];
 }
 
-static const char *name_at(const json_t *list, size_t at)
-{
-	const char *name = json_string_value(json_object_get(json_array_get(list, at), "name"));
-
-	return name ? name : "";
-}
-
-/* A typed beginning or part of a name is nearly right. */
-static unsigned rate_name(const char *typed, const char *name)
-{
-	size_t length = strlen(typed);
-	const char *part = length >= 3 ? strstr(name, typed) : NULL;
-
-	return part == name ? 1 : part ? 2 : db_words_distance(typed, name);
-}
-
 void db_words_nearest_names(const json_t *list, const char *name, char *text, size_t size)
 {
 	size_t count = json_array_size(list);
@@ -69,7 +54,10 @@ void db_words_nearest_names(const json_t *list, const char *name, char *text, si
 
 	text[0] = '\0';
 	for (size_t i = 0; i < count; i++) {
-		unsigned here = rate_name(name, name_at(list, i));
+		const char *other = db_words_text(json_array_get(list, i), "name");
+		/* A typed beginning or part of a name is nearly right. */
+		const char *part = strlen(name) >= 3 ? strstr(other, name) : NULL;
+		unsigned here = part == other ? 1 : part ? 2 : db_words_distance(name, other);
 		size_t at = found;
 
 		while (at > 0 && distance[at - 1] > here)
@@ -88,11 +76,12 @@ void db_words_nearest_names(const json_t *list, const char *name, char *text, si
 		return;
 	used = (size_t)snprintf(text, size, "%s", found > 0 ? "; did you mean " : "; there are ");
 	for (size_t i = 0, all = found > 0 ? found : count; i < all && used < size; i++)
-		used += (size_t)snprintf(text + used, size - used, "%s%s",
-		                         i == 0       ? "" :
-		                         i + 1 == all ? (found > 0 ? " or " : " and ") :
-		                                        ", ",
-		                         name_at(list, found > 0 ? nearest[i] : i));
+		used += (size_t)snprintf(
+			text + used, size - used, "%s%s",
+			i == 0       ? "" :
+			i + 1 == all ? (found > 0 ? " or " : " and ") :
+				       ", ",
+			db_words_text(json_array_get(list, found > 0 ? nearest[i] : i), "name"));
 	if (found > 0 && used < size)
 		(void)snprintf(text + used, size - used, "?");
 }

@@ -32,36 +32,25 @@ json_t *db_words_look_up(const json_t *list, const char *name)
 	return NULL;
 }
 
-static const char *type_of(const json_t *reg)
-{
-	const char *type = json_string_value(json_object_get(reg, "type"));
-
-	return type ? type : "";
-}
-
 static bool has_bits(const json_t *reg)
 {
-	return strncmp(type_of(reg), "bits", 4) == 0;
-}
-
-/* U+200E, U+200F, U+202A to U+202E and U+2066 to U+2069, in UTF-8. */
-static bool turns_text(const unsigned char *at)
-{
-	return at[0] == 0xe2 && ((at[1] == 0x80 && ((at[2] >= 0x8e && at[2] <= 0x8f) ||
-	                                            (at[2] >= 0xaa && at[2] <= 0xae))) ||
-	                         (at[1] == 0x81 && at[2] >= 0xa6 && at[2] <= 0xa9));
+	return strncmp(db_words_text(reg, "type"), "bits", 4) == 0;
 }
 
 void db_words_clean(char *text)
 {
-	for (; *text; text++) {
-		if ((unsigned char)*text < ' ' || *text == 0x7f)
-			*text = '?';
+	for (unsigned char *at = (unsigned char *)text; *at; at++) {
+		if (*at < ' ' || *at == 0x7f)
+			*at = '?';
 		/* Control characters 80 to 9f in two-byte UTF-8. */
-		if ((unsigned char)*text == 0xc2 && (unsigned char)text[1] < 0xa0)
-			*text = text[1] = '?';
-		if (turns_text((const unsigned char *)text))
-			*text = text[1] = text[2] = '?';
+		if (at[0] == 0xc2 && at[1] >= 0x80 && at[1] < 0xa0)
+			at[0] = at[1] = '?';
+		/* What turns the direction of a text: U+200E, U+200F, U+202A to U+202E and U+2066
+		 * to U+2069, in UTF-8. */
+		if (at[0] == 0xe2 && ((at[1] == 0x80 && ((at[2] >= 0x8e && at[2] <= 0x8f) ||
+		                                         (at[2] >= 0xaa && at[2] <= 0xae))) ||
+		                      (at[1] == 0x81 && at[2] >= 0xa6 && at[2] <= 0xa9)))
+			at[0] = at[1] = at[2] = '?';
 	}
 }
 
@@ -115,16 +104,6 @@ static void write_bits(const json_t *reg, uint64_t bits, char *text, size_t size
 	}
 }
 
-/* As few digits as distinguish it from its neighbours: registers hold single precision. */
-static void write_real(double value, char *text, size_t size)
-{
-	for (int digits = 6; digits <= 9; digits++) {
-		(void)snprintf(text, size, "%.*g", digits, value);
-		if (strtof(text, NULL) == (float)value)
-			return;
-	}
-}
-
 void db_words_write_bare_value(const json_t *reg, const json_t *value, char *text, size_t size)
 {
 	const char *name;
@@ -138,7 +117,13 @@ void db_words_write_bare_value(const json_t *reg, const json_t *value, char *tex
 		(void)snprintf(text, size, "%s", json_is_true(value) ? "on" : "off");
 		break;
 	case JSON_REAL:
-		write_real(json_real_value(value), text, size);
+		/* As few digits as distinguish it from its neighbours: registers hold single
+		 * precision. */
+		for (int digits = 6; digits <= 9; digits++) {
+			(void)snprintf(text, size, "%.*g", digits, json_real_value(value));
+			if (strtof(text, NULL) == (float)json_real_value(value))
+				break;
+		}
 		break;
 	case JSON_INTEGER:
 		name = has_bits(reg) ? NULL : db_words_code_name(reg, json_integer_value(value));
@@ -240,18 +225,12 @@ static void write_range(const json_t *reg, char *text, size_t size)
 	               unit && unit[0] ? unit : "", low[0] || high[0] ? "" : "any");
 }
 
-static bool is_in_range(const json_t *reg, double value)
+static json_t *parse_number(const json_t *reg, const char *text, char *problem, size_t size)
 {
 	const json_t *min = json_object_get(reg, "min");
 	const json_t *max = json_object_get(reg, "max");
-
-	return !(json_is_number(min) && value < json_number_value(min)) &&
-	       !(json_is_number(max) && value > json_number_value(max));
-}
-
-static json_t *parse_number(const json_t *reg, const char *text, char *problem, size_t size)
-{
-	bool whole = strcmp(type_of(reg), "f32") != 0 && type_of(reg)[0] != '\0';
+	const char *type = db_words_text(reg, "type");
+	bool whole = strcmp(type, "f32") != 0 && type[0] != '\0';
 	char *end = NULL;
 	char range[128];
 	double value;
@@ -261,7 +240,9 @@ static json_t *parse_number(const json_t *reg, const char *text, char *problem, 
 	if (whole)
 		number = strtoll(text, &end, strncmp(text, "0x", 2) == 0 ? 16 : 10);
 	value = whole ? (double)number : strtod(text, &end);
-	if (errno == 0 && *text && *end == '\0' && isfinite(value) && is_in_range(reg, value))
+	if (errno == 0 && *text && *end == '\0' && isfinite(value) &&
+	    !(json_is_number(min) && value < json_number_value(min)) &&
+	    !(json_is_number(max) && value > json_number_value(max)))
 		return whole ? json_integer(number) : json_real(value);
 	write_range(reg, range, sizeof(range));
 	if (!*text || *end != '\0')
@@ -279,7 +260,7 @@ json_t *db_words_parse_value(const json_t *reg, const char *text, char *problem,
 {
 	static const char *const on[] = { "on", "true", "1", "yes" };
 	static const char *const off[] = { "off", "false", "0", "no" };
-	const char *type = type_of(reg);
+	const char *type = db_words_text(reg, "type");
 	json_int_t code = has_bits(reg) ? -1 : find_code(reg, text, strlen(text));
 
 	if (strcmp(type, "text") == 0)

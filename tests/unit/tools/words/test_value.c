@@ -68,6 +68,16 @@ static void test_texts_of_drives_do_not_move_the_cursor(void **state)
 	            "a???b??? ?????? \u2026 \u20ac");
 }
 
+/* A text that was shortened within a letter ends there, and not somewhere after it. */
+static void test_a_letter_cut_in_two_keeps_the_end_of_the_text(void **state)
+{
+	char text[] = "a\xc2\0b\x01";
+
+	(void)state;
+	db_words_clean(text);
+	assert_memory_equal(text, "a\xc2\0b\x01", sizeof(text));
+}
+
 static void expect_parsed(json_t *reg, const char *text, json_int_t expected)
 {
 	char problem[256] = "";
@@ -149,6 +159,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_values_have_names_and_units),
 		cmocka_unit_test(test_texts_of_drives_do_not_move_the_cursor),
+		cmocka_unit_test(test_a_letter_cut_in_two_keeps_the_end_of_the_text),
 		cmocka_unit_test(test_words_become_values),
 		cmocka_unit_test(test_what_is_wrong_is_said_with_what_would_be_right),
 		cmocka_unit_test(test_the_nearest_names_are_meant),
