@@ -219,27 +219,17 @@ static void take_reading(struct db_device *device, unsigned parts, db_time now)
 		take_status(device, reading, now);
 }
 
-static unsigned part_of(enum servo_can_kind kind)
-{
-	switch (kind) {
-	case SERVO_CAN_ANSWER_POSITION:
-		return SERVO_CAN_GIVES_POSITION;
-	case SERVO_CAN_ANSWER_MOTION:
-		return SERVO_CAN_GIVES_MOTION;
-	case SERVO_CAN_ANSWER_STATUS:
-		return SERVO_CAN_GIVES_STATUS;
-	case SERVO_CAN_ANSWER_ANALOGUE:
-		return SERVO_CAN_GIVES_ANALOGUE;
-	default:
-		return 0;
-	}
-}
-
 bool servo_can_take_part(struct db_device *device, unsigned sending, unsigned parts,
                          const struct servo_can_message *message, db_time now, bool *complete)
 {
+	static const uint8_t parts_of[SERVO_CAN_KIND_COUNT] = {
+		[SERVO_CAN_ANSWER_POSITION] = SERVO_CAN_GIVES_POSITION,
+		[SERVO_CAN_ANSWER_MOTION] = SERVO_CAN_GIVES_MOTION,
+		[SERVO_CAN_ANSWER_STATUS] = SERVO_CAN_GIVES_STATUS,
+		[SERVO_CAN_ANSWER_ANALOGUE] = SERVO_CAN_GIVES_ANALOGUE,
+	};
 	struct servo_can_reading *reading = &device->reading;
-	unsigned part = part_of(message->kind);
+	unsigned part = parts_of[message->kind];
 
 	*complete = false;
 	if (reading->sending != sending)

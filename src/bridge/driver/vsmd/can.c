@@ -15,15 +15,6 @@
 /* Usual time before a drive answers; only for predictions, never a time-out. */
 #define TYPICAL_LATENCY (500 * DB_NS_PER_US)
 
-/* Of a bus, named as their keys. */
-struct vsmd_can_options {
-	unsigned frames; /* 1: standard */
-	double host_id;
-	double output_base;
-	double report_ms;
-	unsigned report; /* index of reports[] */
-};
-
 static const struct db_option options[] = {
 	{
 		.section = "bus",
@@ -97,17 +88,6 @@ static const enum vsmd_can_report reports[] = {
 	VSMD_CAN_REPORT_POSITION,
 };
 
-static struct vsmd_can_style style_of(const struct db_bus_config *bus)
-{
-	const struct vsmd_can_options *given = bus->options;
-
-	return (struct vsmd_can_style){
-		.extended = !(given->frames != 0),
-		.host = (uint16_t)given->host_id,
-		.output_base = (uint8_t)given->output_base,
-	};
-}
-
 static enum db_result check_command(const struct db_bus_config *bus,
                                     const struct db_drive_config *drive, enum db_command command,
                                     const struct db_args *args)
@@ -121,7 +101,7 @@ static enum db_result check_param(const struct db_bus_config *bus, size_t param,
                                   union db_value value)
 {
 	if (param >= VSMD_PARAM_COUNT ||
-	    !vsmd_can_reg_reachable(vsmd_can_fields[param].reg, style_of(bus).extended))
+	    !vsmd_can_reg_reachable(vsmd_can_fields[param].reg, vsmd_can_style_of(bus).extended))
 		return DB_RESULT_UNSUPPORTED;
 	return vsmd_can_param_in_range((enum vsmd_param)param, value) ? DB_RESULT_OK :
 	                                                                DB_RESULT_OUT_OF_RANGE;
@@ -136,7 +116,7 @@ static void init_device(struct db_device *device, struct db_device *first,
 
 	(void)first; /* one drive per address */
 	vsmd_axis_init(&device->axis, &vsmd_can_link, bus, drive);
-	device->style = style_of(bus);
+	device->style = vsmd_can_style_of(bus);
 	device->drive = drive->address;
 	device->report_interval = (db_time)given->report_ms * DB_NS_PER_MS;
 	if (device->report_interval > 0)
@@ -149,7 +129,7 @@ static void init_device(struct db_device *device, struct db_device *first,
  * foreign frames, at no cost. */
 static size_t list_filters(const struct db_bus_config *bus, struct db_can_filter *filters)
 {
-	struct vsmd_can_style style = style_of(bus);
+	struct vsmd_can_style style = vsmd_can_style_of(bus);
 
 	if (bus->transport == &db_transport_slcan)
 		return vsmd_can_any_answer_filters(filters);
@@ -160,7 +140,7 @@ static size_t list_filters(const struct db_bus_config *bus, struct db_can_filter
 static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t *bytes,
                                   size_t length, int *address)
 {
-	struct vsmd_can_style style = style_of(bus);
+	struct vsmd_can_style style = vsmd_can_style_of(bus);
 	struct vsmd_can_message message;
 	struct db_can_frame frame;
 	const struct vsmd_can_id *id = &message.id;
@@ -198,7 +178,7 @@ static uint32_t part_of(const struct db_bus_config *bus, const uint8_t *bytes, s
 static void describe_frame(const struct db_bus_config *bus, bool sent, const uint8_t *bytes,
                            size_t length, struct db_description *description)
 {
-	struct vsmd_can_style style = style_of(bus);
+	struct vsmd_can_style style = vsmd_can_style_of(bus);
 	struct db_can_frame frame = { .id = 0 };
 
 	(void)sent; /* the frame shows its sender */
@@ -209,7 +189,7 @@ static void describe_frame(const struct db_bus_config *bus, bool sent, const uin
 static db_time exchange_time(const struct db_bus_config *bus,
                              const struct vsmd_can_command *command, unsigned registers)
 {
-	struct vsmd_can_style style = style_of(bus);
+	struct vsmd_can_style style = vsmd_can_style_of(bus);
 	struct db_can_frame frame;
 
 	if (vsmd_can_encode_command(&style, 1, command, &frame) != VSMD_OK)
@@ -255,7 +235,7 @@ static bool write_one_frame(const struct vsmd_can_style *style, unsigned drive,
 static bool write_broadcast(enum db_command command, const struct db_bus_config *bus,
                             struct db_exchange *exchange)
 {
-	struct vsmd_can_style style = style_of(bus);
+	struct vsmd_can_style style = vsmd_can_style_of(bus);
 
 	return write_one_frame(&style, VSMD_CAN_BROADCAST, command, exchange);
 }
@@ -295,7 +275,7 @@ static void check_config(const struct db_bus_config *bus,
                          const struct db_drive_config *const *drives, size_t drive_count,
                          db_complain_fn *complain, void *context)
 {
-	if (style_of(bus).extended)
+	if (vsmd_can_style_of(bus).extended)
 		return;
 	for (size_t i = 0; i < drive_count; i++) {
 		if (drives[i]->address > VSMD_CAN_STD_DRIVE_MAX)
@@ -304,23 +284,6 @@ static void check_config(const struct db_bus_config *bus,
 			         "%d, or frames = extended on bus '%s'",
 			         drives[i]->address, VSMD_CAN_STD_DRIVE_MAX, bus->name);
 	}
-}
-
-static bool write_inquiry(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
-                          struct db_exchange *exchange)
-{
-	const struct vsmd_can_style style = style_of(bus);
-
-	return vsmd_can_inquire(&style, inquiry, exchange);
-}
-
-static enum db_recognised recognise_frame(const struct db_bus_config *bus,
-                                          const struct db_inquiry *inquiry, const uint8_t *frame,
-                                          size_t length, struct db_inquired *found)
-{
-	const struct vsmd_can_style style = style_of(bus);
-
-	return vsmd_can_recognise(&style, inquiry, frame, length, found);
 }
 
 static const unsigned speeds[] = {
@@ -361,8 +324,8 @@ const struct db_driver db_driver_vsmd_can = {
 	.refresh_pause = 1 * DB_NS_PER_S,
 	.device_size = sizeof(struct db_device),
 	.init = init_device,
-	.inquire = write_inquiry,
-	.recognise = recognise_frame,
+	.inquire = vsmd_can_inquire,
+	.recognise = vsmd_can_recognise,
 	.speeds = speeds,
 	.address_effect = DB_TAKES_EFFECT_POWER_UP,
 	.speed_effect = DB_TAKES_EFFECT_POWER_UP,

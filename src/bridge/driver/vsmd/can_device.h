@@ -6,6 +6,27 @@
 #include "codec/vsmd_can.h"
 #include "driver/vsmd/vsmd_private.h"
 
+/* Settings of a bus, named as their keys. */
+struct vsmd_can_options {
+	unsigned frames; /* 1: standard */
+	double host_id;
+	double output_base;
+	double report_ms;
+	unsigned report; /* index of reports[] in can.c */
+};
+
+/* How drives of a bus are spoken to. */
+static inline struct vsmd_can_style vsmd_can_style_of(const struct db_bus_config *bus)
+{
+	const struct vsmd_can_options *given = bus->options;
+
+	return (struct vsmd_can_style){
+		.extended = !(given->frames != 0),
+		.host = (uint16_t)given->host_id,
+		.output_base = (uint8_t)given->output_base,
+	};
+}
+
 /* Reading all parameters: the registers to be read, and a range that contains one that was not
  * answered. */
 struct vsmd_can_search {

@@ -38,9 +38,8 @@ size_t vsmd_can_answer_length(unsigned registers)
 	return 8 * frames + 4 * registers;
 }
 
-/* The read that ends every burst, split where the drive answers no long read. */
-static enum db_step add_read(struct db_conversation *talk, enum vsmd_can_code code, unsigned first,
-                             unsigned count)
+enum db_step vsmd_can_add_read(struct db_conversation *talk, enum vsmd_can_code code,
+                               unsigned first, unsigned count)
 {
 	unsigned most = talk->device->reads_short ? VSMD_CAN_FRAME_REGS : count;
 
@@ -59,12 +58,11 @@ static enum db_step add_read(struct db_conversation *talk, enum vsmd_can_code co
 	return DB_STEP_SEND;
 }
 
-/* Position and status word, and the speed before them if `speed`. */
-static enum db_step add_status(struct db_conversation *talk, bool speed)
+enum db_step vsmd_can_add_status(struct db_conversation *talk, bool speed)
 {
-	return speed ? add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED,
-	                        VSMD_CAN_STATUS_REGS) :
-	               add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 2);
+	return speed ? vsmd_can_add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED,
+	                                 VSMD_CAN_STATUS_REGS) :
+	               vsmd_can_add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 2);
 }
 
 bool vsmd_can_lacks_speed(const struct db_device *device)
@@ -72,19 +70,12 @@ bool vsmd_can_lacks_speed(const struct db_device *device)
 	return device->report == VSMD_CAN_REPORT_POSITION_STATUS;
 }
 
-enum db_step vsmd_can_read_status(struct db_conversation *talk)
-{
-	vsmd_can_start_burst(talk->exchange, true);
-	return add_status(talk, !vsmd_can_lacks_speed(talk->device));
-}
-
 bool vsmd_can_lacks_identity(const struct db_device *device)
 {
 	return device->probe_known && device->probe != VSMD_CAN_PROBE_IDENTITY;
 }
 
-/* A register of the identity other than the probe's. No report begins with the speed alone. */
-static unsigned guard_of(const struct db_device *device)
+unsigned vsmd_can_guard_of(const struct db_device *device)
 {
 	return vsmd_can_lacks_identity(device) ? VSMD_CAN_STATUS_SPEED : VSMD_CAN_IDENTITY + 1;
 }
@@ -94,55 +85,15 @@ static unsigned guard_of(const struct db_device *device)
 enum db_step vsmd_can_add_guarded(struct db_conversation *talk, enum vsmd_can_code code,
                                   unsigned first, unsigned count)
 {
-	if (add_read(talk, code, first, count) == DB_STEP_DONE ||
-	    add_read(talk, VSMD_CAN_READ_STATUS, guard_of(talk->device), 1) == DB_STEP_DONE)
+	if (vsmd_can_add_read(talk, code, first, count) == DB_STEP_DONE ||
+	    vsmd_can_add_read(talk, VSMD_CAN_READ_STATUS, vsmd_can_guard_of(talk->device), 1) ==
+	            DB_STEP_DONE)
 		return DB_STEP_DONE;
 	talk->exchange->answer_length = vsmd_can_answer_length(count) + vsmd_can_answer_length(1);
 	return DB_STEP_SEND;
 }
 
-enum db_step vsmd_can_read_probe(struct db_conversation *talk)
-{
-	struct db_device *device = talk->device;
-
-	vsmd_can_start_burst(talk->exchange, true);
-	switch (device->probe) {
-	case VSMD_CAN_PROBE_SPEED:
-		return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, 1);
-	case VSMD_CAN_PROBE_DATA:
-		return add_read(talk, VSMD_CAN_READ_DATA, VSMD_CAN_DATA_FIRST, 1);
-	case VSMD_CAN_PROBE_IDENTITY:
-	default:
-		return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY, 1);
-	}
-}
-
 /* --- commands -------------------------------------------------------------------------------- */
-
-/* The parameters of a shake are sent in frames that nothing confirms: each is sent twice, so that
- * losing one changes nothing. */
-static size_t shake_frames(const struct vsmd_command *command, enum vsmd_can_shake start,
-                           struct vsmd_can_command *frames)
-{
-	size_t count = 0;
-
-	for (unsigned i = 0; i < 2; i++) {
-		frames[count++] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
-			                                     .shake = VSMD_CAN_SHAKE_START_AT,
-			                                     .position = command->shake_start };
-		frames[count++] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
-			                                     .shake = VSMD_CAN_SHAKE_END_AT,
-			                                     .position = command->shake_end };
-		frames[count++] =
-			(struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
-			                           .shake = VSMD_CAN_SHAKE_FREQUENCY,
-			                           .shake_frequency = command->shake_frequency };
-	}
-	frames[count++] = (struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
-		                                     .shake = start,
-		                                     .shake_count = command->shake_count };
-	return count;
-}
 
 /* The codes of the commands that fit into one frame. */
 static enum vsmd_can_code code_of(enum vsmd_verb verb)
@@ -181,15 +132,39 @@ static enum vsmd_can_code code_of(enum vsmd_verb verb)
 
 size_t vsmd_can_frames_of(const struct vsmd_command *command, struct vsmd_can_command *frames)
 {
+	size_t count = 0;
+
 	switch (command->verb) {
 	case VSMD_STS:
-		return 0;
+		break;
 	case VSMD_SHAKE_CYCLES:
-		return shake_frames(command, VSMD_CAN_SHAKE_CYCLES, frames);
 	case VSMD_SHAKE_TIME:
-		return shake_frames(command, VSMD_CAN_SHAKE_TIME, frames);
+		/* The parameters of a shake are sent in frames that nothing confirms: each is sent
+		 * twice, so that losing one changes nothing. */
+		for (unsigned i = 0; i < 2; i++) {
+			frames[count++] =
+				(struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
+				                           .shake = VSMD_CAN_SHAKE_START_AT,
+				                           .position = command->shake_start };
+			frames[count++] =
+				(struct vsmd_can_command){ .code = VSMD_CAN_SHAKE,
+				                           .shake = VSMD_CAN_SHAKE_END_AT,
+				                           .position = command->shake_end };
+			frames[count++] = (struct vsmd_can_command){
+				.code = VSMD_CAN_SHAKE,
+				.shake = VSMD_CAN_SHAKE_FREQUENCY,
+				.shake_frequency = command->shake_frequency,
+			};
+		}
+		frames[count++] = (struct vsmd_can_command){
+			.code = VSMD_CAN_SHAKE,
+			.shake = command->verb == VSMD_SHAKE_TIME ? VSMD_CAN_SHAKE_TIME :
+			                                            VSMD_CAN_SHAKE_CYCLES,
+			.shake_count = command->shake_count,
+		};
+		break;
 	default:
-		frames[0] = (struct vsmd_can_command){
+		frames[count++] = (struct vsmd_can_command){
 			.code = code_of(command->verb),
 			.has_position = command->verb == VSMD_ORG && command->has_value,
 			.has_velocity = command->has_velocity,
@@ -199,21 +174,9 @@ size_t vsmd_can_frames_of(const struct vsmd_command *command, struct vsmd_can_co
 			.value = command->value,
 			.shake = VSMD_CAN_SHAKE_STOP,
 		};
-		return 1;
+		break;
 	}
-}
-
-enum db_step vsmd_can_read_guard(struct db_conversation *talk)
-{
-	return add_read(talk, VSMD_CAN_READ_STATUS, guard_of(talk->device), 1);
-}
-
-enum db_step vsmd_can_read_identity(struct db_conversation *talk)
-{
-	if (vsmd_can_lacks_identity(talk->device))
-		return vsmd_can_add_guarded(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY,
-		                            VSMD_CAN_IDENTITY_REGS);
-	return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY, VSMD_CAN_IDENTITY_REGS);
+	return count;
 }
 
 enum db_step vsmd_can_send_command(struct db_conversation *talk, const struct vsmd_command *command,
@@ -233,7 +196,7 @@ enum db_step vsmd_can_send_command(struct db_conversation *talk, const struct vs
 	}
 	if (command->verb == VSMD_SAV)
 		talk->exchange->extra_time = device->axis.save_time;
-	return add_status(talk, vsmd_can_lacks_speed(talk->device));
+	return vsmd_can_add_status(talk, vsmd_can_lacks_speed(talk->device));
 }
 
 enum db_step vsmd_can_read(struct db_conversation *talk, enum vsmd_read what)
@@ -241,15 +204,16 @@ enum db_step vsmd_can_read(struct db_conversation *talk, enum vsmd_read what)
 	vsmd_can_start_burst(talk->exchange, true);
 	switch (what) {
 	case VSMD_READ_SPEED:
-		return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, 1);
+		return vsmd_can_add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, 1);
 	case VSMD_READ_POSITION:
 		/* A report of the position alone would look like its answer. */
 		if (talk->device->report == VSMD_CAN_REPORT_POSITION)
-			return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, 2);
-		return add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 1);
+			return vsmd_can_add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED,
+			                         2);
+		return vsmd_can_add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_POSITION, 1);
 	case VSMD_READ_STATUS:
 	default:
-		return add_status(talk, vsmd_can_lacks_speed(talk->device));
+		return vsmd_can_add_status(talk, vsmd_can_lacks_speed(talk->device));
 	}
 }
 
@@ -275,38 +239,29 @@ static bool read_sent(const struct db_device *device, const struct db_exchange *
 	return true;
 }
 
-/* The read that the exchange waits for: the last one, or the one that it guards, with all its
- * parts. */
-static bool find_read(const struct db_device *device, const struct db_exchange *exchange,
-                      struct vsmd_can_command *read, bool *guarded)
-{
-	struct vsmd_can_command before;
-	size_t from_end = 1;
-
-	*guarded = false;
-	if (!read_sent(device, exchange, from_end++, read))
-		return false;
-	while (read_sent(device, exchange, from_end++, &before)) {
-		if (before.code == read->code && before.first + before.count == read->first) {
-			before.count = (uint8_t)(before.count + read->count);
-		} else if (*guarded) {
-			break;
-		} else {
-			*guarded = true;
-		}
-		*read = before;
-	}
-	return true;
-}
-
 bool vsmd_can_expect_answer(struct db_device *device, const struct db_exchange *exchange)
 {
+	struct vsmd_can_command before;
 	struct vsmd_can_command read;
+	size_t from_end = 1;
 
 	if (device->answer_to == exchange->sending)
 		return true;
-	if (!find_read(device, exchange, &read, &device->guarded))
+	/* The read that the exchange waits for is the last one, or the one that it guards, with all
+	 * its parts. */
+	device->guarded = false;
+	if (!read_sent(device, exchange, from_end++, &read))
 		return false;
+	while (read_sent(device, exchange, from_end++, &before)) {
+		if (before.code == read.code && before.first + before.count == read.first) {
+			before.count = (uint8_t)(before.count + read.count);
+		} else if (device->guarded) {
+			break;
+		} else {
+			device->guarded = true;
+		}
+		read = before;
+	}
 	device->answer_to = exchange->sending;
 	device->whole = false;
 	if (vsmd_can_expect(&device->answer, &device->style, device->drive,
@@ -324,7 +279,7 @@ enum db_step vsmd_can_collect_answer(struct db_device *device,
 	enum vsmd_can_took took;
 
 	if (device->guarded && message->id.control == VSMD_CAN_STATUS_REPLY &&
-	    message->id.reg == guard_of(device) &&
+	    message->id.reg == vsmd_can_guard_of(device) &&
 	    (message->count == 1 || (device->forms & VSMD_CAN_PADDED)))
 		return DB_STEP_DONE;
 	took = vsmd_can_take(&device->answer, message);

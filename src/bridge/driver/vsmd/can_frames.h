@@ -31,16 +31,18 @@ bool vsmd_can_add_command(const struct vsmd_can_style *style, unsigned drive,
 /* The frames of a command; none for a mere status request. */
 size_t vsmd_can_frames_of(const struct vsmd_command *command, struct vsmd_can_command *frames);
 
-/* Reads that end a burst. */
+/* Reads that end a burst, split where the drive answers no long read. */
+enum db_step vsmd_can_add_read(struct db_conversation *talk, enum vsmd_can_code code,
+                               unsigned first, unsigned count);
+/* Of position and status word, and the speed before them if `speed`. */
+enum db_step vsmd_can_add_status(struct db_conversation *talk, bool speed);
+/* A register of the identity other than the probe's. No report begins with the speed alone. */
+unsigned vsmd_can_guard_of(const struct db_device *device);
 /* Of registers that the drive may not have: then only the read after it is answered. */
 enum db_step vsmd_can_add_guarded(struct db_conversation *talk, enum vsmd_can_code code,
                                   unsigned first, unsigned count);
-enum db_step vsmd_can_read_identity(struct db_conversation *talk);
-enum db_step vsmd_can_read_guard(struct db_conversation *talk);
 
 /* Whole exchanges. */
-enum db_step vsmd_can_read_probe(struct db_conversation *talk);
-enum db_step vsmd_can_read_status(struct db_conversation *talk);
 enum db_step vsmd_can_send_command(struct db_conversation *talk, const struct vsmd_command *command,
                                    bool repeatable);
 enum db_step vsmd_can_read(struct db_conversation *talk, enum vsmd_read what);

@@ -52,9 +52,10 @@ static bool put_setting(const struct db_inquiry *inquiry, uint32_t *raw)
 	return vsmd_can_insert(param, (union db_value){ .u = inquiry->value }, raw) == VSMD_OK;
 }
 
-bool vsmd_can_inquire(const struct vsmd_can_style *style, const struct db_inquiry *inquiry,
+bool vsmd_can_inquire(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
                       struct db_exchange *exchange)
 {
+	const struct vsmd_can_style style = vsmd_can_style_of(bus);
 	const struct vsmd_can_command save = { .code = VSMD_CAN_SAV };
 	struct vsmd_can_command read = read_of(inquiry);
 	struct db_can_frame frame;
@@ -64,19 +65,19 @@ bool vsmd_can_inquire(const struct vsmd_can_style *style, const struct db_inquir
 	struct vsmd_can_command part = read;
 
 	if (inquiry->address < 1 ||
-	    inquiry->address > (style->extended ? VSMD_CAN_DRIVE_MAX : VSMD_CAN_STD_DRIVE_MAX))
+	    inquiry->address > (style.extended ? VSMD_CAN_DRIVE_MAX : VSMD_CAN_STD_DRIVE_MAX))
 		return false;
 	vsmd_can_start_burst(exchange, true);
 	/* What sets something is read after it. */
 	if ((inquiry->kind == DB_INQUIRY_SET_ADDRESS || inquiry->kind == DB_INQUIRY_SET_SPEED) &&
 	    (!put_setting(inquiry, &raw) ||
-	     vsmd_can_encode_write(style, inquiry->address, read.first, &raw, 1, &frame) !=
+	     vsmd_can_encode_write(&style, inquiry->address, read.first, &raw, 1, &frame) !=
 	             VSMD_OK ||
 	     !vsmd_can_add_frame(exchange, &frame)))
 		return false;
 	if (inquiry->kind == DB_INQUIRY_SAVE) {
 		exchange->extra_time = SAVE_TIME;
-		if (!vsmd_can_add_command(style, inquiry->address, &save, exchange))
+		if (!vsmd_can_add_command(&style, inquiry->address, &save, exchange))
 			return false;
 	}
 	/* Some drives answer no long read: the identity is read in parts if it was not answered. */
@@ -85,7 +86,7 @@ bool vsmd_can_inquire(const struct vsmd_can_style *style, const struct db_inquir
 	for (unsigned at = 0; at < read.count; at += most) {
 		part.first = (uint8_t)(read.first + at);
 		part.count = (uint8_t)(read.count - at < most ? read.count - at : most);
-		if (!vsmd_can_add_command(style, inquiry->address, &part, exchange))
+		if (!vsmd_can_add_command(&style, inquiry->address, &part, exchange))
 			return false;
 	}
 	exchange->answer_length = vsmd_can_answer_length(read.count);
@@ -120,10 +121,11 @@ static void take_values(const struct db_inquiry *inquiry, struct db_inquired *fo
 }
 
 /* In any form that drives use. */
-enum db_recognised vsmd_can_recognise(const struct vsmd_can_style *style,
+enum db_recognised vsmd_can_recognise(const struct db_bus_config *bus,
                                       const struct db_inquiry *inquiry, const uint8_t *bytes,
                                       size_t length, struct db_inquired *found)
 {
+	const struct vsmd_can_style style = vsmd_can_style_of(bus);
 	struct vsmd_can_command read = read_of(inquiry);
 	struct vsmd_can_message message;
 	struct vsmd_can_answer answer;
@@ -133,8 +135,8 @@ enum db_recognised vsmd_can_recognise(const struct vsmd_can_style *style,
 	if (length != sizeof(frame))
 		return DB_RECOGNISED_NOTHING;
 	memcpy(&frame, bytes, sizeof(frame));
-	if (vsmd_can_decode(style, &frame, &message) != VSMD_OK ||
-	    vsmd_can_expect(&answer, style, inquiry->address,
+	if (vsmd_can_decode(&style, &frame, &message) != VSMD_OK ||
+	    vsmd_can_expect(&answer, &style, inquiry->address,
 	                    read.code == VSMD_CAN_READ_STATUS ? VSMD_CAN_STATUS_REPLY :
 	                                                        VSMD_CAN_DATA_REPLY,
 	                    read.first, read.count) != VSMD_OK)

@@ -46,20 +46,6 @@ static unsigned reg_of(const struct db_request *request, size_t i)
 	return vsmd_can_fields[request->settings[i].param].reg;
 }
 
-/* The index of the first setting from `i` on whose register was not written for an earlier one. */
-static size_t next_setting(const struct db_request *request, size_t i)
-{
-	for (; i < request->setting_count; i++) {
-		size_t j = 0;
-
-		while (j < i && reg_of(request, j) != reg_of(request, i))
-			j++;
-		if (j == i)
-			break;
-	}
-	return i;
-}
-
 /* Reads the current register; to explain a refused write, the status. */
 static enum db_step read_register(struct db_conversation *talk)
 {
@@ -106,8 +92,17 @@ static enum db_step write_next(struct db_conversation *talk, size_t from)
 {
 	const struct db_request *request = talk->job->request;
 	struct db_device *device = talk->device;
+	size_t earlier;
 
-	device->setting = next_setting(request, from);
+	/* The first setting from there on whose register was not written for an earlier one. */
+	for (; from < request->setting_count; from++) {
+		earlier = 0;
+		while (earlier < from && reg_of(request, earlier) != reg_of(request, from))
+			earlier++;
+		if (earlier == from)
+			break;
+	}
+	device->setting = from;
 	device->writes = 0;
 	if (device->setting == request->setting_count) {
 		vsmd_take_settings(&device->axis, request);
@@ -234,7 +229,13 @@ static enum db_step send_identity(struct db_conversation *talk)
 	if ((alone || !device->reads_short) &&
 	    !vsmd_can_add_command(&device->style, device->drive, &report, talk->exchange))
 		return end_job(talk, DB_RESULT_FAILED);
-	return alone ? vsmd_can_read_guard(talk) : vsmd_can_read_identity(talk);
+	if (alone)
+		return vsmd_can_add_read(talk, VSMD_CAN_READ_STATUS, vsmd_can_guard_of(device), 1);
+	if (vsmd_can_lacks_identity(device))
+		return vsmd_can_add_guarded(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY,
+		                            VSMD_CAN_IDENTITY_REGS);
+	return vsmd_can_add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY,
+	                         VSMD_CAN_IDENTITY_REGS);
 }
 
 static bool is_parameter(const struct db_device *device, unsigned reg)
@@ -260,22 +261,6 @@ static bool next_run(const struct db_device *device, struct vsmd_can_search *sea
 	       is_parameter(device, search->first + search->count))
 		search->count++;
 	return search->count > 0;
-}
-
-/* True if the range is to be read again, or a part of it. */
-static bool narrow_search(struct db_device *device, struct vsmd_can_search *search)
-{
-	if (search->count > 1) {
-		search->suspect_end = search->first + search->count;
-		search->run = search->count / 2;
-		search->tries = 0;
-		return true;
-	}
-	if (++search->tries < REGISTER_TRIES)
-		return true;
-	device->lacks |= UINT64_C(1) << search->first;
-	search->tries = 0;
-	return false;
 }
 
 static enum db_step send_registers(struct db_conversation *talk)
@@ -331,25 +316,20 @@ static enum db_step answer_registers(struct db_conversation *talk)
 		device->axis.plate.generation++;
 		search->first += search->count;
 		search->tries = 0;
-	} else if (!narrow_search(device, search)) {
+	} else if (search->count > 1) {
+		/* The range is read again in halves. */
+		search->suspect_end = search->first + search->count;
+		search->run = search->count / 2;
+		search->tries = 0;
+	} else if (++search->tries >= REGISTER_TRIES) {
+		device->lacks |= UINT64_C(1) << search->first;
+		search->tries = 0;
 		search->first += search->count;
 	}
 	return send_step(talk, steps, STEP_REGISTERS);
 }
 
 /* --- in turn ---------------------------------------------------------------------------------- */
-
-/* The next register whose parameters are known. False: there is none. */
-static bool take_next_turn(struct db_device *device)
-{
-	for (unsigned n = VSMD_CAN_DATA_FIRST; n <= VSMD_CAN_DATA_LAST; n++) {
-		if (++device->refreshed > VSMD_CAN_DATA_LAST)
-			device->refreshed = VSMD_CAN_DATA_FIRST;
-		if (is_parameter(device, device->refreshed))
-			return true;
-	}
-	return false;
-}
 
 static enum db_step answer_refresh(struct db_conversation *talk)
 {
@@ -384,7 +364,16 @@ static enum db_step send_probe(struct db_conversation *talk)
 	if (!device->probe_known && device->probe_sent)
 		device->probe = (enum vsmd_can_probe)((device->probe + 1u) % VSMD_CAN_PROBES);
 	device->probe_sent = true;
-	return vsmd_can_read_probe(talk);
+	vsmd_can_start_burst(talk->exchange, true);
+	switch (device->probe) {
+	case VSMD_CAN_PROBE_SPEED:
+		return vsmd_can_add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_STATUS_SPEED, 1);
+	case VSMD_CAN_PROBE_DATA:
+		return vsmd_can_add_read(talk, VSMD_CAN_READ_DATA, VSMD_CAN_DATA_FIRST, 1);
+	case VSMD_CAN_PROBE_IDENTITY:
+	default:
+		return vsmd_can_add_read(talk, VSMD_CAN_READ_STATUS, VSMD_CAN_IDENTITY, 1);
+	}
 }
 
 static enum db_step send_poll(struct db_conversation *talk)
@@ -394,7 +383,8 @@ static enum db_step send_poll(struct db_conversation *talk)
 	if (device->poll_open && !device->reads_long && ++device->lost_polls >= LONG_READS)
 		device->reads_short = true;
 	device->poll_open = true;
-	return vsmd_can_read_status(talk);
+	vsmd_can_start_burst(talk->exchange, true);
+	return vsmd_can_add_status(talk, !vsmd_can_lacks_speed(device));
 }
 
 static enum db_step answer_poll(struct db_conversation *talk)
@@ -446,6 +436,8 @@ const struct vsmd_link vsmd_can_link = {
 
 enum db_step vsmd_can_begin(struct db_conversation *talk)
 {
+	struct db_device *device = talk->device;
+
 	if (vsmd_is_command(talk->job))
 		return vsmd_begin_command(talk);
 	switch (talk->job->kind) {
@@ -456,15 +448,20 @@ enum db_step vsmd_can_begin(struct db_conversation *talk)
 	case DB_JOB_SETTINGS:
 		return write_next(talk, 0);
 	case DB_JOB_REFRESH:
-		return take_next_turn(talk->device) ? send_step(talk, steps, STEP_REFRESH) :
-		                                      end_job(talk, DB_RESULT_UNSUPPORTED);
+		/* The next register whose parameters are known. */
+		for (unsigned n = VSMD_CAN_DATA_FIRST; n <= VSMD_CAN_DATA_LAST; n++) {
+			if (++device->refreshed > VSMD_CAN_DATA_LAST)
+				device->refreshed = VSMD_CAN_DATA_FIRST;
+			if (is_parameter(device, device->refreshed))
+				return send_step(talk, steps, STEP_REFRESH);
+		}
+		return end_job(talk, DB_RESULT_UNSUPPORTED);
 	case DB_JOB_COMMAND: /* read_parameters */
 	default:
-		talk->device->lacks = 0;
+		device->lacks = 0;
 		/* fall through */
 	case DB_JOB_IDENTIFY:
-		return send_step(talk, steps,
-		                 talk->device->reads_short ? STEP_REPORT : STEP_IDENTITY);
+		return send_step(talk, steps, device->reads_short ? STEP_REPORT : STEP_IDENTITY);
 	}
 }
 

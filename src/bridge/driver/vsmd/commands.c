@@ -28,20 +28,10 @@ static bool needs_read_back(enum db_command command)
 	return db_command_is_motion(command) || command == DB_CMD_SET_POSITION;
 }
 
-static struct vsmd_command shake_command(enum vsmd_verb verb, const struct db_args *args,
-                                         uint32_t count)
-{
-	return (struct vsmd_command){
-		.verb = verb,
-		.shake_start = args->shake_start_position,
-		.shake_end = args->shake_end_position,
-		.shake_frequency = args->shake_frequency,
-		.shake_count = count,
-	};
-}
-
 struct vsmd_command vsmd_command_of(enum db_command command, const struct db_args *args)
 {
+	bool in_time;
+
 	switch (command) {
 	case DB_CMD_ENABLE:
 		return (struct vsmd_command){ .verb = VSMD_ENA };
@@ -80,17 +70,21 @@ struct vsmd_command vsmd_command_of(enum db_command command, const struct db_arg
 			                      .port = (uint8_t)args->output_number,
 			                      .value = (uint8_t)args->output_value };
 	case DB_CMD_SET_SV:
-		return (struct vsmd_command){ .verb = VSMD_SV,
-			                      .port = (uint8_t)args->output_number,
-			                      .value = (uint8_t)args->output_value };
 	case DB_CMD_SET_NMOS:
-		return (struct vsmd_command){ .verb = VSMD_NMOS,
+		return (struct vsmd_command){ .verb = command == DB_CMD_SET_SV ? VSMD_SV :
+			                                                         VSMD_NMOS,
 			                      .port = (uint8_t)args->output_number,
 			                      .value = (uint8_t)args->output_value };
 	case DB_CMD_SHAKE_START:
-		return shake_command(VSMD_SHAKE_CYCLES, args, args->shake_cycles);
 	case DB_CMD_SHAKE_START_TIME:
-		return shake_command(VSMD_SHAKE_TIME, args, args->shake_time);
+		in_time = command == DB_CMD_SHAKE_START_TIME;
+		return (struct vsmd_command){
+			.verb = in_time ? VSMD_SHAKE_TIME : VSMD_SHAKE_CYCLES,
+			.shake_start = args->shake_start_position,
+			.shake_end = args->shake_end_position,
+			.shake_frequency = args->shake_frequency,
+			.shake_count = in_time ? args->shake_time : args->shake_cycles,
+		};
 	case DB_CMD_SHAKE_STOP:
 		return (struct vsmd_command){ .verb = VSMD_SHAKE_STOP };
 	default: /* relative moves, and anything check() refuses, begin by reading the status */

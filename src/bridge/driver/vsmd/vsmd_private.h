@@ -372,9 +372,9 @@ enum db_step vsmd_can_lose_answer(struct db_conversation *talk);
 
 /* Inquiries of VSMD drives on CAN, see driver.h. Pure. */
 
-bool vsmd_can_inquire(const struct vsmd_can_style *style, const struct db_inquiry *inquiry,
+bool vsmd_can_inquire(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
                       struct db_exchange *exchange);
-enum db_recognised vsmd_can_recognise(const struct vsmd_can_style *style,
+enum db_recognised vsmd_can_recognise(const struct db_bus_config *bus,
                                       const struct db_inquiry *inquiry, const uint8_t *bytes,
                                       size_t length, struct db_inquired *found);
 

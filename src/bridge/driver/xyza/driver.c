@@ -28,11 +28,6 @@ struct xyza_options {
 	unsigned raw_frames;
 };
 
-static const struct xyza_options *options_of(const struct db_bus_config *bus)
-{
-	return bus->options;
-}
-
 static const struct db_option options[] = {
 	{
 		.section = "bus",
@@ -104,12 +99,14 @@ static const struct db_nameplate *get_nameplate(const struct db_device *device)
 static void init_device(struct db_device *device, struct db_device *first,
                         const struct db_bus_config *bus, const struct db_drive_config *drive)
 {
+	const struct xyza_options *given = bus->options;
+
 	DB_NAMEPLATE_INIT(&device->plate, &device->plate_room, XYZA_SHOWN_COUNT);
 	device->first = first ? first : device;
 	device->front.steps = device->front_steps;
 	device->stop.steps = device->stop_steps;
-	device->reaction = (db_time)options_of(bus)->reaction_ms * DB_NS_PER_MS;
-	device->stops_for_speed = options_of(bus)->jog_speed_change != 0;
+	device->reaction = (db_time)given->reaction_ms * DB_NS_PER_MS;
+	device->stops_for_speed = given->jog_speed_change != 0;
 	device->limited = !isnan(drive->min_position) || !isnan(drive->max_position);
 	device->object = (uint8_t)drive->address;
 	device->axis = (enum xyza_axis)drive->axis;
@@ -133,6 +130,7 @@ static void cut_frame(const struct db_received *received, size_t *skip, size_t *
 static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t *frame,
                                   size_t length, int *address)
 {
+	const struct xyza_options *given = bus->options;
 	struct xyza_reply reply;
 
 	switch (xyza_decode_reply(frame, length, &reply)) {
@@ -146,7 +144,7 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 		break;
 	}
 	/* The answer to a raw frame may be undocumented. */
-	if (options_of(bus)->raw_frames == 0 || xyza_sender(frame, length) == 0)
+	if (given->raw_frames == 0 || xyza_sender(frame, length) == 0)
 		return DB_FRAME_BAD;
 	*address = xyza_sender(frame, length);
 	return DB_FRAME_GOOD;
@@ -206,17 +204,21 @@ static db_time command_time(const struct db_bus_config *bus)
 static uint64_t forbidden_commands(const struct db_bus_config *bus,
                                    const struct db_drive_config *drive)
 {
+	const struct xyza_options *given = bus->options;
+
 	(void)drive;
-	return options_of(bus)->raw_frames != 0 ? 0 : DB_COMMAND_BIT(DB_CMD_RAW_FRAME);
+	return given->raw_frames != 0 ? 0 : DB_COMMAND_BIT(DB_CMD_RAW_FRAME);
 }
 
 static void check_config(const struct db_bus_config *bus,
                          const struct db_drive_config *const *drives, size_t drive_count,
                          db_complain_fn *complain, void *context)
 {
+	const struct xyza_options *given = bus->options;
+
 	(void)drives;
 	(void)drive_count;
-	if (options_of(bus)->raw_frames != 0)
+	if (given->raw_frames != 0)
 		complain(context, NULL, false,
 		         "raw-frames is on: who may write may send frames that the bridge cannot "
 		         "judge, past limits, locks and unlock-system; turn it off when it is "
@@ -265,7 +267,8 @@ static enum db_result check_command(const struct db_bus_config *bus,
 static enum db_result check_param(const struct db_bus_config *bus, size_t param,
                                   union db_value value)
 {
-	bool unlocked = options_of(bus)->unlock_system != 0;
+	const struct xyza_options *given = bus->options;
+	bool unlocked = given->unlock_system != 0;
 	unsigned access;
 
 	if (param >= XYZA_SHOWN_COUNT)

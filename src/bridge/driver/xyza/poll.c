@@ -293,18 +293,6 @@ static void take_position(struct db_device *device, const struct db_device *firs
 	device->part = (struct xyza_part){ .losses = 0 };
 }
 
-/* True if nothing changed since the last time and nothing moves: the second read of the sign is not
- * needed. */
-static bool is_settled(const struct db_device *first, const struct db_device *device)
-{
-	int32_t position;
-
-	return device->has_position && first->poll_standing && device->standing &&
-	       first->poll_commanded == device->commanded &&
-	       xyza_position(first->poll_magnitude, first->poll_negative, &position) &&
-	       position == device->position;
-}
-
 /* Standing, sign, magnitude and sign again of one axis. */
 static enum db_step answer_axis(struct db_conversation *talk)
 {
@@ -313,6 +301,7 @@ static enum db_step answer_axis(struct db_conversation *talk)
 	struct db_device *device = first->axes[first->poll_axis];
 	bool negative = reply->value == 1;
 	unsigned step = talk->job->step;
+	int32_t position;
 
 	if (step == STEP_SIGN) {
 		first->poll_negative = negative;
@@ -331,7 +320,12 @@ static enum db_step answer_axis(struct db_conversation *talk)
 	if (step == STEP_MAGNITUDE) {
 		first->poll_magnitude = reply->value;
 		first->poll_taken = talk->now;
-		if (!is_settled(first, device)) {
+		/* The second read of the sign is only left out where nothing changed since the last
+		 * time and nothing moves. */
+		if (!device->has_position || !first->poll_standing || !device->standing ||
+		    first->poll_commanded != device->commanded ||
+		    !xyza_position(first->poll_magnitude, first->poll_negative, &position) ||
+		    position != device->position) {
 			talk->unchanged = true;
 			return send_poll_step(talk, STEP_SIGN_AGAIN);
 		}

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a scan asks VSMD drives on CAN, in bytes, and how it takes answers in the forms that drives have. */
 #include "driver/list.h"
-#include "driver/vsmd/vsmd_private.h"
+#include "driver/vsmd/can_device.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -12,7 +12,9 @@
 
 #include <cmocka.h>
 
-static const struct vsmd_can_style style = { .extended = true, .host = 1, .output_base = 1 };
+static struct vsmd_can_options extended = { .host_id = 1, .output_base = 1 };
+static struct vsmd_can_options standard = { .frames = 1, .host_id = 1, .output_base = 1 };
+static const struct db_bus_config bus = { .options = &extended };
 
 /* The frames of an inquiry of drive 1, as text. */
 static const char *ask(enum db_inquiry_kind kind, unsigned value)
@@ -24,7 +26,7 @@ static const char *ask(enum db_inquiry_kind kind, unsigned value)
 	char *at = text;
 
 	*at = '\0';
-	assert_true(vsmd_can_inquire(&style, &inquiry, &exchange));
+	assert_true(vsmd_can_inquire(&bus, &inquiry, &exchange));
 	for (size_t i = 0; i < exchange.request_length; i += sizeof(struct db_can_frame)) {
 		struct db_can_frame frame;
 
@@ -59,7 +61,7 @@ static enum db_recognised take(struct talk *talk, unsigned control, unsigned reg
 		frame.data[i] = (uint8_t)(first >> (24 - 8 * i));
 		frame.data[4 + i] = (uint8_t)(second >> (24 - 8 * i));
 	}
-	return vsmd_can_recognise(&style, &talk->inquiry, (const uint8_t *)&frame, sizeof frame,
+	return vsmd_can_recognise(&bus, &talk->inquiry, (const uint8_t *)&frame, sizeof frame,
 	                          &talk->said);
 }
 
@@ -157,14 +159,14 @@ static void saving_is_refused_in_the_status(void **state)
 	}
 }
 
-static bool can_ask(bool extended, enum db_inquiry_kind kind, unsigned address, unsigned value)
+static bool can_ask(bool in_extended, enum db_inquiry_kind kind, unsigned address, unsigned value)
 {
-	const struct vsmd_can_style form = { .extended = extended, .host = 1, .output_base = 1 };
+	const struct db_bus_config any = { .options = in_extended ? &extended : &standard };
 	uint8_t bytes[DB_REQUEST_MAX];
 	struct db_exchange exchange = { .request = bytes, .request_size = sizeof bytes };
 	const struct db_inquiry inquiry = { .kind = kind, .address = address, .value = value };
 
-	return vsmd_can_inquire(&form, &inquiry, &exchange);
+	return vsmd_can_inquire(&any, &inquiry, &exchange);
 }
 
 /* Addresses that a frame has no room for belong to another drive in it. */
