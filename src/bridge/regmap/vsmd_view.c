@@ -41,11 +41,6 @@ struct db_vsmd_view *db_vsmd_view_new(const struct db_drive_config *config)
 	return view;
 }
 
-void db_vsmd_view_free(struct db_vsmd_view *view)
-{
-	free(view);
-}
-
 /* --- the rows of a request -------------------------------------------------------------------- */
 
 struct rows {
@@ -103,11 +98,6 @@ static unsigned params_of(const struct vsmd_row *row)
 
 /* --- reading ---------------------------------------------------------------------------------- */
 
-static bool has_param(const struct db_nameplate *plate, unsigned param)
-{
-	return db_params_have(plate->valid, param);
-}
-
 /* True if everything was read since the drive came online, so that a missing parameter does not
  * exist. */
 static bool is_known(const struct db_feedback *feedback)
@@ -130,7 +120,7 @@ static uint8_t check_row(const struct db_view_drive *drive, const struct vsmd_ro
 	if (is_known(feedback))
 		return 0;
 	for (unsigned i = 0; i < params_of(row); i++) {
-		if (!stale_values || !has_param(&image->nameplate.plate, row->param + i))
+		if (!stale_values || !db_params_have(image->nameplate.plate.valid, row->param + i))
 			return db_exception_unreachable(feedback);
 	}
 	return 0;
@@ -139,7 +129,7 @@ static uint8_t check_row(const struct db_view_drive *drive, const struct vsmd_ro
 /* 0 when the drive does not have it. */
 static uint32_t param_word(const struct db_nameplate *plate, unsigned param)
 {
-	return has_param(plate, param) ? plate->values[param].u : 0;
+	return db_params_have(plate->valid, param) ? plate->values[param].u : 0;
 }
 
 /* The first character in the low byte. */
@@ -254,7 +244,7 @@ static enum db_result plan_setting(struct plan *plan, unsigned param, union db_v
 	const struct db_view_drive *drive = plan->drive;
 	enum db_result checked;
 
-	if (plan->plate_is_known && !has_param(&plan->nameplate.plate, param))
+	if (plan->plate_is_known && !db_params_have(plan->nameplate.plate.valid, param))
 		return value.u == 0 ? DB_RESULT_OK : DB_RESULT_UNSUPPORTED;
 	checked = db_driver_check_param(drive->bus_config, param, value);
 	if (checked == DB_RESULT_OK)
