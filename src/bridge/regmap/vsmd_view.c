@@ -368,25 +368,6 @@ static struct db_write_answer write_params(struct db_view_drive *drive, const st
 	return db_commander_ask(drive->commander, &request, token, now);
 }
 
-/* Both are in one write: the parameters first, because the command must use them. */
-static struct db_write_answer begin_both(struct db_view_drive *drive, const struct plan *plan,
-                                         struct db_write_token token, db_time now)
-{
-	struct db_vsmd_view *view = drive->vsmd_view;
-	struct db_write_answer answer = write_params(drive, plan, token, now);
-
-	if (db_write_is_taken(answer))
-		view->follow_up = (struct follow_up){
-			.ticket = view->last_ticket,
-			.command = plan->command,
-			.args = plan->args,
-			.token = token,
-			.client = *plan->client,
-			.waits = answer.later,
-		};
-	return answer;
-}
-
 /* `address`: the register for which it is refused; 0: the command, or none in particular. */
 static int refuse_write(struct db_view_drive *drive, const struct db_client *client,
                         enum db_result result, uint16_t address)
@@ -435,9 +416,20 @@ static struct db_write_answer carry_out(struct db_view_drive *drive, const struc
 		return refuse_plan(drive, plan, DB_RESULT_BUSY);
 	if (plan->command == DB_CMD_NONE)
 		return write_params(drive, plan, token, now);
-	if (plan->setting_count > 0)
-		return begin_both(drive, plan, token, now);
-	return db_commander_ask(drive->commander, &request, token, now);
+	if (plan->setting_count == 0)
+		return db_commander_ask(drive->commander, &request, token, now);
+	/* Both are in one write: the parameters first, because the command must use them. */
+	answer = write_params(drive, plan, token, now);
+	if (db_write_is_taken(answer))
+		drive->vsmd_view->follow_up = (struct follow_up){
+			.ticket = drive->vsmd_view->last_ticket,
+			.command = plan->command,
+			.args = plan->args,
+			.token = token,
+			.client = *plan->client,
+			.waits = answer.later,
+		};
+	return answer;
 }
 
 /* Only the stop of the write is carried out, nothing else or stored: the rest is wrong, or the
