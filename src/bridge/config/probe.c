@@ -53,25 +53,19 @@ static void add_good(struct probe *probe, const struct db_bus_config *bus, const
 
 /* --- the user --------------------------------------------------------------------------------- */
 
-static bool is_member(const struct probe *probe, gid_t group)
-{
-	for (int i = 0; i < probe->group_count && i < GROUPS_MAX; i++) {
-		if (probe->groups[i] == group)
-			return true;
-	}
-	return probe->uid == geteuid() && group == getegid();
-}
-
 static bool may_open(const struct probe *probe, const struct stat *about)
 {
 	const mode_t both = S_IROTH | S_IWOTH;
 	mode_t mode = about->st_mode;
+	bool member = probe->uid == geteuid() && about->st_gid == getegid();
 
+	for (int i = 0; !member && i < probe->group_count && i < GROUPS_MAX; i++)
+		member = probe->groups[i] == about->st_gid;
 	if (probe->uid == 0)
 		return true;
 	if (about->st_uid == probe->uid)
 		mode >>= 6;
-	else if (is_member(probe, about->st_gid))
+	else if (member)
 		mode >>= 3;
 	return (mode & both) == both;
 }

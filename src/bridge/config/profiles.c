@@ -205,34 +205,31 @@ static bool list_profiles(struct profiles *profiles, size_t *of)
 
 /* --- their texts ------------------------------------------------------------------------------ */
 
-/* Each path with its zero byte, and an empty one. */
-static char *join_paths(const struct profiles *profiles)
-{
-	size_t size = 1;
-	char *paths;
-	char *at;
-
-	for (size_t i = 0; i < profiles->count; i++)
-		size += strlen(profiles->list[i].path) + 1;
-	paths = calloc(1, size);
-	at = paths;
-	for (size_t i = 0; paths && i < profiles->count; i++) {
-		size = strlen(profiles->list[i].path) + 1;
-		memcpy(at, profiles->list[i].path, size);
-		at += size;
-	}
-	return paths;
-}
-
-/* Messages about the file, reported at the line that names the profile. To be freed; null after a
- * message. */
-static char *read_file(struct db_load *load, const struct profile *profile)
+/* To be freed; null after a message. */
+static char *take_text(struct db_load *load, const struct profile *profile)
 {
 	char *why = NULL;
+	char *text;
 	size_t size = 0;
-	FILE *errors = open_memstream(&why, &size);
-	char *text = errors ? db_file_read(profile->path, errors) : NULL;
+	FILE *errors;
 
+	for (size_t i = 0; i < load->offered_count; i++) {
+		text = load->offered[i].text;
+		if (strcmp(load->offered[i].path, profile->path) != 0 || !text)
+			continue;
+		load->offered[i].text = NULL;
+		return text;
+	}
+	if (!load->path) {
+		db_messages_add_error(
+			&load->messages, profile->line,
+			"profile = %s is not there; it is a file, and this text comes from none",
+			profile->path);
+		return NULL;
+	}
+	/* Messages about the file are reported at the line that names the profile. */
+	errors = open_memstream(&why, &size);
+	text = errors ? db_file_read(profile->path, errors) : NULL;
 	if (errors)
 		fclose(errors);
 	if (!text)
@@ -240,26 +237,6 @@ static char *read_file(struct db_load *load, const struct profile *profile)
 		                      why ? (int)strcspn(why, "\n") : 0, why ? why : "");
 	free(why);
 	return text;
-}
-
-/* To be freed; null after a message. */
-static char *take_text(struct db_load *load, const struct profile *profile)
-{
-	for (size_t i = 0; i < load->offered_count; i++) {
-		char *text = load->offered[i].text;
-
-		if (strcmp(load->offered[i].path, profile->path) != 0 || !text)
-			continue;
-		load->offered[i].text = NULL;
-		return text;
-	}
-	if (load->path)
-		return read_file(load, profile);
-	db_messages_add_error(
-		&load->messages, profile->line,
-		"profile = %s is not there; it is a file, and this text comes from none",
-		profile->path);
-	return NULL;
 }
 
 /* False after a message. */
@@ -297,10 +274,18 @@ static bool read_texts(struct profiles *profiles)
 {
 	struct db_load *load = profiles->load;
 	bool good = true;
+	size_t size = 1;
+	char *at;
 
-	load->profiles = join_paths(profiles);
+	/* Each path with its zero byte, and an empty one. */
+	for (size_t i = 0; i < profiles->count; i++)
+		size += strlen(profiles->list[i].path) + 1;
+	load->profiles = calloc(1, size);
 	if (!load->profiles)
 		return lack_memory(load);
+	at = load->profiles;
+	for (size_t i = 0; i < profiles->count; i++)
+		at = stpcpy(at, profiles->list[i].path) + 1;
 	/* Before they are read: later changes then change the signature. */
 	if (load->path && load->signature == db_config_signature(load->path, NULL))
 		load->signature = db_config_signature(load->path, load->profiles);

@@ -169,38 +169,31 @@ void db_text_of_network(const struct db_network *network, char text[DB_NETWORK_T
 	snprintf(text, DB_NETWORK_TEXT_MAX, "%s/%u", address, network->prefix - (v4 ? 96u : 0u));
 }
 
-/* One processor or a range of them, at most 63. */
-static bool parse_cpus(const char *text, size_t length, uint64_t *cpus)
+bool db_text_cpus(const char *text, uint64_t *cpus)
 {
 	char part[16];
 	char *dash;
 	unsigned first, last;
 
-	if (length >= sizeof(part))
-		return false;
-	memcpy(part, text, length);
-	part[length] = '\0';
-	dash = strchr(part, '-');
-	if (dash)
-		*dash = '\0';
-	if (!db_text_number(part, &first) || !db_text_number(dash ? dash + 1 : part, &last) ||
-	    first > last || last > 63)
-		return false;
-	for (unsigned cpu = first; cpu <= last; cpu++)
-		*cpus |= UINT64_C(1) << cpu;
-	return true;
-}
-
-bool db_text_cpus(const char *text, uint64_t *cpus)
-{
 	*cpus = 0;
 	if (strcmp(text, "any") == 0)
 		return true;
+	/* Each part is one processor or a range of them, at most 63. */
 	for (;;) {
 		size_t length = strcspn(text, ",");
 
-		if (!parse_cpus(text, length, cpus))
+		if (length >= sizeof(part))
 			return false;
+		memcpy(part, text, length);
+		part[length] = '\0';
+		dash = strchr(part, '-');
+		if (dash)
+			*dash = '\0';
+		if (!db_text_number(part, &first) ||
+		    !db_text_number(dash ? dash + 1 : part, &last) || first > last || last > 63)
+			return false;
+		for (unsigned cpu = first; cpu <= last; cpu++)
+			*cpus |= UINT64_C(1) << cpu;
 		if (text[length] == '\0')
 			return true;
 		text += length + 1;

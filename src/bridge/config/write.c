@@ -174,31 +174,15 @@ static void write_value(const struct written *written, const struct db_config_ke
 	fputc('\n', out);
 }
 
-static void write_option(const struct written *written, const struct db_option *option,
-                         double value)
-{
-	if (isnan(value))
-		return;
-	fprintf(written->out, "\t%s = ", option->name);
-	if (option->words[0] != '\0')
-		db_text_put_word(written->out, option->words, (unsigned)value);
-	else if (option->whole && db_text_is_hex(option->preset))
-		fprintf(written->out, "0x%X", (unsigned)value);
-	else if (option->whole)
-		fprintf(written->out, "%.0f", value);
-	else
-		put_real(written->out, value);
-	fputc('\n', written->out);
-}
-
 /* Its keys in the table's order, then the family's own. */
 static void write_section(const struct written *written, const char *name, const char *title,
                           const void *options, const char *without)
 {
+	FILE *out = written->out;
 	size_t count;
 	const struct db_config_key *keys = db_keys_all(&count);
 
-	fprintf(written->out, "%s%s%s {\n", name, title[0] ? " " : "", title);
+	fprintf(out, "%s%s%s {\n", name, title[0] ? " " : "", title);
 	for (size_t i = 0; i < count; i++) {
 		if (strcmp(keys[i].section, name) != 0 || strcmp(keys[i].name, without) == 0 ||
 		    (written->driver && !db_keys_fit(&keys[i], written->driver)))
@@ -206,11 +190,26 @@ static void write_section(const struct written *written, const char *name, const
 		write_value(written, &keys[i]);
 	}
 	for (size_t i = 0; written->driver && i < written->driver->option_count; i++) {
-		if (strcmp(written->driver->options[i].section, name) == 0)
-			write_option(written, &written->driver->options[i],
-			             db_option_value(&written->driver->options[i], options));
+		const struct db_option *option = &written->driver->options[i];
+		double value;
+
+		if (strcmp(option->section, name) != 0)
+			continue;
+		value = db_option_value(option, options);
+		if (isnan(value))
+			continue;
+		fprintf(out, "\t%s = ", option->name);
+		if (option->words[0] != '\0')
+			db_text_put_word(out, option->words, (unsigned)value);
+		else if (option->whole && db_text_is_hex(option->preset))
+			fprintf(out, "0x%X", (unsigned)value);
+		else if (option->whole)
+			fprintf(out, "%.0f", value);
+		else
+			put_real(out, value);
+		fputc('\n', out);
 	}
-	fputs("}\n", written->out);
+	fputs("}\n", out);
 }
 
 void db_config_write(const struct db_config *config, FILE *out)

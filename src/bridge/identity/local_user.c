@@ -99,20 +99,6 @@ static int ask(int netlink, const struct end *from, const struct end *to)
 	return send(netlink, &question, sizeof(question), 0) < 0 ? -errno : 0;
 }
 
-/*
- * The kernel falls back to a listening socket: only the connection itself counts. A socket that its
- * process has closed has no inode any more, and its owner is then said to be root.
- */
-static bool is_that_connection(const struct inet_diag_msg *found, const struct end *from,
-                               const struct end *to)
-{
-	return found->idiag_inode != 0 && found->idiag_state < 32 &&
-	       (STATES >> found->idiag_state & 1) != 0 && found->id.idiag_sport == from->port &&
-	       found->id.idiag_dport == to->port &&
-	       memcmp(found->id.idiag_src, from->address, from->is_v4 ? 4 : 16) == 0 &&
-	       memcmp(found->id.idiag_dst, to->address, to->is_v4 ? 4 : 16) == 0;
-}
-
 /* 0 and the user, or a negative errno; ENOENT: there is no such socket. */
 static int hear(int netlink, const struct end *from, const struct end *to, uid_t *user)
 {
@@ -137,7 +123,14 @@ static int hear(int netlink, const struct end *from, const struct end *to, uid_t
 	    answer.head.nlmsg_len < NLMSG_LENGTH(sizeof(found)))
 		return -EBADMSG;
 	memcpy(&found, NLMSG_DATA(&answer.head), sizeof(found));
-	if (!is_that_connection(&found, from, to))
+	/* The kernel falls back to a listening socket: only the connection itself counts. A socket
+	 * that its process has closed has no inode any more, and its owner is then said to be
+	 * root. */
+	if (found.idiag_inode == 0 || found.idiag_state >= 32 ||
+	    (STATES >> found.idiag_state & 1) == 0 || found.id.idiag_sport != from->port ||
+	    found.id.idiag_dport != to->port ||
+	    memcmp(found.id.idiag_src, from->address, from->is_v4 ? 4 : 16) != 0 ||
+	    memcmp(found.id.idiag_dst, to->address, to->is_v4 ? 4 : 16) != 0)
 		return -ENOENT;
 	*user = found.idiag_uid;
 	return 0;

@@ -98,13 +98,6 @@ static bool find_user(uid_t user, char name[LOGIN_NAME_SIZE], gid_t *gid)
 	return found;
 }
 
-static bool is_named(char *const *members, const char *name)
-{
-	while (*members && strcmp(*members, name) != 0)
-		members++;
-	return *members != NULL;
-}
-
 /* True if /etc/group names the user in the group of this number. */
 static bool group_has(gid_t gid, const char *name)
 {
@@ -112,8 +105,13 @@ static bool group_has(gid_t gid, const char *name)
 	const struct group *group;
 	bool found = false;
 
-	while (file && !found && (group = fgetgrent(file)) != NULL)
-		found = group->gr_gid == gid && is_named(group->gr_mem, name);
+	while (file && !found && (group = fgetgrent(file)) != NULL) {
+		char *const *member = group->gr_mem;
+
+		while (*member && strcmp(*member, name) != 0)
+			member++;
+		found = group->gr_gid == gid && *member != NULL;
+	}
 	if (file)
 		fclose(file);
 	return found;

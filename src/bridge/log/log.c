@@ -79,25 +79,13 @@ static bool next_record(struct db_log *log, db_time now, struct db_log_record *r
 	return true;
 }
 
-static bool take_record(struct db_log *log, struct db_log_record *record, db_time *next,
-                        bool *ending)
-{
-	bool any;
-
-	pthread_mutex_lock(&log->lock);
-	any = next_record(log, db_clock_now(), record);
-	*next = db_repeats_next(&log->repeats);
-	*ending = log->ending;
-	pthread_mutex_unlock(&log->lock);
-	return any;
-}
-
 static void *write_records(void *context)
 {
 	struct db_log *log = context;
 	struct db_log_record record;
 	bool ending = false;
 	db_time next = 0;
+	bool any;
 
 	while (!ending) {
 		struct timespec time = { .tv_sec = (time_t)(next / DB_NS_PER_S),
@@ -107,8 +95,15 @@ static void *write_records(void *context)
 			sem_wait(&log->wake);
 		else
 			sem_clockwait(&log->wake, CLOCK_MONOTONIC, &time);
-		while (take_record(log, &record, &next, &ending))
-			log->write(log->context, &record);
+		do {
+			pthread_mutex_lock(&log->lock);
+			any = next_record(log, db_clock_now(), &record);
+			next = db_repeats_next(&log->repeats);
+			ending = log->ending;
+			pthread_mutex_unlock(&log->lock);
+			if (any)
+				log->write(log->context, &record);
+		} while (any);
 	}
 	return NULL;
 }
@@ -176,39 +171,34 @@ void db_log_leave(struct db_log *log)
 
 /* --- the other threads ------------------------------------------------------------------------ */
 
-static void post_record(struct db_log *log, const struct db_log_record *record, db_time now)
+void db_log(const struct db_log_source *source, db_time now, enum db_event event,
+            const struct db_log_about *about, const char *format, ...)
 {
+	struct db_log *log = source->log;
 	enum db_repeat_verdict verdict;
+	struct db_log_record record;
+	va_list arguments;
 	bool news = false;
 
+	if (!log || db_event_level(event) > source->level)
+		return;
+	va_start(arguments, format);
+	db_log_record_init(&record, source->bus, event, about, format, arguments);
+	va_end(arguments);
 	pthread_mutex_lock(&log->lock);
-	verdict = db_repeats_pass(&log->repeats, record, now);
+	verdict = db_repeats_pass(&log->repeats, &record, now);
 	if (verdict != DB_REPEAT_COUNTED)
-		db_recent_add(&log->recent, record, db_clock_wall_us());
+		db_recent_add(&log->recent, &record, db_clock_wall_us());
 	if (verdict == DB_REPEAT_LOGGED) {
 		news = log->count < DB_LOG_QUEUE;
 		if (news)
-			log->queue[(log->first + log->count++) % DB_LOG_QUEUE] = *record;
+			log->queue[(log->first + log->count++) % DB_LOG_QUEUE] = record;
 		else
 			log->lost++;
 	}
 	pthread_mutex_unlock(&log->lock);
 	if (news)
 		sem_post(&log->wake);
-}
-
-void db_log(const struct db_log_source *source, db_time now, enum db_event event,
-            const struct db_log_about *about, const char *format, ...)
-{
-	struct db_log_record record;
-	va_list arguments;
-
-	if (!source->log || db_event_level(event) > source->level)
-		return;
-	va_start(arguments, format);
-	db_log_record_init(&record, source->bus, event, about, format, arguments);
-	va_end(arguments);
-	post_record(source->log, &record, now);
 }
 
 void db_log_fields(const struct db_log *log, char *const fields[], size_t count)

@@ -98,12 +98,16 @@ static int backend_write_same(void *context, const struct db_client *client, uin
 {
 	const struct db_registers *registers = context;
 	struct db_view_drive *drive = drive_of(registers, client, unit);
+	struct db_span span;
 
 	if (!drive && backend_unit(context, client, unit))
 		return MODBUS_EXCEPTION_GATEWAY_PATH;
+	/* It changes nothing at the gateway. */
 	if (!drive)
 		return db_clients_permit_gateway(registers, client) ?
-		               db_gateway_write_same(db_view_space_of(registers, client), address) :
+		               db_span_find_single(
+				       &db_view_space_of(registers, client)->gateway.holding,
+				       address, &span) :
 		               MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 	db_clients_hear(drive, client);
 	if (!db_clients_permit(drive, client, DB_MAY_COMMAND, address))
@@ -241,19 +245,9 @@ static void backend_denied(void *context, const struct db_client *client, uint8_
 	                 "this client may only read");
 }
 
-static void backend_restricted(void *context, const struct db_client *client)
-{
-	db_clients_release_control(context, client);
-}
-
-static void backend_reassigned(void *context, const struct db_client *client)
-{
-	db_clients_release_lost(context, client);
-}
-
 static void backend_client(void *context, const struct db_client *client, bool connected)
 {
-	const struct db_registers *registers = context;
+	struct db_registers *registers = context;
 
 	if (!connected)
 		db_clients_forget(registers, client);
@@ -272,7 +266,7 @@ const struct db_backend db_registers_backend = {
 	.server_id = backend_server_id,
 	.device_id = backend_device_id,
 	.client = backend_client,
-	.restricted = backend_restricted,
-	.reassigned = backend_reassigned,
+	.restricted = db_clients_release_control,
+	.reassigned = db_clients_release_lost,
 	.denied = backend_denied,
 };

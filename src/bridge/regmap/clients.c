@@ -113,15 +113,18 @@ void db_clients_hear(struct db_view_drive *drive, const struct db_client *client
 		db_control_hear(&drive->control, client, db_client_arrived(client, now), now);
 }
 
-void db_clients_release_control(const struct db_registers *registers,
-                                const struct db_client *client)
+void db_clients_release_control(void *context, const struct db_client *client)
 {
+	const struct db_registers *registers = context;
+
 	for (size_t i = 0; i < registers->roster->drive_count; i++)
 		db_control_release(&registers->roster->drives[i]->control, client);
 }
 
-void db_clients_release_lost(const struct db_registers *registers, const struct db_client *client)
+void db_clients_release_lost(void *context, const struct db_client *client)
 {
+	const struct db_registers *registers = context;
+
 	for (size_t i = 0; i < registers->roster->drive_count; i++) {
 		struct db_view_drive *drive = registers->roster->drives[i];
 
@@ -130,7 +133,7 @@ void db_clients_release_lost(const struct db_registers *registers, const struct 
 	}
 }
 
-void db_clients_forget(const struct db_registers *registers, const struct db_client *client)
+void db_clients_forget(struct db_registers *registers, const struct db_client *client)
 {
 	db_time now = registers->ops->now(registers->context);
 

@@ -50,14 +50,14 @@ void db_clients_hear(struct db_view_drive *drive, const struct db_client *client
 void db_clients_feed(struct db_view_drive *drive, const struct db_client *client,
                      enum db_watchdog_feed by);
 
-/* The client may no longer write. */
-void db_clients_release_control(const struct db_registers *registers,
-                                const struct db_client *client);
+/* db_backend's restricted, of a struct db_registers: the client may no longer write. */
+void db_clients_release_control(void *context, const struct db_client *client);
 
-/* Its role may allow less than before: it loses control of the drives that it may not command. */
-void db_clients_release_lost(const struct db_registers *registers, const struct db_client *client);
+/* db_backend's reassigned: its role may allow less than before, and it loses control of the drives
+ * that it may not command. */
+void db_clients_release_lost(void *context, const struct db_client *client);
 
 /* The client's connection has ended: its number may be reused. */
-void db_clients_forget(const struct db_registers *registers, const struct db_client *client);
+void db_clients_forget(struct db_registers *registers, const struct db_client *client);
 
 #endif

@@ -55,16 +55,6 @@ static void pass_on_refusal(void *context, const struct db_client *client,
 		                              client, write);
 }
 
-static uint32_t pass_on_record(void *context, const struct db_recorded *recorded)
-{
-	return db_record_request(context, recorded);
-}
-
-static void pass_on_end(void *context, uint32_t record, enum db_result result, db_time took)
-{
-	db_record_end(context, record, result, took);
-}
-
 static void pass_on_lost_hold(void *context, const struct db_client *holder, bool gone)
 {
 	const struct db_view_drive *drive = context;
@@ -81,8 +71,8 @@ static const struct db_commander_ops commander_ops = {
 	.answer = answer_client,
 	.wall_us = read_wall_us,
 	.refused = pass_on_refusal,
-	.record = pass_on_record,
-	.record_end = pass_on_end,
+	.record = db_record_request,
+	.record_end = db_record_end,
 	.hold_lost = pass_on_lost_hold,
 };
 
@@ -134,6 +124,6 @@ void db_view_drive_free(struct db_view_drive *drive)
 	if (!drive)
 		return;
 	db_commander_free(drive->commander);
-	db_vsmd_view_free(drive->vsmd_view);
+	free(drive->vsmd_view);
 	free(drive);
 }

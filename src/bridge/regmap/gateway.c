@@ -85,10 +85,3 @@ int db_gateway_write(struct db_registers *registers, const struct db_view_space 
 		return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
 	return db_group_stop(registers, space, client, group_stops[values[0]], token);
 }
-
-int db_gateway_write_same(const struct db_view_space *space, uint16_t address)
-{
-	struct db_span span;
-
-	return db_span_find_single(&space->gateway.holding, address, &span);
-}

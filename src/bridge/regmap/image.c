@@ -27,23 +27,14 @@ static uint32_t age_ms(const struct db_feedback *feedback, db_time now)
 	return feedback->taken == 0 || age > UINT32_MAX ? UINT32_MAX : (uint32_t)age;
 }
 
-static uint32_t must_stand_ms(const struct db_must_stand *must_stand, db_time now)
+/* How long something has lasted that there is, in milliseconds; 0 means that there is nothing. */
+static uint32_t lasting_ms(bool any, db_time since, db_time now)
 {
-	db_time since = now > must_stand->since ? (now - must_stand->since) / DB_NS_PER_MS : 0;
+	db_time lasted = now > since ? (now - since) / DB_NS_PER_MS : 0;
 
-	if (must_stand->cause == DB_STAND_FREE)
+	if (!any)
 		return 0;
-	/* 0 means that the drive is free. */
-	return since == 0 ? 1 : since > UINT32_MAX ? UINT32_MAX : (uint32_t)since;
-}
-
-static uint32_t trouble_ms(const struct db_trouble *trouble, db_time now)
-{
-	db_time since = now > trouble->since ? (now - trouble->since) / DB_NS_PER_MS : 0;
-
-	if (trouble->cause == DB_TROUBLE_NONE)
-		return 0;
-	return since == 0 ? 1 : since > UINT32_MAX ? UINT32_MAX : (uint32_t)since;
+	return lasted == 0 ? 1 : lasted > UINT32_MAX ? UINT32_MAX : (uint32_t)lasted;
 }
 
 /* The interval at which the drive is read. */
@@ -150,7 +141,8 @@ static void fill_process(struct db_drive_image *image, const struct db_view_driv
 	image->learnt = snapshot.learnt;
 	image->must_stand = snapshot.must_stand;
 	image->must_stand_cause = snapshot.must_stand.cause;
-	image->must_stand_ms = must_stand_ms(&snapshot.must_stand, now);
+	image->must_stand_ms = lasting_ms(snapshot.must_stand.cause != DB_STAND_FREE,
+	                                  snapshot.must_stand.since, now);
 	db_commander_state(drive->commander, client, &image->state, now);
 	image->quality = quality_of(drive, &snapshot, feedback, now);
 	image->age_ms = age_ms(feedback, now);
@@ -168,7 +160,8 @@ static void fill_process(struct db_drive_image *image, const struct db_view_driv
 	if (image->state.results.aborted)
 		image->status |= DB_STATUS_ABORTED;
 	image->trouble = judge_trouble(&snapshot, feedback, &image->state, now);
-	image->trouble_ms = trouble_ms(&image->trouble, now);
+	image->trouble_ms = lasting_ms(image->trouble.cause != DB_TROUBLE_NONE,
+	                               image->trouble.since, now);
 	image->position_units = (float)((double)feedback->position / counts_per_unit);
 	image->velocity_units = (float)((double)feedback->velocity *
 	                                db_driver_velocity_counts(drive->driver, drive->config) /
@@ -333,22 +326,6 @@ static void fill_server(struct db_gateway_image *image, const struct db_register
 	memcpy(image->configuration_message, report.messages, length);
 }
 
-static uint16_t line_state(const struct db_bus_stats *stats)
-{
-	const struct db_port_health *port = &stats->port;
-	unsigned bits = 0;
-
-	if (stats->up && port->up)
-		bits |= DB_LINE_UP;
-	if (port->error == ENETRESET)
-		bits |= DB_LINE_BUS_OFF;
-	if (port->error_passive)
-		bits |= DB_LINE_PASSIVE;
-	if (port->error_warning)
-		bits |= DB_LINE_WARNING;
-	return (uint16_t)bits;
-}
-
 static void fill_group(struct db_gateway_image *image, const struct db_view_space *space)
 {
 	const struct db_group *group = &space->own->group;
@@ -459,11 +436,22 @@ static void fill_clients(struct db_gateway_image *image, const struct db_registe
 void db_image_fill_bus(struct db_gateway_bus *bus, const struct db_registers *registers,
                        size_t place)
 {
+	const struct db_port_health *port = &bus->stats.port;
+	unsigned line = 0;
+
 	registers->ops->bus_stats(registers->context, registers->roster->buses[place], &bus->stats);
 	bus->up = bus->stats.up;
 	bus->last_error = (uint16_t)bus->stats.last_error;
-	bus->line_state = line_state(&bus->stats);
-	bus->line_error = (uint16_t)bus->stats.port.error;
+	if (bus->stats.up && port->up)
+		line |= DB_LINE_UP;
+	if (port->error == ENETRESET)
+		line |= DB_LINE_BUS_OFF;
+	if (port->error_passive)
+		line |= DB_LINE_PASSIVE;
+	if (port->error_warning)
+		line |= DB_LINE_WARNING;
+	bus->line_state = (uint16_t)line;
+	bus->line_error = (uint16_t)port->error;
 }
 
 void db_image_fill_gateway(struct db_gateway_image *image, const struct db_registers *registers,

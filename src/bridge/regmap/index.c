@@ -22,15 +22,6 @@ int db_row_param(const struct db_row *row, const struct db_driver *driver)
 	}
 }
 
-static bool is_in_scope(const struct db_row *row, const struct db_scope *scope)
-{
-	if (row->measure && !(scope->driver->measures & row->measure))
-		return false;
-	if (row->alias && db_row_param(row, scope->driver) < 0)
-		return false;
-	return true;
-}
-
 static unsigned count_repeats(const struct db_row *row, const struct db_scope *scope)
 {
 	unsigned count = row->repeat ? row->repeat->count : 1;
@@ -163,13 +154,15 @@ void db_table_visit(const struct db_scope *scope, db_visit_fn *visit, void *cont
 		const struct db_row_set *set = db_row_sets[i];
 
 		for (size_t j = 0; set->view == scope->view && j < set->count; j++) {
-			unsigned count = is_in_scope(&set->rows[j], scope) ?
-			                         count_repeats(&set->rows[j], scope) :
-			                         0;
+			const struct db_row *row = &set->rows[j];
+			unsigned count = 0;
 
+			/* What the family does not have has no register. */
+			if (!(row->measure && !(scope->driver->measures & row->measure)) &&
+			    !(row->alias && db_row_param(row, scope->driver) < 0))
+				count = count_repeats(row, scope);
 			for (unsigned index = 0; index < count; index++) {
-				struct db_entry entry = make_entry(&set->rows[j], set->table, scope,
-				                                   index);
+				struct db_entry entry = make_entry(row, set->table, scope, index);
 
 				visit(context, &entry);
 			}

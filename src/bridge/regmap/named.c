@@ -32,30 +32,26 @@ size_t db_named_drive_count(const struct db_registers *registers)
 	return registers->roster->drive_count;
 }
 
-static void describe_drive(const struct db_registers *registers, const struct db_view_drive *drive,
-                           struct db_named_drive *described)
-{
-	struct db_snapshot snapshot;
-	bool known;
-
-	db_axis_read(drive->axis, &snapshot);
-	known = drive->config->counts_given || snapshot.feedback.counts_per_unit > 0.0f;
-	*described = (struct db_named_drive){
-		.number = drive->drive,
-		.config = drive->config,
-		.bus = drive->bus_config,
-		.commands = db_driver_commands(drive->bus_config, drive->config),
-		.unit = known ? db_scale_unit(drive->driver, drive->config) : "",
-		.controlled = registers->roster->modbus->control == DB_CONTROL_DRIVE,
-	};
-}
-
 bool db_named_drive_at(const struct db_registers *registers, size_t place,
                        struct db_named_drive *drive)
 {
+	const struct db_view_drive *view;
+	struct db_snapshot snapshot;
+	bool known;
+
 	if (place >= registers->roster->drive_count || registers->roster->drives[place]->leaving)
 		return false;
-	describe_drive(registers, registers->roster->drives[place], drive);
+	view = registers->roster->drives[place];
+	db_axis_read(view->axis, &snapshot);
+	known = view->config->counts_given || snapshot.feedback.counts_per_unit > 0.0f;
+	*drive = (struct db_named_drive){
+		.number = view->drive,
+		.config = view->config,
+		.bus = view->bus_config,
+		.commands = db_driver_commands(view->bus_config, view->config),
+		.unit = known ? db_scale_unit(view->driver, view->config) : "",
+		.controlled = registers->roster->modbus->control == DB_CONTROL_DRIVE,
+	};
 	return true;
 }
 
@@ -247,22 +243,6 @@ const struct db_modbus_config *db_named_modbus(const struct db_registers *regist
 
 /* --- reading ---------------------------------------------------------------------------------- */
 
-static void read_bit(const struct db_entry *entry, const void *image, struct db_named_value *value)
-{
-	const unsigned char *member = (const unsigned char *)image + entry->cell.offset;
-	uint32_t wide = 0;
-	uint16_t narrow;
-
-	if (db_type_registers((enum db_type)entry->cell.type) > 1) {
-		memcpy(&wide, member, sizeof(wide));
-	} else {
-		memcpy(&narrow, member, sizeof(narrow));
-		wide = narrow;
-	}
-	value->kind = DB_NAMED_FLAG;
-	value->whole = wide >> entry->cell.bit & 1;
-}
-
 static void read_value(const struct db_entry *entry, const void *image,
                        struct db_named_value *value)
 {
@@ -270,7 +250,18 @@ static void read_value(const struct db_entry *entry, const void *image,
 	union db_value decoded;
 
 	if (entry->table != DB_TABLE_HOLDING) {
-		read_bit(entry, image, value);
+		const unsigned char *member = (const unsigned char *)image + entry->cell.offset;
+		uint32_t wide = 0;
+		uint16_t narrow;
+
+		if (db_type_registers((enum db_type)entry->cell.type) > 1) {
+			memcpy(&wide, member, sizeof(wide));
+		} else {
+			memcpy(&narrow, member, sizeof(narrow));
+			wide = narrow;
+		}
+		value->kind = DB_NAMED_FLAG;
+		value->whole = wide >> entry->cell.bit & 1;
 		return;
 	}
 	db_words_encode(&entry->cell, image, false, words);

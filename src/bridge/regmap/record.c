@@ -3,12 +3,6 @@
 
 #include "drivebridge/audit.h"
 
-static uint32_t post(const struct db_registers *registers, const struct db_client *client,
-                     const struct db_audit_entry *entry)
-{
-	return registers->ops->audit(registers->context, client, entry);
-}
-
 /* Of values before as far as the drive has told them. */
 static size_t list_values(const struct db_view_drive *drive, const struct db_request *request,
                           struct db_audit_value values[DB_SETTINGS_MAX])
@@ -35,8 +29,9 @@ static size_t list_values(const struct db_view_drive *drive, const struct db_req
 	return count;
 }
 
-uint32_t db_record_request(const struct db_view_drive *drive, const struct db_recorded *recorded)
+uint32_t db_record_request(void *context, const struct db_recorded *recorded)
 {
+	const struct db_view_drive *drive = context;
 	const struct db_registers *registers = drive->registers;
 	const struct db_request *request = recorded->request;
 	struct db_audit_value values[DB_SETTINGS_MAX];
@@ -63,12 +58,12 @@ uint32_t db_record_request(const struct db_view_drive *drive, const struct db_re
 	}
 	if (!db_request_client(request) && request->cause != DB_STAND_FREE)
 		entry.text = db_stand_cause_name(request->cause);
-	return post(registers, db_request_client(request), &entry);
+	return registers->ops->audit(registers->context, db_request_client(request), &entry);
 }
 
-void db_record_end(const struct db_view_drive *drive, uint32_t record, enum db_result result,
-                   db_time took)
+void db_record_end(void *context, uint32_t record, enum db_result result, db_time took)
 {
+	const struct db_view_drive *drive = context;
 	const struct db_registers *registers = drive->registers;
 
 	if (registers->ops->audit_end)
@@ -79,19 +74,22 @@ void db_record_end(const struct db_view_drive *drive, uint32_t record, enum db_r
 void db_record_control(const struct db_view_drive *drive, const struct db_client *client,
                        bool taken)
 {
-	if (drive->registers->ops->audit)
-		(void)post(drive->registers, client,
-		           &(struct db_audit_entry){
-				   .kind = DB_AUDIT_CONTROL,
-				   .drive = drive->config->name,
-				   .what = taken ? "taken" : "released",
-				   .result = DB_RESULT_OK,
-			   });
+	const struct db_registers *registers = drive->registers;
+
+	if (registers->ops->audit)
+		(void)registers->ops->audit(registers->context, client,
+		                            &(struct db_audit_entry){
+						    .kind = DB_AUDIT_CONTROL,
+						    .drive = drive->config->name,
+						    .what = taken ? "taken" : "released",
+						    .result = DB_RESULT_OK,
+					    });
 }
 
 void db_record_watchdog(const struct db_view_drive *drive, const struct db_client *client,
                         uint32_t old, uint32_t new)
 {
+	const struct db_registers *registers = drive->registers;
 	const struct db_audit_value value = {
 		.name = "watchdog_ms",
 		.type = DB_U32,
@@ -100,15 +98,15 @@ void db_record_watchdog(const struct db_view_drive *drive, const struct db_clien
 		.known = true,
 	};
 
-	if (drive->registers->ops->audit)
-		(void)post(drive->registers, client,
-		           &(struct db_audit_entry){
-				   .kind = DB_AUDIT_WRITE,
-				   .drive = drive->config->name,
-				   .values = &value,
-				   .value_count = 1,
-				   .result = DB_RESULT_OK,
-			   });
+	if (registers->ops->audit)
+		(void)registers->ops->audit(registers->context, client,
+		                            &(struct db_audit_entry){
+						    .kind = DB_AUDIT_WRITE,
+						    .drive = drive->config->name,
+						    .values = &value,
+						    .value_count = 1,
+						    .result = DB_RESULT_OK,
+					    });
 }
 
 void db_record_denied(const struct db_registers *registers, const struct db_view_drive *drive,
@@ -116,13 +114,13 @@ void db_record_denied(const struct db_registers *registers, const struct db_view
                       const char *why)
 {
 	if (registers->ops->audit)
-		(void)post(registers, client,
-		           &(struct db_audit_entry){
-				   .kind = DB_AUDIT_DENIED,
-				   .drive = drive ? drive->config->name : NULL,
-				   .unit = unit,
-				   .what = "write",
-				   .first = address,
-				   .text = why,
-			   });
+		(void)registers->ops->audit(registers->context, client,
+		                            &(struct db_audit_entry){
+						    .kind = DB_AUDIT_DENIED,
+						    .drive = drive ? drive->config->name : NULL,
+						    .unit = unit,
+						    .what = "write",
+						    .first = address,
+						    .text = why,
+					    });
 }

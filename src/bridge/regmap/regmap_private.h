@@ -198,10 +198,9 @@ int db_write_drive_same(struct db_view_drive *drive, const struct db_client *cli
 
 /* What is asked of drives here, as records of the audit trail. */
 
-/* See struct db_commander_ops. */
-uint32_t db_record_request(const struct db_view_drive *drive, const struct db_recorded *recorded);
-void db_record_end(const struct db_view_drive *drive, uint32_t record, enum db_result result,
-                   db_time took);
+/* See struct db_commander_ops; of a struct db_view_drive. */
+uint32_t db_record_request(void *context, const struct db_recorded *recorded);
+void db_record_end(void *context, uint32_t record, enum db_result result, db_time took);
 /* A client has taken or released control of a drive. */
 void db_record_control(const struct db_view_drive *drive, const struct db_client *client,
                        bool taken);
@@ -224,9 +223,6 @@ void db_record_denied(const struct db_registers *registers, const struct db_view
 int db_gateway_write(struct db_registers *registers, const struct db_view_space *space,
                      const struct db_client *client, enum db_table table, uint16_t address,
                      uint16_t count, const uint16_t *values, struct db_write_token token);
-
-/* db_backend's write_same: it changes nothing here. */
-int db_gateway_write_same(const struct db_view_space *space, uint16_t address);
 
 /* --- exception.c ------------------------------------------------------------------------------ */
 

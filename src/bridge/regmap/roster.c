@@ -24,11 +24,6 @@ struct db_view_drive *db_view_roster_find(const struct db_view_roster *roster, u
 	return NULL;
 }
 
-static bool has_drive(const struct db_view_roster *roster, const struct db_view_drive *drive)
-{
-	return db_view_roster_find(roster, drive->drive) == drive;
-}
-
 /* The drives are not owned by the roster. */
 static void free_roster(struct db_view_roster *roster)
 {
@@ -263,7 +258,7 @@ void db_registers_retire(struct db_registers *registers, const struct db_registe
 	for (size_t i = 0; i < roster->drive_count; i++) {
 		struct db_view_drive *drive = roster->drives[i];
 
-		drive->leaving = !has_drive(change->roster, drive);
+		drive->leaving = db_view_roster_find(change->roster, drive->drive) != drive;
 		/* Before the bus releases it according to on_exit, which is for motions without a
 		 * hold. */
 		if (drive->leaving)
@@ -307,10 +302,12 @@ void db_registers_apply(struct db_registers *registers, struct db_registers_chan
 	registers->generation++;
 	/* Last: a client that is answered may send its next request at once. */
 	for (size_t i = 0; old && i < old->drive_count; i++) {
-		if (has_drive(roster, old->drives[i]))
+		struct db_view_drive *drive = old->drives[i];
+
+		if (db_view_roster_find(roster, drive->drive) == drive)
 			continue;
-		db_commander_dismiss(old->drives[i]->commander);
-		db_view_drive_free(old->drives[i]);
+		db_commander_dismiss(drive->commander);
+		db_view_drive_free(drive);
 	}
 	free_roster(old);
 	free(change->assignments);

@@ -41,11 +41,6 @@ struct db_vsmd_view *db_vsmd_view_new(const struct db_drive_config *config)
 	return view;
 }
 
-void db_vsmd_view_free(struct db_vsmd_view *view)
-{
-	free(view);
-}
-
 /* --- the rows of a request -------------------------------------------------------------------- */
 
 struct rows {
@@ -103,11 +98,6 @@ static unsigned params_of(const struct vsmd_row *row)
 
 /* --- reading ---------------------------------------------------------------------------------- */
 
-static bool has_param(const struct db_nameplate *plate, unsigned param)
-{
-	return db_params_have(plate->valid, param);
-}
-
 /* True if everything was read since the drive came online, so that a missing parameter does not
  * exist. */
 static bool is_known(const struct db_feedback *feedback)
@@ -130,7 +120,7 @@ static uint8_t check_row(const struct db_view_drive *drive, const struct vsmd_ro
 	if (is_known(feedback))
 		return 0;
 	for (unsigned i = 0; i < params_of(row); i++) {
-		if (!stale_values || !has_param(&image->nameplate.plate, row->param + i))
+		if (!stale_values || !db_params_have(image->nameplate.plate.valid, row->param + i))
 			return db_exception_unreachable(feedback);
 	}
 	return 0;
@@ -139,7 +129,7 @@ static uint8_t check_row(const struct db_view_drive *drive, const struct vsmd_ro
 /* 0 when the drive does not have it. */
 static uint32_t param_word(const struct db_nameplate *plate, unsigned param)
 {
-	return has_param(plate, param) ? plate->values[param].u : 0;
+	return db_params_have(plate->valid, param) ? plate->values[param].u : 0;
 }
 
 /* The first character in the low byte. */
@@ -254,7 +244,7 @@ static enum db_result plan_setting(struct plan *plan, unsigned param, union db_v
 	const struct db_view_drive *drive = plan->drive;
 	enum db_result checked;
 
-	if (plan->plate_is_known && !has_param(&plan->nameplate.plate, param))
+	if (plan->plate_is_known && !db_params_have(plan->nameplate.plate.valid, param))
 		return value.u == 0 ? DB_RESULT_OK : DB_RESULT_UNSUPPORTED;
 	checked = db_driver_check_param(drive->bus_config, param, value);
 	if (checked == DB_RESULT_OK)
@@ -378,25 +368,6 @@ static struct db_write_answer write_params(struct db_view_drive *drive, const st
 	return db_commander_ask(drive->commander, &request, token, now);
 }
 
-/* Both are in one write: the parameters first, because the command must use them. */
-static struct db_write_answer begin_both(struct db_view_drive *drive, const struct plan *plan,
-                                         struct db_write_token token, db_time now)
-{
-	struct db_vsmd_view *view = drive->vsmd_view;
-	struct db_write_answer answer = write_params(drive, plan, token, now);
-
-	if (db_write_is_taken(answer))
-		view->follow_up = (struct follow_up){
-			.ticket = view->last_ticket,
-			.command = plan->command,
-			.args = plan->args,
-			.token = token,
-			.client = *plan->client,
-			.waits = answer.later,
-		};
-	return answer;
-}
-
 /* `address`: the register for which it is refused; 0: the command, or none in particular. */
 static int refuse_write(struct db_view_drive *drive, const struct db_client *client,
                         enum db_result result, uint16_t address)
@@ -445,9 +416,20 @@ static struct db_write_answer carry_out(struct db_view_drive *drive, const struc
 		return refuse_plan(drive, plan, DB_RESULT_BUSY);
 	if (plan->command == DB_CMD_NONE)
 		return write_params(drive, plan, token, now);
-	if (plan->setting_count > 0)
-		return begin_both(drive, plan, token, now);
-	return db_commander_ask(drive->commander, &request, token, now);
+	if (plan->setting_count == 0)
+		return db_commander_ask(drive->commander, &request, token, now);
+	/* Both are in one write: the parameters first, because the command must use them. */
+	answer = write_params(drive, plan, token, now);
+	if (db_write_is_taken(answer))
+		drive->vsmd_view->follow_up = (struct follow_up){
+			.ticket = drive->vsmd_view->last_ticket,
+			.command = plan->command,
+			.args = plan->args,
+			.token = token,
+			.client = *plan->client,
+			.waits = answer.later,
+		};
+	return answer;
 }
 
 /* Only the stop of the write is carried out, nothing else or stored: the rest is wrong, or the

@@ -24,9 +24,8 @@
 struct db_view_drive;
 struct db_vsmd_view;
 
-/* Values that the bridge stores for one drive. Null when out of memory. */
+/* Values that the bridge stores for one drive. To be freed with free(). Null when out of memory. */
 struct db_vsmd_view *db_vsmd_view_new(const struct db_drive_config *config);
-void db_vsmd_view_free(struct db_vsmd_view *view);
 
 /* As db_backend's read and write, for a drive that has a vsmd_view. */
 uint8_t db_vsmd_view_read(const struct db_view_drive *drive, enum db_table table, uint16_t address,

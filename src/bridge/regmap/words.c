@@ -19,14 +19,6 @@ static void encode_text(const struct db_cell *cell, const unsigned char *text, u
 	}
 }
 
-static void encode_wide(uint64_t value, unsigned registers, bool low_first, uint16_t *words)
-{
-	for (unsigned i = 0; i < registers; i++) {
-		words[low_first ? i : registers - 1 - i] = (uint16_t)value;
-		value >>= 16;
-	}
-}
-
 void db_words_encode(const struct db_cell *cell, const void *image, bool low_first, uint16_t *words)
 {
 	const unsigned char *member = (const unsigned char *)image + cell->offset;
@@ -44,7 +36,10 @@ void db_words_encode(const struct db_cell *cell, const void *image, bool low_fir
 		return;
 	case DB_U64:
 		memcpy(&wide, member, sizeof(wide));
-		encode_wide(wide, 4, low_first, words);
+		for (unsigned i = 0; i < 4; i++) {
+			words[low_first ? i : 3 - i] = (uint16_t)wide;
+			wide >>= 16;
+		}
 		return;
 	case DB_U32:
 	case DB_I32:

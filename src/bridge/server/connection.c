@@ -464,35 +464,29 @@ bool db_connection_advance(struct db_connection *c, db_time now)
 	return update_events(c, now);
 }
 
-/* Reads once. False when the connection is broken. */
-static bool receive_bytes(struct db_connection *c, db_time now)
-{
-	size_t room = sizeof(c->in) - c->in_used;
-	ssize_t got = recv(c->fd, c->in + c->in_used, room, MSG_DONTWAIT);
-
-	if (got < 0)
-		return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
-	if (got == 0) {
-		/* Half closed: requests in progress are still answered, then we close too. */
-		c->ended = true;
-		return true;
-	}
-	if (c->in_used == 0)
-		c->frame_since = now;
-	note_arrival(c, (size_t)got, (size_t)got < room, now);
-	c->in_used = (uint16_t)(c->in_used + got);
-	c->active_since = now;
-	return true;
-}
-
 bool db_connection_ready(struct db_connection *c, uint32_t events, db_time now)
 {
 	/* A Unix socket hangs up while there is still something to read, as TCP does not. */
 	if ((events & EPOLLERR) || ((events & EPOLLHUP) && (c->ended || !(events & EPOLLIN))))
 		return false;
 	c->closing = events & EPOLLRDHUP;
-	if ((events & EPOLLIN) && !receive_bytes(c, now))
-		return false;
+	if (events & EPOLLIN) {
+		size_t room = sizeof(c->in) - c->in_used;
+		ssize_t got = recv(c->fd, c->in + c->in_used, room, MSG_DONTWAIT);
+
+		if (got < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR)
+			return false;
+		/* Half closed: requests in progress are still answered, then we close too. */
+		if (got == 0)
+			c->ended = true;
+		if (got > 0) {
+			if (c->in_used == 0)
+				c->frame_since = now;
+			note_arrival(c, (size_t)got, (size_t)got < room, now);
+			c->in_used = (uint16_t)(c->in_used + got);
+			c->active_since = now;
+		}
+	}
 	return db_connection_advance(c, now);
 }
 

@@ -55,14 +55,6 @@ struct db_plc_lines *db_plc_lines_new(const struct db_plc_lines_host *host)
 	return lines;
 }
 
-static db_time loop_time(const struct db_plc_lines *lines)
-{
-	uint64_t usec = 0;
-
-	(void)sd_event_now(lines->host.loop, CLOCK_MONOTONIC, &usec);
-	return (db_time)usec * DB_NS_PER_US;
-}
-
 /* --- the client ------------------------------------------------------------------------------- */
 
 static void announce(const struct line *line, bool connected)
@@ -79,8 +71,11 @@ static void follow_port(struct line *line, const struct db_rtu_figures *figures)
 	struct db_log_source source = *line->lines->host.log;
 	char text[DB_CLIENT_ADDRESS_MAX];
 	const struct db_log_about about = { .client = text };
-	db_time now = loop_time(line->lines);
+	uint64_t now_us = 0;
+	db_time now;
 
+	(void)sd_event_now(line->lines->host.loop, CLOCK_MONOTONIC, &now_us);
+	now = (db_time)now_us * DB_NS_PER_US;
 	if (line->up && (!figures->up || figures->openings != line->seen.openings)) {
 		line->up = false;
 		line->pending = false;
@@ -216,24 +211,6 @@ static bool is_stop(const struct line *line, const struct db_modbus_request *req
 	                                request->write_address, request->write_count, values);
 }
 
-/* What the port has counted counts for FC 8, too. */
-static void look_at_port(struct line *line)
-{
-	struct db_rtu_figures figures;
-	const struct db_rtu_figures *seen = &line->seen;
-
-	db_rtu_port_read(line->port, &figures);
-	db_diagnostics_add(&line->diagnostics, DB_DIAGNOSTIC_BUS_MESSAGES,
-	                   figures.frames - seen->frames);
-	db_diagnostics_add(&line->diagnostics, DB_DIAGNOSTIC_BUS_ERRORS, figures.bad - seen->bad);
-	db_diagnostics_add(&line->diagnostics, DB_DIAGNOSTIC_OVERRUNS,
-	                   figures.overruns - seen->overruns);
-	if (figures.up != line->seen.up || figures.openings != line->seen.openings ||
-	    figures.error != line->seen.error)
-		follow_port(line, &figures);
-	line->seen = figures;
-}
-
 static void handle_frame(struct line *line, const struct db_rtu_frame *frame)
 {
 	const struct db_executor *executor = line->lines->host.executor;
@@ -284,6 +261,9 @@ static int on_ready(sd_event_source *source, int fd, uint32_t revents, void *use
 {
 	struct line *line = userdata;
 	const struct db_plc_lines_host *host = &line->lines->host;
+	const struct db_rtu_figures *seen = &line->seen;
+	struct db_diagnostics *diagnostics = &line->diagnostics;
+	struct db_rtu_figures figures;
 	struct db_rtu_frame frame;
 	bool any;
 
@@ -294,7 +274,17 @@ static int on_ready(sd_event_source *source, int fd, uint32_t revents, void *use
 	do {
 		/* Taken first: frames come after the opening of their port. */
 		any = db_rtu_port_take(line->port, &frame);
-		look_at_port(line);
+		/* What the port has counted counts for FC 8, too. */
+		db_rtu_port_read(line->port, &figures);
+		db_diagnostics_add(diagnostics, DB_DIAGNOSTIC_BUS_MESSAGES,
+		                   figures.frames - seen->frames);
+		db_diagnostics_add(diagnostics, DB_DIAGNOSTIC_BUS_ERRORS, figures.bad - seen->bad);
+		db_diagnostics_add(diagnostics, DB_DIAGNOSTIC_OVERRUNS,
+		                   figures.overruns - seen->overruns);
+		if (figures.up != seen->up || figures.openings != seen->openings ||
+		    figures.error != seen->error)
+			follow_port(line, &figures);
+		line->seen = figures;
 		if (any && line->up)
 			handle_frame(line, &frame);
 	} while (any);

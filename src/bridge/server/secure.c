@@ -140,40 +140,37 @@ static struct visitor *find_place(struct db_secure *secure)
 	return NULL;
 }
 
-static void receive_visitor(struct db_secure *secure, int fd)
-{
-	char name[DB_CLIENT_PROCESS_USER_MAX];
-	struct visitor *visitor = NULL;
-	struct ucred peer;
-	socklen_t size = sizeof(peer);
-
-	if (getsockopt(fd, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0) {
-		db_rights_name(peer.uid, name);
-		if (peer.uid == 0 || peer.uid == geteuid() || strcmp(name, USER) == 0)
-			visitor = find_place(secure);
-	}
-	if (!visitor ||
-	    sd_event_add_io(secure->loop, &visitor->io, fd, EPOLLIN, on_bytes, visitor) < 0) {
-		close(fd);
-		return;
-	}
-	visitor->fd = fd;
-	visitor->used = 0;
-	visitor->until = loop_time(secure) + HELLO_TIMEOUT;
-	/* As a rule the hello is there already. */
-	(void)on_bytes(NULL, fd, EPOLLIN, visitor);
-}
-
 static int on_visitors(sd_event_source *source, int fd, uint32_t events, void *data)
 {
+	struct db_secure *secure = data;
+
 	(void)source;
 	(void)events;
 	for (int i = 0; i < ACCEPTS_AT_ONCE; i++) {
-		int visitor = accept4(fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+		int accepted = accept4(fd, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+		char name[DB_CLIENT_PROCESS_USER_MAX];
+		struct visitor *visitor = NULL;
+		struct ucred peer;
+		socklen_t size = sizeof(peer);
 
-		if (visitor < 0)
+		if (accepted < 0)
 			break;
-		receive_visitor(data, visitor);
+		/* Others than the users that secure.h names are closed at once. */
+		if (getsockopt(accepted, SOL_SOCKET, SO_PEERCRED, &peer, &size) == 0) {
+			db_rights_name(peer.uid, name);
+			if (peer.uid == 0 || peer.uid == geteuid() || strcmp(name, USER) == 0)
+				visitor = find_place(secure);
+		}
+		if (!visitor || sd_event_add_io(secure->loop, &visitor->io, accepted, EPOLLIN,
+		                                on_bytes, visitor) < 0) {
+			close(accepted);
+			continue;
+		}
+		visitor->fd = accepted;
+		visitor->used = 0;
+		visitor->until = loop_time(secure) + HELLO_TIMEOUT;
+		/* As a rule the hello is there already. */
+		(void)on_bytes(NULL, accepted, EPOLLIN, visitor);
 	}
 	return 0;
 }

@@ -261,13 +261,6 @@ static void admit_client(struct db_server *server, int fd, struct db_client *cli
 	arm_timer(server, db_connection_deadline(connection));
 }
 
-static enum db_access find_access(const struct db_server *server, uint32_t endpoint,
-                                  const uint8_t network[16], const uint8_t address[16])
-{
-	return db_acl_of_client(server->shared.config, endpoint,
-	                        server->users_count ? &server->rights : NULL, network, address);
-}
-
 static void add_client(struct db_server *server, const struct db_endpoint *endpoint, int fd,
                        const struct sockaddr_storage *address)
 {
@@ -280,7 +273,9 @@ static void add_client(struct db_server *server, const struct db_endpoint *endpo
 
 	if (db_acl_peer(address, network, &client.port)) {
 		db_acl_identify(fd, network, client.address);
-		access = find_access(server, endpoint->number, network, client.address);
+		access = db_acl_of_client(server->shared.config, endpoint->number,
+		                          server->users_count ? &server->rights : NULL, network,
+		                          client.address);
 	}
 	client.may_write = access == DB_ACCESS_WRITE;
 	peer = db_peers_find(server->shared.peers, network, now);
@@ -708,11 +703,16 @@ static void adapt_connection(struct db_server *server, size_t index)
 	const uint8_t *network = connection->peer->address;
 	const struct db_role_config *role = NULL;
 	uint32_t endpoint = client->endpoint;
-	enum db_access access = name ? db_acl_of_certificate(server->shared.config, endpoint,
-	                                                     network, name, &role) :
-	                               find_access(server, endpoint, network, client->address);
 	bool could_write = client->may_write;
+	enum db_access access;
 
+	if (name)
+		access = db_acl_of_certificate(server->shared.config, endpoint, network, name,
+		                               &role);
+	else
+		access = db_acl_of_client(server->shared.config, endpoint,
+		                          server->users_count ? &server->rights : NULL, network,
+		                          client->address);
 	if (access == DB_ACCESS_NONE ||
 	    (name && !db_endpoints_have_secure(server->shared.config, endpoint))) {
 		struct db_client_words words;

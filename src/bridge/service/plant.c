@@ -221,29 +221,6 @@ static int add_drives(struct plant *plant, const struct plant *running, uint16_t
 	return 0;
 }
 
-static int make_parts(struct plant *plant, struct service *service, const struct plant *running,
-                      uint16_t *last_number)
-{
-	int error = add_buses(plant, service, running);
-
-	if (error == 0)
-		error = add_drives(plant, running, last_number);
-	for (size_t i = 0; error == 0 && i < plant->bus_count; i++) {
-		struct plant_bus *bus = plant->buses[i];
-		struct db_bus_drive *drives;
-		size_t count;
-
-		if (bus->bus)
-			continue;
-		drives = plant_drives_on(plant, bus, NULL, &count);
-		error = drives ? db_bus_new(bus->config, drives, count, service->log.log,
-		                            &bus->bus) :
-		                 -ENOMEM;
-		free(drives);
-	}
-	return error;
-}
-
 int plant_new(struct service *service, struct db_config *config, const struct plant *running,
               uint16_t *last_number, struct plant **plant)
 {
@@ -264,7 +241,22 @@ int plant_new(struct service *service, struct db_config *config, const struct pl
 	made->buses = calloc(config->bus_count + 1, sizeof(struct plant_bus *));
 	made->drives = calloc(config->drive_count + 1, sizeof(struct plant_drive *));
 	if (made->buses && made->drives)
-		error = make_parts(made, service, running, last_number);
+		error = add_buses(made, service, running);
+	if (error == 0)
+		error = add_drives(made, running, last_number);
+	for (size_t i = 0; error == 0 && i < made->bus_count; i++) {
+		struct plant_bus *bus = made->buses[i];
+		struct db_bus_drive *drives;
+		size_t count;
+
+		if (bus->bus)
+			continue;
+		drives = plant_drives_on(made, bus, NULL, &count);
+		error = drives ? db_bus_new(bus->config, drives, count, service->log.log,
+		                            &bus->bus) :
+		                 -ENOMEM;
+		free(drives);
+	}
 	if (error != 0) {
 		plant_free(made, running);
 		return error;

@@ -76,8 +76,10 @@ void status_write(const struct status_figures *figures, FILE *out)
 		fputs("; an upgrade needs a restart", out);
 }
 
-static void notify_systemd(struct service *service)
+/* Tells systemd the line when it is another one than before. */
+static int on_timer(sd_event_source *source, uint64_t us, void *context)
 {
+	struct service *service = context;
 	const struct plant *plant = service->plant;
 	struct db_configuration_report report = configuration_report(service);
 	struct status_figures figures = {
@@ -88,6 +90,7 @@ static void notify_systemd(struct service *service)
 	char line[LINE_MAX_BYTES] = "";
 	FILE *out;
 
+	(void)us;
 	for (size_t b = 0; b < plant->bus_count; b++) {
 		const struct plant_bus *bus = plant->buses[b];
 		struct db_bus_stats stats;
@@ -101,21 +104,15 @@ static void notify_systemd(struct service *service)
 	db_server_stats(service->server, &clients);
 	figures.clients = clients.clients;
 	out = fmemopen(line, sizeof(line), "w");
-	if (!out)
-		return;
-	status_write(&figures, out);
-	fclose(out);
-	line[sizeof(line) - 1] = '\0';
-	if (strcmp(line, service->status->line) == 0)
-		return;
-	memcpy(service->status->line, line, sizeof(line));
-	sd_notifyf(0, "STATUS=%s", line);
-}
-
-static int on_timer(sd_event_source *source, uint64_t us, void *context)
-{
-	(void)us;
-	notify_systemd(context);
+	if (out) {
+		status_write(&figures, out);
+		fclose(out);
+		line[sizeof(line) - 1] = '\0';
+	}
+	if (out && strcmp(line, service->status->line) != 0) {
+		memcpy(service->status->line, line, sizeof(line));
+		sd_notifyf(0, "STATUS=%s", line);
+	}
 	sd_event_source_set_time_relative(source, PERIOD_US);
 	return sd_event_source_set_enabled(source, SD_EVENT_ONESHOT);
 }

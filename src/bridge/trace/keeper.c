@@ -61,12 +61,6 @@ static struct watched *watch(struct db_trace_keeper *keeper, const char *bus,
 	return grown;
 }
 
-static void be_due(struct watched *watched, db_time now)
-{
-	if (watched->due == DB_TIME_NEVER)
-		watched->due = now + DB_TRACE_AFTER;
-}
-
 void db_trace_keeper_look(struct db_trace_keeper *keeper, const char *bus,
                           const struct db_trace *trace, db_time now)
 {
@@ -76,7 +70,8 @@ void db_trace_keeper_look(struct db_trace_keeper *keeper, const char *bus,
 	if (!watched || troubles == watched->troubles)
 		return;
 	watched->troubles = troubles;
-	be_due(watched, now);
+	if (watched->due == DB_TIME_NEVER)
+		watched->due = now + DB_TRACE_AFTER;
 }
 
 void db_trace_keeper_note(struct db_trace_keeper *keeper, const char *bus,
@@ -91,7 +86,8 @@ void db_trace_keeper_note(struct db_trace_keeper *keeper, const char *bus,
 	if (!watched->noted)
 		watched->cause = *cause;
 	watched->noted = true;
-	be_due(watched, now);
+	if (watched->due == DB_TIME_NEVER)
+		watched->due = now + DB_TRACE_AFTER;
 }
 
 /* --- keeping ---------------------------------------------------------------------------------- */
