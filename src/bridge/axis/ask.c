@@ -436,13 +436,13 @@ static struct db_write_answer stage(struct db_commander *commander,
 {
 	struct db_request staged = request_of(&write->block, write->block.staged_command, client,
 	                                      now);
+	struct db_writer *writer = db_writers_find(&commander->writers, db_request_client(&staged));
 	enum db_result result = DB_RESULT_OUT_OF_RANGE;
 
 	staged.staged = true;
 	/* Not together with a command in the same write. */
 	if (!commands)
-		result = check_command(commander, db_writers_find(&commander->writers, client),
-		                       &staged);
+		result = check_command(commander, writer, &staged);
 	return result == DB_RESULT_OK ? (struct db_write_answer){ .result = DB_RESULT_OK } :
 	                                end_without_bus(commander, &staged, result);
 }

@@ -121,7 +121,7 @@ static bool begin_all(struct db_engine *engine, uint32_t group, db_time now)
 		return false;
 	}
 	(void)engine_send(engine, all.request, all.request_length, DB_TRACE_BROADCAST);
-	exchange_count_broadcast(engine, &all, now);
+	exchange_count_unanswered(engine, &all, true, now);
 	for (size_t i = 0; i < engine->station_count; i++) {
 		struct lane *lane = &engine->stations[i]->lanes[LANE_COMMAND];
 		struct db_conversation talk = station_conversation(engine->stations[i],

@@ -26,11 +26,6 @@ static uint32_t hash(const uint8_t *bytes, size_t length)
 	return (uint32_t)(value ^ value >> 32);
 }
 
-void doubled_begin(struct doubled *doubled)
-{
-	doubled->seen_count = 0;
-}
-
 enum doubled_kind doubled_judge(struct doubled *doubled, uint32_t part, const uint8_t *frame,
                                 size_t length, bool asked, db_time now)
 {

@@ -21,16 +21,16 @@
 #define DOUBLED_PARTS 8
 
 struct doubled {
-	/* The answers since then. */
+	/* The answers to the last question. */
 	struct {
 		uint32_t part;
 		uint32_t content;
 		bool copied; /* may be a copy of the answer to the previous question */
 	} seen[DOUBLED_PARTS];
-	unsigned seen_count;
-	uint32_t previous; /* hash of the previous answer, whatever it was */
-	db_time last;      /* time of its last answer */
-	db_time first;     /* time of the first second answer among those counted; 0: none */
+	unsigned seen_count; /* set to 0 with a question that may have been asked before */
+	uint32_t previous;   /* hash of the previous answer, whatever it was */
+	db_time last;        /* time of its last answer */
+	db_time first;       /* time of the first second answer among those counted; 0: none */
 	/* time of the last unsolicited frame; second answers prove nothing for a while after it */
 	db_time unasked;
 	db_time until; /* two drives are taken to answer until then; 0: never seen so far */
@@ -43,8 +43,6 @@ enum doubled_kind {
 	DOUBLED_TWO,   /* content of another drive, and now it is certain that there are two */
 };
 
-/* The drive is asked a question that it may have been asked before. */
-void doubled_begin(struct doubled *doubled);
 /* A good frame was received from this address; `part` as in db_driver, not 0. `asked`: an answer is
  * awaited. */
 enum doubled_kind doubled_judge(struct doubled *doubled, uint32_t part, const uint8_t *frame,

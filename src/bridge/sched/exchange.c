@@ -216,7 +216,7 @@ bool exchange_send(struct db_engine *engine, struct station *station, enum lane_
 	scan_give_way(engine, node, kind == LANE_COMMAND);
 	/* A poll requests everything once. */
 	if (kind != LANE_POLL || !lane->sent)
-		doubled_begin(&node->doubled);
+		node->doubled.seen_count = 0;
 	/* The later exchanges of a stop's conversation only ask for its effect. */
 	if (kind == LANE_STOP && !lane->sent)
 		station_stop_sent(station, node->in_step, now);
@@ -302,18 +302,14 @@ void exchange_end(struct db_engine *engine, struct node *node, db_time now)
 }
 
 void exchange_count_unanswered(struct db_engine *engine, const struct db_exchange *exchange,
-                               db_time now)
+                               bool to_all, db_time now)
 {
-	engine->wire_free = db_time_max(engine->wire_free, now) +
-	                    exchange_wire_time(engine, exchange);
-	engine->stats.transactions++;
-}
+	db_time wire = exchange_wire_time(engine, exchange);
 
-void exchange_count_broadcast(struct db_engine *engine, const struct db_exchange *exchange,
-                              db_time now)
-{
 	/* On CAN the next frame waits for its turn on the wire by itself. */
-	if (!exchange_overlaps(engine))
-		engine->quiet_until = now + BROADCAST_GAP + exchange_wire_time(engine, exchange);
+	if (to_all && !exchange_overlaps(engine))
+		engine->quiet_until = now + BROADCAST_GAP + wire;
+	else if (!to_all)
+		engine->wire_free = db_time_max(engine->wire_free, now) + wire;
 	engine->stats.transactions++;
 }

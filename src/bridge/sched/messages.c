@@ -2,23 +2,17 @@
 /* What the bus itself sends, whatever its drives do (struct db_bus_message). */
 #include "sched/sched_private.h"
 
-static void find_next(struct db_engine *engine)
-{
-	engine->next_message_at = DB_TIME_NEVER;
-	for (size_t i = 0; i < engine->driver->message_count; i++)
-		engine->next_message_at = db_time_min(engine->next_message_at,
-		                                      engine->message_at[i]);
-}
-
 void messages_begin(struct db_engine *engine, db_time now)
 {
+	engine->next_message_at = DB_TIME_NEVER;
 	for (size_t i = 0; i < engine->driver->message_count; i++) {
 		db_time period = engine->driver->messages[i].period(engine->bus);
 
 		engine->message_at[i] = period > 0 ? now : DB_TIME_NEVER;
 		engine->messages_sent[i] = 0;
+		engine->next_message_at = db_time_min(engine->next_message_at,
+		                                      engine->message_at[i]);
 	}
-	find_next(engine);
 }
 
 bool messages_send(struct db_engine *engine, db_time now)
@@ -40,11 +34,11 @@ bool messages_send(struct db_engine *engine, db_time now)
 		engine->message_at[i] += period;
 	else /* late by more than a period: what was missed is not made up for */
 		engine->message_at[i] = now + period;
-	find_next(engine);
-	if (exchange_overlaps(engine))
-		exchange_count_unanswered(engine, &exchange, now);
-	else
-		exchange_count_broadcast(engine, &exchange, now);
+	engine->next_message_at = DB_TIME_NEVER;
+	for (i = 0; i < engine->driver->message_count; i++)
+		engine->next_message_at = db_time_min(engine->next_message_at,
+		                                      engine->message_at[i]);
+	exchange_count_unanswered(engine, &exchange, !exchange_overlaps(engine), now);
 	engine->busy += exchange_wire_time(engine, &exchange);
 	(void)engine_send(engine, request, exchange.request_length, DB_TRACE_BROADCAST);
 	return true;

@@ -596,12 +596,10 @@ void exchange_send_probe(struct db_engine *engine, struct node *node, db_time no
 /* The node's exchange is no longer under way. */
 void exchange_end(struct db_engine *engine, struct node *node, db_time now);
 
-/* A frame without an answer is sent while others wait for answers (CAN). */
+/* A frame without an answer is sent: `to_all` drives, which get time to act on it before the next
+ * request, or to one while others wait for answers (CAN). */
 void exchange_count_unanswered(struct db_engine *engine, const struct db_exchange *exchange,
-                               db_time now);
-/* A frame to all drives is sent: they get time to act on it before the next request. */
-void exchange_count_broadcast(struct db_engine *engine, const struct db_exchange *exchange,
-                              db_time now);
+                               bool to_all, db_time now);
 
 /* On a serial line a stop waits for the exchange that is under way. So while a drive of the line
  * moves, or is being stopped, no exchange is begun that takes the line longer than two status

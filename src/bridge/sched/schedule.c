@@ -73,8 +73,8 @@ static bool begin_queued(struct db_engine *engine, size_t index, db_time now)
 	station->command_cancelled = false;
 	station->starts_alone = !engine->bus->starts_by_broadcast;
 	if (standing_gives_way_to(&station->standing, request->command)) {
-		/* A later motion begins: no stop is sent until it has ended. */
-		standing_give_way(&station->standing);
+		/* A later motion or enable begins: no stop is sent until it has ended. */
+		station->standing.gives_way = true;
 		station->lanes[LANE_STOP].active = station->lanes[LANE_STOP].ready = false;
 	}
 	if (kind == DB_JOB_SETTINGS && engine->driver->joins_settings)

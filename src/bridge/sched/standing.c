@@ -247,11 +247,6 @@ void standing_drive_enabled(struct standing *standing)
 	standing->kind = strongest(standing->kinds);
 }
 
-void standing_give_way(struct standing *standing)
-{
-	standing->gives_way = true;
-}
-
 void standing_motion_ended(struct standing *standing, bool may_go_on, db_time now)
 {
 	if (!standing->gives_way)

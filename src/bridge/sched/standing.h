@@ -131,9 +131,8 @@ void standing_suspend(struct standing *standing, const struct standing_rules *ru
 /* A later motion ends the record; so does a later enable of a drive that was seen standing, which
  * would otherwise be disabled again. */
 bool standing_gives_way_to(const struct standing *standing, enum db_command command);
-/* A motion or enable that was requested after the stop begins. It closes the record if it was
- * carried out, or may have been. */
-void standing_give_way(struct standing *standing);
+/* The later motion or enable, for which `gives_way` was set when it began, has ended. It closes the
+ * record if it was carried out, or may have been. */
 void standing_motion_ended(struct standing *standing, bool may_go_on, db_time now);
 
 /* A later enable was carried out: the drive must not be disabled again, but if it was not seen

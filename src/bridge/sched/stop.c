@@ -77,7 +77,7 @@ static bool try_broadcast(struct db_engine *engine, db_time now)
 		return false;
 	for (size_t i = 0; i < engine->station_count; i++)
 		station_stop_sent(engine->stations[i], false, now);
-	exchange_count_broadcast(engine, &exchange, now);
+	exchange_count_unanswered(engine, &exchange, true, now);
 	(void)engine_send(engine, request, exchange.request_length, DB_TRACE_BROADCAST);
 	return true;
 }
@@ -104,7 +104,7 @@ static bool try_interrupt(struct db_engine *engine, db_time now)
 		/* The regular stop is still to be sent. */
 		standing->interrupted = true;
 		standing->count++;
-		exchange_count_unanswered(engine, &exchange, now);
+		exchange_count_unanswered(engine, &exchange, false, now);
 		(void)engine_send(engine, request, exchange.request_length, DB_TRACE_STOP);
 		sent = true;
 	}
@@ -191,33 +191,16 @@ bool stop_all_are_sent(const struct db_engine *engine)
 	return true;
 }
 
-/* Extra poll; does not count as the cycle's. */
-static bool read_extra(struct db_engine *engine, struct station *station, db_time now)
-{
-	struct station *first = station->node->first;
-	struct lane *lane = &first->lanes[LANE_POLL];
-	enum db_result result;
-
-	station->standing.read_at = DB_TIME_NEVER;
-	station->node->polled_at = now;
-	/* A poll that was prepared before the stop was sent, and is not sent yet, would prove
-	 * nothing. */
-	if (!(lane->active && lane->ready &&
-	      (lane->sent || lane->job.started > station->standing.sent_at)) &&
-	    exchange_begin_job(engine, first, LANE_POLL, DB_JOB_POLL, NULL, now, &result) !=
-	            DB_STEP_SEND) {
-		/* A drive that reports its motion unasked. */
-		station->standing.read_since = true;
-		return false;
-	}
-	return exchange_send(engine, first, LANE_POLL, now);
-}
-
 /* Stops that were never sent come first, online drives before others; then all in turn. */
 #define URGENCIES 3
 
 static bool send_or_read(struct db_engine *engine, struct station *station, db_time now)
 {
+	struct station *first = station->node->first;
+	struct lane *poll = &first->lanes[LANE_POLL];
+	bool prepared;
+	enum db_result result;
+
 	if (deadline(engine, station, now) <= now) {
 		fail_stops(engine, station, now);
 		return false;
@@ -228,7 +211,21 @@ static bool send_or_read(struct db_engine *engine, struct station *station, db_t
 			fail_stops(engine, station, now);
 		return send_stop(engine, station, now);
 	}
-	return read_at(station) <= now && read_extra(engine, station, now);
+	if (read_at(station) > now)
+		return false;
+	/* An extra poll; it does not count as the cycle's. A poll that was prepared before the stop
+	 * was sent, and is not sent yet, would prove nothing. */
+	station->standing.read_at = DB_TIME_NEVER;
+	station->node->polled_at = now;
+	prepared = poll->active && poll->ready &&
+	           (poll->sent || poll->job.started > station->standing.sent_at);
+	if (!prepared && exchange_begin_job(engine, first, LANE_POLL, DB_JOB_POLL, NULL, now,
+	                                    &result) != DB_STEP_SEND) {
+		/* A drive that reports its motion unasked. */
+		station->standing.read_since = true;
+		return false;
+	}
+	return exchange_send(engine, first, LANE_POLL, now);
 }
 
 bool stop_send_next(struct db_engine *engine, db_time now)

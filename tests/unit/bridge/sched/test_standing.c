@@ -82,7 +82,7 @@ static void a_second_cause_is_judged_by_what_follows(void **state)
 
 	(void)state;
 	assert_int_equal(judge(&standing, 500, true, T + 10 * MS), STANDING_OBEYS);
-	standing_give_way(&standing);
+	standing.gives_way = true;
 	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T + 20 * MS);
 	standing_stop_sent(&standing, true, 2 * MS, T + 20 * MS);
 	assert_int_equal(judge(&standing, 600, true, T + 30 * MS), STANDING_UNSEEN);
@@ -405,19 +405,19 @@ static void a_later_motion_ends_it_when_the_drive_took_it(void **state)
 
 	(void)state;
 	assert_true(standing_deadline(&standing, &rules) < DB_TIME_NEVER);
-	standing_give_way(&standing);
+	standing.gives_way = true;
 	assert_int_equal(standing_send_at(&standing), DB_TIME_NEVER);
 	/* While it moves because of that, nothing is overdue. */
 	assert_int_equal(standing_deadline(&standing, &rules), DB_TIME_NEVER);
 	assert_int_equal(judge(&standing, 1000, true, T + 10 * MS), STANDING_UNSEEN);
 	standing_motion_ended(&standing, false, T + 20 * MS);
 	assert_int_equal(standing_send_at(&standing), T + 20 * MS);
-	standing_give_way(&standing);
+	standing.gives_way = true;
 	standing_motion_ended(&standing, true, T + 30 * MS);
 	assert_true(standing_is_free(&standing));
 	/* A stop that came meanwhile is not ended by it. */
 	standing = entered(1000, true);
-	standing_give_way(&standing);
+	standing.gives_way = true;
 	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T + 5 * MS);
 	standing_motion_ended(&standing, true, T + 30 * MS);
 	assert_false(standing_is_free(&standing));
