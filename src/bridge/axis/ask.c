@@ -443,8 +443,9 @@ static struct db_write_answer stage(struct db_commander *commander,
 	/* Not together with a command in the same write. */
 	if (!commands)
 		result = check_command(commander, writer, &staged);
-	return result == DB_RESULT_OK ? (struct db_write_answer){ .result = DB_RESULT_OK } :
-	                                end_without_bus(commander, &staged, result);
+	if (result != DB_RESULT_OK)
+		return end_without_bus(commander, &staged, result);
+	return (struct db_write_answer){ .result = DB_RESULT_OK };
 }
 
 struct db_write_answer db_commander_write(struct db_commander *commander,

@@ -165,6 +165,19 @@ static enum db_result check_program(struct db_follow *follow, const struct db_fo
 	}
 }
 
+/* A short shake may be over before it was seen to move, and the first status may still show
+ * standstill. */
+static enum db_result check_shake(struct db_follow *follow, const struct db_follow_config *config,
+                                  const struct db_feedback *feedback, db_time now)
+{
+	if (feedback->status & DB_STATUS_MOVING) {
+		follow->moved = true;
+		return DB_RESULT_PENDING;
+	}
+	return follow->moved || now - follow->since >= config->patience ? DB_RESULT_OK :
+	                                                                  DB_RESULT_PENDING;
+}
+
 static enum db_result check(struct db_follow *follow, const struct db_follow_config *config,
                             const struct db_feedback *feedback, db_time now)
 {
@@ -182,16 +195,8 @@ static enum db_result check(struct db_follow *follow, const struct db_follow_con
 		return check_program(follow, config, feedback, now);
 	if (feedback->state == DB_AXIS_DISABLED)
 		return DB_RESULT_CANCELLED;
-	if (motion == DB_MOTION_SHAKE) {
-		bool moves = (feedback->status & DB_STATUS_MOVING) != 0;
-
-		/* A short shake may be over before it was seen to move, and the first status may
-		 * still show standstill. */
-		follow->moved = follow->moved || moves;
-		return !moves && (follow->moved || now - follow->since >= config->patience) ?
-		               DB_RESULT_OK :
-		               DB_RESULT_PENDING;
-	}
+	if (motion == DB_MOTION_SHAKE)
+		return check_shake(follow, config, feedback, now);
 	if (motion != DB_MOTION_HOME)
 		return check_move(follow, config, feedback, now);
 	if (feedback->state == DB_AXIS_HOMING || (feedback->status & DB_STATUS_MOVING))

@@ -173,29 +173,6 @@ static void extend_for_delay(struct db_engine *engine, db_time now)
 /* No answer of a known length is this long, in bytes. */
 #define LONG_ANSWER 256
 
-/* An answer of unknown length is arriving: it is awaited as long as bytes arrive, and may be
- * valid. */
-static void wait_for_rest(struct db_engine *engine, db_time now)
-{
-	for (size_t i = 0; i < engine->node_count; i++) {
-		struct flight *flight = &engine->nodes[i]->flight;
-		db_time latency = flight->patience;
-		const struct db_exchange *exchange;
-		db_time longest;
-
-		if (!flight->station)
-			continue;
-		exchange = &flight->station->lanes[flight->lane].exchange;
-		longest = flight->sent + latency + exchange->extra_time +
-		          engine->bus->transport->wire_time(engine->bus, exchange->request,
-		                                            exchange->request_length,
-		                                            DB_ANSWER_MAX);
-		if (exchange->open_ended && flight->deadline < now + latency &&
-		    now + latency < longest)
-			flight->deadline = now + latency;
-	}
-}
-
 static void skip_garbage(struct db_engine *engine, const uint8_t *bytes, size_t length, db_time now)
 {
 	struct scan *scan = engine->scan;
@@ -266,8 +243,24 @@ void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t le
 			engine->received_length = 0;
 		}
 	}
-	if (engine->received_length > LONG_ANSWER)
-		wait_for_rest(engine, now);
+	/* An answer of unknown length is arriving: it is awaited as long as bytes arrive, and may be
+	 * valid. */
+	for (size_t i = 0; engine->received_length > LONG_ANSWER && i < engine->node_count; i++) {
+		struct flight *flight = &engine->nodes[i]->flight;
+		db_time until = now + flight->patience;
+		const struct db_exchange *exchange;
+		db_time longest;
+
+		if (!flight->station)
+			continue;
+		exchange = &flight->station->lanes[flight->lane].exchange;
+		longest = flight->sent + flight->patience + exchange->extra_time +
+		          engine->bus->transport->wire_time(engine->bus, exchange->request,
+		                                            exchange->request_length,
+		                                            DB_ANSWER_MAX);
+		if (exchange->open_ended && flight->deadline < until && until < longest)
+			flight->deadline = until;
+	}
 	if (engine->frame_silence > 0) {
 		engine->silent_at = engine->received_length > 0 ? now + engine->frame_silence : 0;
 		engine->idle_until = 0;
