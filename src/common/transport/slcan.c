@@ -194,7 +194,7 @@ static void end_step(struct db_port *port, bool refused, db_time now)
 		port->health.refused++;
 		start_over(port, port->step == STEP_RATE ? EINVAL : EPROTO, now);
 	} else if (port->step != STEP_FLUSH) {
-		/* Where it was refused, it was closed already, or has no time stamps to turn off. */
+		/* If refused, it was closed already, or has no time stamps to turn off. */
 		enter(port, port->step + 1, now);
 	} else if (port->quiet_at < now + QUIET_TIME) {
 		port->quiet_at = now + QUIET_TIME;
