@@ -582,6 +582,7 @@ void db_web_stream_tick(struct db_web_server *server, db_time now)
 			db_web_sessions_touch(server->sessions, request->session, now);
 		if (stream->ended || !stream->waiting || now - stream->told < ALIVE_EVERY)
 			continue;
+		/* gcc's analyzer does not see that the queue gets the text. */
 		text = malloc(sizeof(*text) + sizeof(alive));
 		if (text) {
 			text->users = 1;
