@@ -187,29 +187,17 @@ static void go_down(struct db_port *port, int error, db_time now)
 	send_verb(port, SLCAN_CLOSE, 0);
 }
 
-static void step_done(struct db_port *port, db_time now)
+/* An answer to the step: a refusal, or that it is done. */
+static void end_step(struct db_port *port, bool refused, db_time now)
 {
-	if (port->step != STEP_FLUSH)
+	if (refused && (port->step == STEP_RATE || port->step == STEP_OPEN)) {
+		port->health.refused++;
+		start_over(port, port->step == STEP_RATE ? EINVAL : EPROTO, now);
+	} else if (port->step != STEP_FLUSH) {
+		/* If refused, it was closed already, or has no time stamps to turn off. */
 		enter(port, port->step + 1, now);
-	else if (port->quiet_at < now + QUIET_TIME)
+	} else if (port->quiet_at < now + QUIET_TIME) {
 		port->quiet_at = now + QUIET_TIME;
-}
-
-static void step_refused(struct db_port *port, db_time now)
-{
-	switch (port->step) {
-	case STEP_RATE:
-		port->health.refused++;
-		start_over(port, EINVAL, now);
-		break;
-	case STEP_OPEN:
-		port->health.refused++;
-		start_over(port, EPROTO, now);
-		break;
-	default:
-		/* It was closed already, or has no time stamps to turn off. */
-		step_done(port, now);
-		break;
 	}
 }
 
@@ -350,10 +338,8 @@ static bool take(struct db_port *port, uint8_t byte, struct slcan_reply *reply, 
 	}
 	if (port->step == STEP_READY)
 		return ready_reply(port, reply, now);
-	if (reply->kind == SLCAN_REPLY_DONE)
-		step_done(port, now);
-	else if (reply->kind == SLCAN_REPLY_REFUSED)
-		step_refused(port, now);
+	if (reply->kind == SLCAN_REPLY_DONE || reply->kind == SLCAN_REPLY_REFUSED)
+		end_step(port, reply->kind == SLCAN_REPLY_REFUSED, now);
 	return false;
 }
 

@@ -157,12 +157,6 @@ static void begin_greeting(struct db_tls_server *server, int fd,
 	db_tls_places_take(&server->places, address, peer);
 }
 
-static void set_accepting(struct db_tls_server *server, bool accepting, db_time now)
-{
-	(void)sd_event_source_set_enabled(server->io, accepting ? SD_EVENT_ON : SD_EVENT_OFF);
-	server->accept_again = accepting ? DB_TIME_NEVER : now + ACCEPT_PAUSE;
-}
-
 static int on_connections(sd_event_source *source, int fd, uint32_t events, void *data)
 {
 	struct db_tls_server *server = data;
@@ -179,8 +173,10 @@ static int on_connections(sd_event_source *source, int fd, uint32_t events, void
 			begin_greeting(server, client, &from);
 		} else {
 			if (errno == EMFILE || errno == ENFILE || errno == ENOBUFS ||
-			    errno == ENOMEM)
-				set_accepting(server, false, db_client_now());
+			    errno == ENOMEM) {
+				(void)sd_event_source_set_enabled(server->io, SD_EVENT_OFF);
+				server->accept_again = db_client_now() + ACCEPT_PAUSE;
+			}
 			break;
 		}
 	}
@@ -356,8 +352,10 @@ db_time db_tls_server_turn(void *context, db_time now, int64_t us)
 		look_at_own(server, now);
 	if (server->tell_at <= now)
 		tell_status(server, now);
-	if (server->accept_again <= now)
-		set_accepting(server, true, now);
+	if (server->accept_again <= now) {
+		(void)sd_event_source_set_enabled(server->io, SD_EVENT_ON);
+		server->accept_again = DB_TIME_NEVER;
+	}
 	next = first(first(server->look_at, server->tell_at), server->accept_again);
 	if (db_tls_places_any_ready(&server->places))
 		next = first(next, server->rest_until);

@@ -388,6 +388,17 @@ static bool can_appoint(const struct db_user *user, bool pam)
 	return user->grant.role == DB_ROLE_ADMINISTRATOR && (pam || !user->pam);
 }
 
+/* Whether somebody can still log in and make users when this user's line is another one. */
+static bool leaves_administrator(const struct db_users *users, const char *name,
+                                 const struct db_user *user, bool pam)
+{
+	bool left = user && can_appoint(user, pam);
+
+	for (size_t i = 0; i < users->count && !left; i++)
+		left = strcmp(users->list[i].name, name) != 0 && can_appoint(&users->list[i], pam);
+	return left;
+}
+
 static bool terms_hold(const char *path, const char *name, const struct db_user *user,
                        const struct db_users_terms *terms, FILE *out)
 {
@@ -398,19 +409,15 @@ static bool terms_hold(const char *path, const char *name, const struct db_user 
 	bool as_before = now ? terms->before &&
 	                                 db_users_digest(now) == db_users_digest(terms->before) :
 	                       !terms->before;
-	/* Whether somebody can still log in and make users when this user's line is another one. */
-	bool left = user && can_appoint(user, terms->pam);
 
-	for (size_t i = 0; i < users.count && !left; i++)
-		left = strcmp(users.list[i].name, name) != 0 &&
-		       can_appoint(&users.list[i], terms->pam);
 	if (good && terms->by && (!by || by->grant.role != DB_ROLE_ADMINISTRATOR)) {
 		(void)fprintf(out, "%s: %s is no administrator any more\n", path, terms->by);
 		good = false;
 	} else if (good && !as_before) {
 		(void)fprintf(out, "%s: the user %s was changed meanwhile\n", path, name);
 		good = false;
-	} else if (good && now && now->grant.role == DB_ROLE_ADMINISTRATOR && !left) {
+	} else if (good && now && now->grant.role == DB_ROLE_ADMINISTRATOR &&
+	           !leaves_administrator(&users, name, user, terms->pam)) {
 		(void)fprintf(out, "%s: no administrator who can log in would be left\n", path);
 		good = false;
 	}

@@ -43,18 +43,6 @@ static struct job *find_job(struct db_web_hasher *hasher, enum state state)
 	return NULL;
 }
 
-/* The last line of what was said, without its end. */
-static void take_last_line(char *said, char *why, size_t size)
-{
-	size_t length = strlen(said);
-	char *last;
-
-	while (length > 0 && said[length - 1] == '\n')
-		said[--length] = '\0';
-	last = strrchr(said, '\n');
-	(void)snprintf(why, size, "%s", last ? last + 1 : said);
-}
-
 static bool change_users(struct db_web_work *work)
 {
 	const struct db_users_terms terms = {
@@ -79,8 +67,16 @@ static bool change_users(struct db_web_work *work)
 		               db_users_remove(work->path, work->fresh.name, &terms, out);
 	if (out)
 		(void)fclose(out);
-	if (said && !good)
-		take_last_line(said, work->why, sizeof(work->why));
+	/* The last line of what was said, without its end. */
+	if (said && !good) {
+		const char *last;
+
+		size = strlen(said);
+		while (size > 0 && said[size - 1] == '\n')
+			said[--size] = '\0';
+		last = strrchr(said, '\n');
+		(void)snprintf(work->why, sizeof(work->why), "%s", last ? last + 1 : said);
+	}
 	free(said);
 	return good;
 }

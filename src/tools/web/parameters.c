@@ -76,16 +76,6 @@ static struct db_web_request *find_request(const struct db_web_parameters *job)
 	return job->stream ? job->page : db_web_request_find(job->server, job->number);
 }
 
-static void feed(struct db_web_parameters *job, const char *event, json_t *object)
-{
-	char *text = object ? json_dumps(object, JSON_COMPACT) : NULL;
-
-	if (job->stream && text)
-		db_web_stream_feed(job->stream, event, text);
-	free(text);
-	json_decref(object);
-}
-
 /* Nothing could be done. Takes the body over. */
 static void refuse(struct db_web_parameters *job, unsigned status, json_t *body)
 {
@@ -93,7 +83,7 @@ static void refuse(struct db_web_parameters *job, unsigned status, json_t *body)
 	struct db_web_stream *stream = job->stream;
 
 	if (stream) {
-		feed(job, "error", body);
+		db_web_stream_tell(job->stream, "error", body);
 		job->stream = NULL;
 		db_web_stream_finish(stream);
 	} else if (request) {
@@ -196,9 +186,11 @@ static void answer_file(struct db_web_parameters *job, const json_t *answer)
 static void report(void *data, const char *name, const char *state, const char *text,
                    const json_t *value)
 {
-	feed(data, "parameter",
-	     json_pack("{s:s, s:s, s:s, s:O*}", "name", name, "state", state, "text", text, "value",
-	               value));
+	const struct db_web_parameters *job = data;
+
+	db_web_stream_tell(job->stream, "parameter",
+	                   json_pack("{s:s, s:s, s:s, s:O*}", "name", name, "state", state, "text",
+	                             text, "value", value));
 }
 
 /* With those that were not tried any more. */
@@ -228,9 +220,9 @@ static void conclude(struct db_web_parameters *job)
 	db_client_log(DB_CLIENT_NOTICE, "%s: parameters of %s: %zu written, %zu not%s%s",
 	              job->caller.text, job->drive, json_array_size(writer->written),
 	              json_object_size(writer->failed), writer->over[0] ? ": " : "", writer->over);
-	feed(job, "result",
-	     json_pack("{s:O, s:O, s:s}", "written", writer->written, "failed", writer->failed,
-	               "over", writer->over));
+	db_web_stream_tell(job->stream, "result",
+	                   json_pack("{s:O, s:O, s:s}", "written", writer->written, "failed",
+	                             writer->failed, "over", writer->over));
 	job->stream = NULL;
 	if (stream)
 		db_web_stream_finish(stream);

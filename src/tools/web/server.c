@@ -354,12 +354,6 @@ static void count_connection(void *data, struct MHD_Connection *connection, void
 
 /* --- the loop --------------------------------------------------------------------------------- */
 
-static void run_later(struct db_web_server *server, uint64_t us)
-{
-	(void)sd_event_source_set_time_relative(server->pause, us);
-	(void)sd_event_source_set_enabled(server->pause, SD_EVENT_ONESHOT);
-}
-
 static void run_daemon(struct db_web_server *server)
 {
 	MHD_UNSIGNED_LONG_LONG wait;
@@ -377,7 +371,8 @@ static void run_daemon(struct db_web_server *server)
 		server->runs++;
 		(void)sd_event_source_set_enabled(server->turn, SD_EVENT_ONESHOT);
 	} else {
-		run_later(server, PAUSE_US);
+		(void)sd_event_source_set_time_relative(server->pause, PAUSE_US);
+		(void)sd_event_source_set_enabled(server->pause, SD_EVENT_ONESHOT);
 	}
 }
 
@@ -395,7 +390,10 @@ static int on_ready(sd_event_source *source, int fd, uint32_t events, void *data
 
 		if (rested < server->rest) {
 			(void)sd_event_source_set_enabled(server->ready, SD_EVENT_OFF);
-			run_later(server, (uint64_t)(server->rest - rested) / DB_NS_PER_US + 1);
+			(void)sd_event_source_set_time_relative(
+				server->pause,
+				(uint64_t)(server->rest - rested) / DB_NS_PER_US + 1);
+			(void)sd_event_source_set_enabled(server->pause, SD_EVENT_ONESHOT);
 			return 0;
 		}
 	}

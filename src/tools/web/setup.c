@@ -64,16 +64,6 @@ static void end(struct db_web_setup *setup)
 		dispose(setup);
 }
 
-static void feed(struct db_web_setup *setup, const char *event, json_t *object)
-{
-	char *text = object ? json_dumps(object, JSON_COMPACT) : NULL;
-
-	if (setup->stream && text)
-		db_web_stream_feed(setup->stream, event, text);
-	free(text);
-	json_decref(object);
-}
-
 /* It could not be done; goes on with what is said about that. */
 static void fail(struct db_web_setup *setup, const char *name, const char *text)
 {
@@ -215,23 +205,25 @@ static void go_on(struct db_web_setup *setup)
 			set(setup, &action);
 			return;
 		case DB_SETUP_SAY:
-			feed(setup, "say",
-			     json_pack("{s:s, s:s}", "text", action.text, "configuration",
-			               action.configuration));
+			db_web_stream_tell(setup->stream, "say",
+			                   json_pack("{s:s, s:s}", "text", action.text,
+			                             "configuration", action.configuration));
 			break;
 		case DB_SETUP_ASK:
 			setup->asks = true;
-			feed(setup, "ask",
-			     json_pack("{s:I, s:s, s:s}", "question", ++setup->question, "text",
-			               action.text, "yes",
-			               action.question ? action.question : "it was off and on"));
+			db_web_stream_tell(
+				setup->stream, "ask",
+				json_pack("{s:I, s:s, s:s}", "question", ++setup->question, "text",
+			                  action.text, "yes",
+			                  action.question ? action.question : "it was off and on"));
 			return;
 		case DB_SETUP_PAUSE:
 			setup->until = db_client_now() + DB_SETUP_PAUSE_MS * DB_NS_PER_MS;
 			return;
 		case DB_SETUP_FAIL:
-			feed(setup, "problem",
-			     json_pack("{s:s, s:s}", "error", action.error, "text", action.text));
+			db_web_stream_tell(setup->stream, "problem",
+			                   json_pack("{s:s, s:s}", "error", action.error, "text",
+			                             action.text));
 			break;
 		case DB_SETUP_END:
 		default:
@@ -376,10 +368,11 @@ void db_web_setup_tick(struct db_web_server *server, db_time now)
 		setup->until = DB_TIME_NEVER;
 		if (setup->setting) {
 			/* A late answer changes nothing any more. */
-			feed(setup, "problem",
-			     json_pack("{s:s, s:s}", "error", "NoAnswer", "text",
-			               "the service does not answer in time; a scan shows where "
-			               "the drive is"));
+			db_web_stream_tell(
+				setup->stream, "problem",
+				json_pack("{s:s, s:s}", "error", "NoAnswer", "text",
+			                  "the service does not answer in time; a scan shows where "
+			                  "the drive is"));
 			finish(setup);
 		} else {
 			db_setup_move_take(&setup->move, NULL, false, now);

@@ -51,6 +51,9 @@ struct db_web_stream *db_web_stream_begin_fed(struct db_web_request *request,
 /* Sends an event, with an object as its text. */
 void db_web_stream_feed(struct db_web_stream *stream, const char *event, const char *json);
 
+/* The same with an object, which is taken over. Without a stream it does nothing. */
+void db_web_stream_tell(struct db_web_stream *stream, const char *event, json_t *object);
+
 /* Ends it; `gone` is not called, and it must not be used any more. */
 void db_web_stream_finish(struct db_web_stream *stream);
 
