@@ -214,6 +214,11 @@ static bool shake_possible(const struct vsmd_can_command *command)
 	return false;
 }
 
+static bool port_possible(const struct vsmd_can_command *command, unsigned ports)
+{
+	return command->port >= 1 && command->port <= ports;
+}
+
 static bool window_possible(unsigned first, unsigned count, bool extended)
 {
 	return count >= 1 && count <= VSMD_CAN_READ_MAX && first <= reg_max(extended) &&
@@ -232,10 +237,10 @@ static bool command_possible(const struct vsmd_can_command *command, bool extend
 		return !command->has_velocity || (command->velocity >= -VSMD_SPEED_MAX &&
 		                                  command->velocity <= VSMD_SPEED_MAX);
 	case VSMD_CAN_OUTPUT:
-		return command->port >= 1 && command->port <= SENSOR_PORTS && command->value <= 1;
+		return port_possible(command, SENSOR_PORTS) && command->value <= 1;
 	case VSMD_CAN_SV:
 	case VSMD_CAN_NMOS:
-		return command->port >= 1 && command->port <= OUTPUT_PORTS;
+		return port_possible(command, OUTPUT_PORTS);
 	case VSMD_CAN_AUTO_RES_STS:
 		return (unsigned)command->report <= VSMD_CAN_REPORT_POSITION;
 	case VSMD_CAN_SHAKE:

@@ -111,6 +111,17 @@ static bool is_asked_for(const struct pair *pair)
 	        axis->status_at <= axis->effect_until);
 }
 
+/* By itself it proves little: in some drives it is cleared after a while. */
+static bool handshake_counts(const struct pair *pair)
+{
+	const struct vsmd_axis *axis = pair->axis;
+
+	return (pair->dropped & VSMD_ST_HS) && (pair->word & VSMD_ST_STP) &&
+	       !(pair->kept & VSMD_ST_ZERO) &&
+	       (!axis->handshake_lapses ||
+	        axis->status_at - axis->handshake_since > HANDSHAKE_LAPSES);
+}
+
 static enum vsmd_verdict judge_signs(const struct pair *pair, unsigned signs, bool handshake)
 {
 	const struct vsmd_axis *axis = pair->axis;
@@ -166,11 +177,7 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 	power = (pair.dropped & VSMD_ST_PWR) != 0;
 	homing = has_lost_homing(&pair);
 	jump = has_jumped(&pair);
-	/* By itself it proves little: in some drives it is cleared after a while. */
-	handshake = (pair.dropped & VSMD_ST_HS) && (word & VSMD_ST_STP) &&
-	            !(pair.kept & VSMD_ST_ZERO) &&
-	            (!axis->handshake_lapses ||
-	             axis->status_at - axis->handshake_since > HANDSHAKE_LAPSES);
+	handshake = handshake_counts(&pair);
 	/* A motor that is switched off loses its origin, too; one with power cannot be pushed to
 	 * 0. */
 	restart.origin_lost = (power && is_at_beginning(axis, position)) || homing ||
