@@ -38,7 +38,8 @@ static bool is_at_beginning(const struct vsmd_axis *axis, int32_t position)
 	return fabs((double)position) <= fmax(axis->window, BEGINNING);
 }
 
-bool vsmd_counts_on(const struct vsmd_axis *axis, int32_t before, int32_t position)
+/* True if it is where it was, and not where counters begin: it has kept counting. */
+static bool counts_on(const struct vsmd_axis *axis, int32_t before, int32_t position)
 {
 	double way = fabs((double)before - (double)position);
 
@@ -164,7 +165,7 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 		.now = now,
 	};
 	struct vsmd_restart restart = { .verdict = VSMD_COUNTS_ON };
-	bool goes_on = vsmd_counts_on(axis, axis->last.position, position) ||
+	bool goes_on = counts_on(axis, axis->last.position, position) ||
 	               (axis->away && (pair.kept & VSMD_ST_ZERO));
 	bool power;
 	bool homing;
@@ -190,4 +191,9 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 	restart.verdict = judge_signs(&pair, (unsigned)power + homing + jump, handshake);
 	restart.reread = restart.verdict != VSMD_COUNTS_ON || handshake;
 	return restart;
+}
+
+bool vsmd_refutes_doubt(const struct vsmd_axis *axis, int32_t position)
+{
+	return counts_on(axis, axis->doubt.position, position);
 }
