@@ -494,7 +494,7 @@ enum servo_can_error servo_can_decode(const struct db_can_frame *frame,
 	length = servo_can_shapes[message->kind].length;
 	if (from == SERVO_CAN_FROM_HOST && layout->padded && message->kind != SERVO_CAN_SYNC)
 		length = DB_CAN_DATA_MAX;
-	if (frame->length < length || (from == SERVO_CAN_FROM_HOST && frame->length > length))
+	if (from == SERVO_CAN_FROM_HOST ? frame->length != length : frame->length < length)
 		return SERVO_CAN_ERR_LENGTH;
 	if (from == SERVO_CAN_FROM_HOST)
 		return take_host(frame->data, message);

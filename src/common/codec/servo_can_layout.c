@@ -242,8 +242,6 @@ static bool check_contents(const struct servo_can_layout *layout,
 			                     "the number in the frame of %s does not fit it",
 			                     frame->name);
 		return true;
-	case SERVO_CAN_DESCRIBED_ACK:
-	case SERVO_CAN_DESCRIBED_SLOT:
 	default:
 		return true;
 	}

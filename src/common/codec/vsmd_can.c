@@ -75,39 +75,47 @@ enum vsmd_error vsmd_can_pack_id(const struct vsmd_can_id *id, uint32_t *packed)
 	return VSMD_OK;
 }
 
-/* Takes the fields of an id, whatever their values. */
-static struct vsmd_can_id unpack(uint32_t packed)
+static void unpack_extended(uint32_t packed, struct vsmd_can_id *id)
 {
-	struct vsmd_can_id id = { .extended = (packed & DB_CAN_EXTENDED) != 0 };
+	id->extended = true;
+	id->broadcast = packed & EXT_BROADCAST;
+	id->control = (enum vsmd_can_control)(packed >> EXT_CONTROL & CONTROL_MASK);
+	if (!id->broadcast)
+		id->target = packed >> EXT_TARGET & VSMD_CAN_SOURCE_MAX;
+	id->source = packed >> EXT_SOURCE & VSMD_CAN_SOURCE_MAX;
+	id->reg = packed & VSMD_CAN_REG_MAX;
+}
+
+static void unpack_standard(uint32_t packed, struct vsmd_can_id *id)
+{
 	uint16_t drive = packed >> STD_TARGET & VSMD_CAN_STD_DRIVE_MAX;
 
-	if (id.extended) {
-		id.broadcast = packed & EXT_BROADCAST;
-		id.control = (enum vsmd_can_control)(packed >> EXT_CONTROL & CONTROL_MASK);
-		if (!id.broadcast)
-			id.target = packed >> EXT_TARGET & VSMD_CAN_SOURCE_MAX;
-		id.source = packed >> EXT_SOURCE & VSMD_CAN_SOURCE_MAX;
-		id.reg = packed & VSMD_CAN_REG_MAX;
-		return id;
-	}
-	id.control = (enum vsmd_can_control)(packed >> STD_CONTROL & CONTROL_MASK);
-	if (is_reply(id.control)) {
-		id.source = drive;
+	id->control = (enum vsmd_can_control)(packed >> STD_CONTROL & CONTROL_MASK);
+	if (is_reply(id->control)) {
+		id->source = drive;
 	} else {
-		id.target = drive;
-		id.broadcast = drive == VSMD_CAN_BROADCAST;
+		id->target = drive;
+		id->broadcast = drive == VSMD_CAN_BROADCAST;
 	}
-	id.reg = packed & VSMD_CAN_STD_REG_MAX;
-	return id;
+	id->reg = packed & VSMD_CAN_STD_REG_MAX;
 }
 
 enum vsmd_error vsmd_can_unpack_id(uint32_t packed, struct vsmd_can_id *id)
 {
-	struct vsmd_can_id unpacked = unpack(packed);
+	struct vsmd_can_id unpacked = { 0 };
 
-	if ((packed & (DB_CAN_REMOTE | DB_CAN_ERROR)) ||
-	    (packed & (unpacked.extended ? EXT_FIXED : ~DB_CAN_STANDARD_MASK)) ||
-	    !sides_possible(&unpacked))
+	if (packed & (DB_CAN_REMOTE | DB_CAN_ERROR))
+		return VSMD_ERR_SYNTAX;
+	if (packed & DB_CAN_EXTENDED) {
+		if (packed & EXT_FIXED)
+			return VSMD_ERR_SYNTAX;
+		unpack_extended(packed, &unpacked);
+	} else {
+		if (packed & ~DB_CAN_STANDARD_MASK)
+			return VSMD_ERR_SYNTAX;
+		unpack_standard(packed, &unpacked);
+	}
+	if (!sides_possible(&unpacked))
 		return VSMD_ERR_SYNTAX;
 	*id = unpacked;
 	return VSMD_OK;
@@ -214,6 +222,11 @@ static bool shake_possible(const struct vsmd_can_command *command)
 	return false;
 }
 
+static bool port_possible(const struct vsmd_can_command *command, unsigned ports)
+{
+	return command->port >= 1 && command->port <= ports;
+}
+
 static bool window_possible(unsigned first, unsigned count, bool extended)
 {
 	return count >= 1 && count <= VSMD_CAN_READ_MAX && first <= reg_max(extended) &&
@@ -232,10 +245,10 @@ static bool command_possible(const struct vsmd_can_command *command, bool extend
 		return !command->has_velocity || (command->velocity >= -VSMD_SPEED_MAX &&
 		                                  command->velocity <= VSMD_SPEED_MAX);
 	case VSMD_CAN_OUTPUT:
-		return command->port >= 1 && command->port <= SENSOR_PORTS && command->value <= 1;
+		return port_possible(command, SENSOR_PORTS) && command->value <= 1;
 	case VSMD_CAN_SV:
 	case VSMD_CAN_NMOS:
-		return command->port >= 1 && command->port <= OUTPUT_PORTS;
+		return port_possible(command, OUTPUT_PORTS);
 	case VSMD_CAN_AUTO_RES_STS:
 		return (unsigned)command->report <= VSMD_CAN_REPORT_POSITION;
 	case VSMD_CAN_SHAKE:
@@ -615,9 +628,13 @@ enum vsmd_can_took vsmd_can_take(struct vsmd_can_answer *answer,
 
 int vsmd_can_suspect(const struct db_can_frame *frame)
 {
-	struct vsmd_can_id id = unpack(frame->id);
+	struct vsmd_can_id id = { 0 };
 
 	if (frame->id & (DB_CAN_REMOTE | DB_CAN_ERROR))
 		return -1;
+	if (frame->id & DB_CAN_EXTENDED)
+		unpack_extended(frame->id, &id);
+	else
+		unpack_standard(frame->id, &id);
 	return is_reply(id.control) && is_drive(id.source, id.extended) ? id.source : -1;
 }

@@ -232,21 +232,6 @@ enum db_step servo_can_continue_settings(struct db_conversation *talk)
 
 /* --- the profile ------------------------------------------------------------------------------ */
 
-static bool lacks_ramps(const struct db_device *device)
-{
-	return !isnan(device->profile.acceleration) && (RAMPS & ~device->plate.valid[0]) != 0;
-}
-
-/* Words that the PLC has set are kept and sent again, also when the drive has forgotten them. */
-static bool lacks_words(const struct db_device *device)
-{
-	uint64_t needed = device->layout.word1.set ?
-	                          PARAM_BIT(PARAM_CCLR) | PARAM_BIT(PARAM_WORD_1) :
-	                          PARAM_BIT(PARAM_CCLR);
-
-	return device->words_given && (needed & ~device->plate.valid[0]) != 0;
-}
-
 /* Sends all words that are held, in one frame or two. */
 static bool sends_words(struct db_conversation *talk, enum db_step *step)
 {
@@ -306,6 +291,12 @@ bool servo_can_sends_all(struct db_conversation *talk, enum db_step *step)
 enum db_step servo_can_continue_identify(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
+	uint64_t missing = ~device->plate.valid[0];
+	uint64_t word_1 = device->layout.word1.set ? PARAM_BIT(PARAM_WORD_1) : 0;
+	bool lacks_ramps = !isnan(device->profile.acceleration) && (RAMPS & missing) != 0;
+	/* Words that the PLC has set are kept and sent again, also when the drive has forgotten
+	 * them. */
+	bool lacks_words = device->words_given && ((PARAM_BIT(PARAM_CCLR) | word_1) & missing) != 0;
 	enum servo_can_mode mode;
 	enum db_step step;
 
@@ -317,16 +308,16 @@ enum db_step servo_can_continue_identify(struct db_conversation *talk)
 	 * with power keeps its mode: the next command that changes the mode also sends the speed
 	 * limit. */
 	if (servo_can_is_at_rest(device)) {
-		if (lacks_ramps(device) && !is_done(talk, STEP_RAMPS))
+		if (lacks_ramps && !is_done(talk, STEP_RAMPS))
 			return servo_can_send_ramps(talk, (uint32_t)device->profile.acceleration,
 			                            (uint32_t)device->profile.deceleration);
-		if (lacks_words(device) && sends_words(talk, &step))
+		if (lacks_words && sends_words(talk, &step))
 			return step;
 		if (lacks_mode(device) && !is_done(talk, STEP_MODE) &&
 		    choose_mode(device, &mode) == DB_RESULT_OK)
 			return servo_can_send_mode(talk, mode, NULL);
 	}
 	/* What is still missing is sent again later. */
-	device->plate.doubtful = lacks_ramps(device) || lacks_words(device) || lacks_mode(device);
+	device->plate.doubtful = lacks_ramps || lacks_words || lacks_mode(device);
 	return end_job(talk, DB_RESULT_OK);
 }

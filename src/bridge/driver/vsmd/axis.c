@@ -220,8 +220,7 @@ static void follow_restarts(struct vsmd_axis *axis, int32_t position, uint32_t w
 		break;
 	case VSMD_COUNTS_ON:
 	default:
-		if (axis->doubt.kind != DB_DOUBT_NONE &&
-		    vsmd_counts_on(axis, axis->doubt.position, position))
+		if (axis->doubt.kind != DB_DOUBT_NONE && vsmd_refutes_doubt(axis, position))
 			refute_doubt(axis);
 		return;
 	}

@@ -38,7 +38,8 @@ static bool is_at_beginning(const struct vsmd_axis *axis, int32_t position)
 	return fabs((double)position) <= fmax(axis->window, BEGINNING);
 }
 
-bool vsmd_counts_on(const struct vsmd_axis *axis, int32_t before, int32_t position)
+/* True if it is where it was, and not where counters begin: it has kept counting. */
+static bool counts_on(const struct vsmd_axis *axis, int32_t before, int32_t position)
 {
 	double way = fabs((double)before - (double)position);
 
@@ -111,6 +112,17 @@ static bool is_asked_for(const struct pair *pair)
 	        axis->status_at <= axis->effect_until);
 }
 
+/* By itself it proves little: in some drives it is cleared after a while. */
+static bool handshake_counts(const struct pair *pair)
+{
+	const struct vsmd_axis *axis = pair->axis;
+
+	return (pair->dropped & VSMD_ST_HS) && (pair->word & VSMD_ST_STP) &&
+	       !(pair->kept & VSMD_ST_ZERO) &&
+	       (!axis->handshake_lapses ||
+	        axis->status_at - axis->handshake_since > HANDSHAKE_LAPSES);
+}
+
 static enum vsmd_verdict judge_signs(const struct pair *pair, unsigned signs, bool handshake)
 {
 	const struct vsmd_axis *axis = pair->axis;
@@ -153,7 +165,7 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 		.now = now,
 	};
 	struct vsmd_restart restart = { .verdict = VSMD_COUNTS_ON };
-	bool goes_on = vsmd_counts_on(axis, axis->last.position, position) ||
+	bool goes_on = counts_on(axis, axis->last.position, position) ||
 	               (axis->away && (pair.kept & VSMD_ST_ZERO));
 	bool power;
 	bool homing;
@@ -166,11 +178,7 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 	power = (pair.dropped & VSMD_ST_PWR) != 0;
 	homing = has_lost_homing(&pair);
 	jump = has_jumped(&pair);
-	/* By itself it proves little: in some drives it is cleared after a while. */
-	handshake = (pair.dropped & VSMD_ST_HS) && (word & VSMD_ST_STP) &&
-	            !(pair.kept & VSMD_ST_ZERO) &&
-	            (!axis->handshake_lapses ||
-	             axis->status_at - axis->handshake_since > HANDSHAKE_LAPSES);
+	handshake = handshake_counts(&pair);
 	/* A motor that is switched off loses its origin, too; one with power cannot be pushed to
 	 * 0. */
 	restart.origin_lost = (power && is_at_beginning(axis, position)) || homing ||
@@ -183,4 +191,9 @@ struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t pos
 	restart.verdict = judge_signs(&pair, (unsigned)power + homing + jump, handshake);
 	restart.reread = restart.verdict != VSMD_COUNTS_ON || handshake;
 	return restart;
+}
+
+bool vsmd_refutes_doubt(const struct vsmd_axis *axis, int32_t position)
+{
+	return counts_on(axis, axis->doubt.position, position);
 }

@@ -29,8 +29,7 @@ struct vsmd_restart {
 struct vsmd_restart vsmd_judge_restart(const struct vsmd_axis *axis, int32_t position,
                                        uint32_t word, db_time now);
 
-/* True if it is where it was, and not where counters begin: it has kept counting. That refutes a
- * doubt that began at `before`. */
-bool vsmd_counts_on(const struct vsmd_axis *axis, int32_t before, int32_t position);
+/* True if the doubt is refuted because the drive stands where it stood before. */
+bool vsmd_refutes_doubt(const struct vsmd_axis *axis, int32_t position);
 
 #endif

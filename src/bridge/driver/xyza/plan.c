@@ -123,18 +123,12 @@ static void add_standstill(struct xyza_plan *plan, const struct db_device *devic
 
 /* --- motion ----------------------------------------------------------------------------------- */
 
-static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool negative, float speed)
+/* Manual mode moves one axis at a time, and none while a program runs. A condition that seems to
+ * prevent the command is read once more: it may have ended since. */
+static void add_guards(struct xyza_plan *plan, const struct db_device *device)
 {
-	static const enum xyza_param needed[] = { XYZA_BRAKE, XYZA_ACCELERATION_TIME };
 	const struct db_device *first = device->first;
-	bool moves = !device->standing || device->jogging;
-	bool that_way = negative ? device->velocity < 0.0f : device->velocity > 0.0f;
 
-	if (device->jogging)
-		that_way = device->jog_negative == negative;
-	plan->same_way = moves && that_way && !device->stopping && !device->stops_for_speed;
-	/* Manual mode moves one axis at a time, and none while a program runs. A condition that
-	 * seems to prevent the command is read once more: it may have ended since. */
 	if (first->program_state == XYZA_PROGRAM_RUNNING)
 		add_read(plan, device, XYZA_PROGRAM_STATE, STEP_GUARD, UINT8_MAX,
 		         XYZA_PROGRAM_RUNNING);
@@ -144,6 +138,25 @@ static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool nega
 		if (other && other != device && (other->jogging || !other->standing))
 			add_read(plan, other, XYZA_READ_STANDING, STEP_GUARD, UINT32_MAX, 0);
 	}
+}
+
+/* True if it moves in that direction, as far as known. */
+static bool goes_that_way(const struct db_device *device, bool negative)
+{
+	if (device->stopping)
+		return false;
+	if (device->jogging)
+		return device->jog_negative == negative;
+	return negative ? device->velocity < 0.0f : device->velocity > 0.0f;
+}
+
+static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool negative, float speed)
+{
+	static const enum xyza_param needed[] = { XYZA_BRAKE, XYZA_ACCELERATION_TIME };
+	bool moves = !device->standing || device->jogging;
+
+	plan->same_way = moves && goes_that_way(device, negative) && !device->stops_for_speed;
+	add_guards(plan, device);
 	if (moves && !plan->same_way)
 		add_standstill(plan, device);
 	if (speed > 0.0f)
@@ -235,11 +248,6 @@ static void plan_program(struct xyza_plan *plan, struct db_device *device,
 	case DB_CMD_CLEAR_FAULT:
 		verb = XYZA_PROGRAM_END;
 		break;
-	case DB_CMD_SINGLE_STEP:
-		verb = args->output_value ? XYZA_PROGRAM_STEP_ON : XYZA_PROGRAM_STEP_OFF;
-		add_step(plan, device, verb, STEP_PLAIN);
-		plan->unproven = true;
-		return;
 	default:
 		return;
 	}
@@ -311,6 +319,12 @@ void xyza_plan_command(struct xyza_plan *plan, struct db_device *device,
 	case DB_CMD_SET_OUTPUTS:
 		plan_outputs(plan, device, args->output_mask,
 		             args->output_levels & args->output_mask);
+		break;
+	case DB_CMD_SINGLE_STEP:
+		add_step(plan, device,
+		         args->output_value ? XYZA_PROGRAM_STEP_ON : XYZA_PROGRAM_STEP_OFF,
+		         STEP_PLAIN);
+		plan->unproven = true;
 		break;
 	default:
 		plan_program(plan, device, request);
