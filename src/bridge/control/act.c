@@ -351,14 +351,6 @@ void db_act_write(const struct db_call *call)
 
 /* --- Run -------------------------------------------------------------------------------------- */
 
-/* Arguments that a PLC may leave 0 as well: the drive's preset speed, start at once, no more words
- * of a frame. */
-static bool may_be_missing(enum db_command command, enum db_arg arg)
-{
-	return (arg == DB_ARG_TARGET_VELOCITY && command != DB_CMD_MOVE_VELOCITY) ||
-	       arg == DB_ARG_PROGRAM_DELAY || arg == DB_ARG_RAW_REQUEST;
-}
-
 static bool has_argument(const struct db_command_row *row, const struct db_entry *entry)
 {
 	for (size_t i = 0; i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
@@ -395,11 +387,17 @@ static bool take_arguments(const struct db_call *call, const struct db_name_list
 	}
 	/* Nothing must move because of a forgotten name. */
 	for (size_t i = 0; i < DB_COMMAND_ARGS_MAX && row->args[i] != DB_ARG_NONE; i++) {
-		for (size_t r = 0; list && r < list->count; r++) {
+		enum db_arg arg = row->args[i];
+		/* Arguments that a PLC may leave 0 as well: the drive's preset speed, start at
+		 * once, no more words of a frame. */
+		bool may_be_missing = (arg == DB_ARG_TARGET_VELOCITY &&
+		                       row->code != DB_CMD_MOVE_VELOCITY) ||
+		                      arg == DB_ARG_PROGRAM_DELAY || arg == DB_ARG_RAW_REQUEST;
+
+		for (size_t r = 0; !may_be_missing && list && r < list->count; r++) {
 			const struct db_entry *entry = &list->entries[r];
 
-			if (may_be_missing(row->code, row->args[i]) ||
-			    !db_named_is_argument(entry, row->args[i]) ||
+			if (!db_named_is_argument(entry, arg) ||
 			    json_object_get(arguments, entry->name))
 				continue;
 			snprintf(reason, sizeof(reason), "%s needs it", row->name);

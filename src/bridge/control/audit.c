@@ -74,20 +74,16 @@ void db_audit_call(const struct db_call *call)
 	session->due = db_control_now(session->control) + LOOK_EVERY;
 }
 
-static json_t *describe_trail(const struct db_session *session)
+/* The records are text already: a page has hundreds of them. */
+static void reply(struct db_session *session, const struct db_audit_page *page)
 {
 	struct db_audit_state state;
-
-	db_audit_state(trail_of(session), &state);
-	return json_pack("{s:b, s:b, s:I, s:I, s:I, s:I, s:s}", "on", state.on, "kept", state.kept,
-	                 "newest", (json_int_t)state.newest, "bytes", (json_int_t)state.bytes,
-	                 "most_bytes", (json_int_t)state.mib * 1024 * 1024, "lost",
-	                 (json_int_t)state.lost, "trouble", state.trouble);
-}
-
-static json_t *describe_broken(const struct db_audit_page *page)
-{
 	json_t *broken = json_array();
+	json_t *trail;
+	json_t *rest;
+	char *text;
+	char *all = NULL;
+	int length = -1;
 
 	for (size_t i = 0; i < page->broken_count; i++)
 		json_array_append_new(broken, json_pack("{s:I, s:s, s:I, s:s}", "number",
@@ -95,20 +91,15 @@ static json_t *describe_broken(const struct db_audit_page *page)
 		                                        page->broken[i].segment, "line",
 		                                        (json_int_t)page->broken[i].line, "why",
 		                                        page->broken[i].why));
-	return broken;
-}
-
-/* The records are text already: a page has hundreds of them. */
-static void reply(struct db_session *session, const struct db_audit_page *page)
-{
-	json_t *rest = json_pack("{s:I, s:b, s:I, s:o, s:I, s:o}", "next", (json_int_t)page->next,
-	                         "over", page->over, "checked", (json_int_t)page->checked, "broken",
-	                         describe_broken(page), "more_broken",
-	                         (json_int_t)page->more_broken, "trail", describe_trail(session));
-	char *text = rest ? json_dumps(rest, JSON_COMPACT) : NULL;
-	char *all = NULL;
-	int length = -1;
-
+	db_audit_state(trail_of(session), &state);
+	trail = json_pack("{s:b, s:b, s:I, s:I, s:I, s:I, s:s}", "on", state.on, "kept", state.kept,
+	                  "newest", (json_int_t)state.newest, "bytes", (json_int_t)state.bytes,
+	                  "most_bytes", (json_int_t)state.mib * 1024 * 1024, "lost",
+	                  (json_int_t)state.lost, "trouble", state.trouble);
+	rest = json_pack("{s:I, s:b, s:I, s:o, s:I, s:o}", "next", (json_int_t)page->next, "over",
+	                 page->over, "checked", (json_int_t)page->checked, "broken", broken,
+	                 "more_broken", (json_int_t)page->more_broken, "trail", trail);
+	text = rest ? json_dumps(rest, JSON_COMPACT) : NULL;
 	json_decref(rest);
 	if (text)
 		length = asprintf(&all, "{\"parameters\":{\"records\":[%.*s],%s}",

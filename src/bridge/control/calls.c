@@ -146,17 +146,6 @@ static const char *find_foreign(const struct method *method, json_t *parameters)
 	return NULL;
 }
 
-/* A beat without an answer need not wait for the answers before it. */
-static bool is_silent_beat(const char *text, size_t length)
-{
-	struct db_message message;
-	bool beats = !db_message_parse(text, length, &message) && message.oneway &&
-	             strcmp(message.method, BEAT) == 0;
-
-	db_message_clear(&message);
-	return beats;
-}
-
 bool db_calls_has_next(struct db_session *session, size_t *length)
 {
 	size_t whole;
@@ -165,8 +154,15 @@ bool db_calls_has_next(struct db_session *session, size_t *length)
 		return true;
 	if (session->broken || !db_session_has_whole(session, &whole))
 		return false;
-	if (session->next == DB_NEXT_UNKNOWN)
-		session->next = is_silent_beat(session->in, whole) ? DB_NEXT_BEATS : DB_NEXT_WAITS;
+	/* A beat without an answer need not wait for the answers before it. */
+	if (session->next == DB_NEXT_UNKNOWN) {
+		struct db_message message;
+		bool beats = !db_message_parse(session->in, whole, &message) && message.oneway &&
+		             strcmp(message.method, BEAT) == 0;
+
+		db_message_clear(&message);
+		session->next = beats ? DB_NEXT_BEATS : DB_NEXT_WAITS;
+	}
 	if (session->next == DB_NEXT_WAITS)
 		return false;
 	*length = whole;

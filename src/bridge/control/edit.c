@@ -124,18 +124,6 @@ static json_t *version_of(const struct db_edit_answer *answer)
 	return json_sprintf("%016" PRIx64, answer->version);
 }
 
-static json_t *describe_formers(const struct db_edit_answer *answer)
-{
-	json_t *formers = json_array();
-
-	for (size_t i = 0; i < answer->former_count; i++)
-		json_array_append_new(formers,
-		                      json_pack("{s:I, s:I}", "number",
-		                                (json_int_t)answer->formers[i].number, "time_us",
-		                                (json_int_t)answer->formers[i].time_us));
-	return formers;
-}
-
 static json_t *describe_effects(const struct db_edit_answer *answer)
 {
 	json_t *effects = json_array();
@@ -154,17 +142,23 @@ static json_t *describe_effects(const struct db_edit_answer *answer)
 static void answer_read(struct db_session *session, const struct db_edit_answer *answer)
 {
 	json_t *text = json_string(answer->text);
+	json_t *formers;
 
 	if (!text) {
 		fail(session, "disk", json_sprintf("%s is no UTF-8", answer->path));
 		return;
 	}
+	formers = json_array();
+	for (size_t i = 0; i < answer->former_count; i++)
+		json_array_append_new(formers,
+		                      json_pack("{s:I, s:I}", "number",
+		                                (json_int_t)answer->formers[i].number, "time_us",
+		                                (json_int_t)answer->formers[i].time_us));
 	db_session_reply(session,
 	                 json_pack("{s:b, s:s, s:o, s:o, s:s, s:o}", "may_edit",
 	                           session->control->config->edit, "path", answer->path, "text",
 	                           text, "version", version_of(answer), "running",
-	                           answer->running ? answer->running : "", "formers",
-	                           describe_formers(answer)),
+	                           answer->running ? answer->running : "", "formers", formers),
 	                 false);
 }
 

@@ -35,21 +35,19 @@ static struct db_session *find(const struct db_control_socket *control, uint32_t
 	return NULL;
 }
 
-/* Is it a streaming call? */
-static bool is_stream(const struct db_session *session)
-{
-	return session->wait == DB_WAITS_FOR_REGISTERS || session->wait == DB_WAITS_FOR_VALUES ||
-	       session->wait == DB_WAITS_FOR_EVENTS || session->wait == DB_WAITS_FOR_TRACE ||
-	       session->wait == DB_WAITS_FOR_TROUBLES || session->wait == DB_WAITS_FOR_ALARMS;
-}
-
 /* Next time due, or DB_TIME_NEVER. */
 static db_time due_of(const struct db_control_socket *control, const struct db_session *session)
 {
+	bool streams = session->wait == DB_WAITS_FOR_REGISTERS ||
+	               session->wait == DB_WAITS_FOR_VALUES ||
+	               session->wait == DB_WAITS_FOR_EVENTS ||
+	               session->wait == DB_WAITS_FOR_TRACE ||
+	               session->wait == DB_WAITS_FOR_TROUBLES ||
+	               session->wait == DB_WAITS_FOR_ALARMS;
+
 	if (session->wait == DB_WAITS_FOR_NOTHING)
 		return DB_TIME_NEVER;
-	return is_stream(session) && session->due < control->rest_until ? control->rest_until :
-	                                                                  session->due;
+	return streams && session->due < control->rest_until ? control->rest_until : session->due;
 }
 
 /* --- coming and going ------------------------------------------------------------------------- */
@@ -364,18 +362,6 @@ static void settle(struct db_control_socket *control)
 
 /* --- serving ---------------------------------------------------------------------------------- */
 
-/* After a call of `taken` bytes, it is the turn of all others. Only an Introduce shares its turn
- * with the call that came together with it; not twice in a row. */
-static void end_turn(struct db_control_socket *control, struct db_session *session, size_t taken)
-{
-	session->turn_bytes -= taken < session->turn_bytes ? taken : session->turn_bytes;
-	session->turn_kept = session->introduced && !session->turn_kept &&
-	                     session->turn_bytes > 0 &&
-	                     memchr(session->in, '\0', session->turn_bytes);
-	if (!session->turn_kept)
-		session->turn = ++control->last_turn;
-}
-
 /*
  * Takes one call, of the session whose turn it is: then the loop serves the others, Modbus above
  * all. In the order of arrival, so that a stop comes after the move that it is to end, over any
@@ -401,7 +387,13 @@ static bool take_call(struct db_control_socket *control)
 	next->client.arrived = next->in_arrived;
 	db_calls_take(next, next->in, length);
 	db_session_drop_message(next, length);
-	end_turn(control, next, length + 1);
+	/* Then it is the turn of all others. Only an Introduce shares its turn with the call that
+	 * came together with it; not twice in a row. */
+	next->turn_bytes -= length + 1 < next->turn_bytes ? length + 1 : next->turn_bytes;
+	next->turn_kept = next->introduced && !next->turn_kept && next->turn_bytes > 0 &&
+	                  memchr(next->in, '\0', next->turn_bytes);
+	if (!next->turn_kept)
+		next->turn = ++control->last_turn;
 	return true;
 }
 

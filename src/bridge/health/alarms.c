@@ -120,14 +120,6 @@ static struct db_alarm *find(const struct db_alarms *alarms, const struct db_ala
 	return NULL;
 }
 
-/* True if what comes now is what was there before: nobody has looked at that one, or it has only
- * just gone. */
-static bool is_again(const struct db_alarm *alarm, uint64_t since_us)
-{
-	return alarm->acknowledged == 0 ||
-	       (since_us >= alarm->gone && since_us - alarm->gone < AGAIN_US);
-}
-
 void db_alarms_see(struct db_alarms *alarms, const struct db_alarm_seen *seen)
 {
 	struct db_alarm *alarm = find(alarms, seen);
@@ -139,7 +131,11 @@ void db_alarms_see(struct db_alarms *alarms, const struct db_alarm_seen *seen)
 			memcpy(alarm->detail, detail, sizeof(detail));
 			note(alarms, alarm, false);
 		}
-	} else if (alarm && is_again(alarm, seen->since_us)) {
+	} else if (alarm &&
+	           (alarm->acknowledged == 0 ||
+	            (seen->since_us >= alarm->gone && seen->since_us - alarm->gone < AGAIN_US))) {
+		/* What comes now is what was there before: nobody has looked at that one, or it has
+		 * only just gone. */
 		memcpy(alarm->detail, detail, sizeof(detail));
 		alarm->came = seen->since_us;
 		alarm->gone = 0;

@@ -77,16 +77,18 @@ struct db_health {
 
 /* --- the thread ------------------------------------------------------------------------------- */
 
-/* The first of the two that there is. */
-static int error_of(const struct db_health *health)
+/* Writes what was handed over, and tells when writing begins to fail or succeeds again. */
+static void write_given(struct db_health *health, const struct exchange *given)
 {
-	return health->values_error != 0 ? health->values_error : health->alarms_error;
-}
+	int before = health->values_error != 0 ? health->values_error : health->alarms_error;
+	int error;
 
-static void note_trouble(struct db_health *health, int before)
-{
-	int error = error_of(health);
-
+	if (given->interval && health->store)
+		health->values_error = db_store_add(health->store, given->interval);
+	if (given->alarms && health->folder)
+		health->alarms_error = db_store_replace(health->folder, ALARMS_NAME, given->alarms,
+		                                        given->alarms_size);
+	error = health->values_error != 0 ? health->values_error : health->alarms_error;
 	pthread_mutex_lock(&health->lock);
 	health->alarms_failed = health->alarms_error != 0;
 	snprintf(health->trouble, sizeof(health->trouble), "%s",
@@ -100,38 +102,6 @@ static void note_trouble(struct db_health *health, int before)
 		       "health values or alarms cannot be written into %s: %s; they are kept in "
 		       "memory",
 		       health->folder ? health->folder : "memory", strerror(-error));
-}
-
-static void open_store(struct db_health *health)
-{
-	bool damaged;
-
-	health->values_error = db_store_open(health->folder, &health->store, &damaged);
-	if (health->values_error == 0 && damaged)
-		db_log(&health->log, db_clock_now(), DB_EVENT_HEALTH_UNKEPT, NULL,
-		       "the file of health values in %s is not understood: it is kept as "
-		       "values" DB_HEALTH_DAMAGED ", and another one begins",
-		       health->folder);
-}
-
-static void free_interval(struct db_store_interval *interval)
-{
-	if (!interval)
-		return;
-	free((void *)(uintptr_t)interval->entries);
-	free(interval);
-}
-
-static void write_given(struct db_health *health, const struct exchange *given)
-{
-	int before = error_of(health);
-
-	if (given->interval && health->store)
-		health->values_error = db_store_add(health->store, given->interval);
-	if (given->alarms && health->folder)
-		health->alarms_error = db_store_replace(health->folder, ALARMS_NAME, given->alarms,
-		                                        given->alarms_size);
-	note_trouble(health, before);
 }
 
 static void serve_reader(struct db_health *health, const struct exchange *given)
@@ -156,6 +126,7 @@ static void *run(void *context)
 {
 	struct db_health *health = context;
 	struct exchange given = { .ending = false };
+	bool damaged = false;
 
 	while (!given.ending) {
 		sem_wait(&health->wake);
@@ -165,14 +136,24 @@ static void *run(void *context)
 		health->exchange.alarms = NULL;
 		health->writing = given.interval != NULL;
 		pthread_mutex_unlock(&health->lock);
-		if (given.on && !health->store)
-			open_store(health);
+		if (given.on && !health->store) {
+			health->values_error = db_store_open(health->folder, &health->store,
+			                                     &damaged);
+			if (health->values_error == 0 && damaged)
+				db_log(&health->log, db_clock_now(), DB_EVENT_HEALTH_UNKEPT, NULL,
+				       "the file of health values in %s is not understood: it is "
+				       "kept as values" DB_HEALTH_DAMAGED
+				       ", and another one begins",
+				       health->folder);
+		}
 		write_given(health, &given);
 		if (!given.on) {
 			db_store_free(health->store);
 			health->store = NULL;
 		}
-		free_interval(given.interval);
+		if (given.interval)
+			free((void *)(uintptr_t)given.interval->entries);
+		free(given.interval);
 		free(given.alarms);
 		pthread_mutex_lock(&health->lock);
 		health->writing = false;

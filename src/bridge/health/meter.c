@@ -4,13 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-static int8_t whole_degrees(float temperature)
-{
-	float rounded = roundf(temperature);
-
-	return (int8_t)(rounded < -127.0f ? -127.0f : rounded > 127.0f ? 127.0f : rounded);
-}
-
 void db_meter_init(struct db_meter *meter, const struct db_health_drive *drive)
 {
 	*meter = (struct db_meter){ .unit = drive->unit, .number = drive->number };
@@ -56,7 +49,10 @@ void db_meter_sample(struct db_meter *meter, const struct db_snapshot *snapshot,
 	meter->last = *stats;
 	meter->sampled = now;
 	if (online && has_temperature && isfinite(snapshot->feedback.temperature)) {
-		int8_t degrees = whole_degrees(snapshot->feedback.temperature);
+		float rounded = roundf(snapshot->feedback.temperature);
+		int8_t degrees = (int8_t)(rounded < -127.0f ? -127.0f :
+		                          rounded > 127.0f  ? 127.0f :
+		                                              rounded);
 
 		if (value->hottest == DB_HEALTH_NO_TEMPERATURE || degrees > value->hottest)
 			value->hottest = degrees;

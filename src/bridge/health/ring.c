@@ -100,16 +100,6 @@ void db_ring_write_head(const struct db_ring_shape *shape, const struct db_ring_
 	db_bytes_put(bytes + CHECKSUM_AT, db_bytes_crc(bytes, size), 4);
 }
 
-/* The checksum, in whose place there was 0. */
-static uint32_t checksum_of(const uint8_t *bytes, size_t size)
-{
-	uint8_t copy[DB_RING_HEAD_MAX];
-
-	memcpy(copy, bytes, size);
-	memset(copy + CHECKSUM_AT, 0, 4);
-	return db_bytes_crc(copy, size);
-}
-
 /* Nothing but what the service gives to drives may get into a text. */
 static bool is_name(const uint8_t *text)
 {
@@ -126,6 +116,7 @@ bool db_ring_read_head(const uint8_t *bytes, size_t size, struct db_ring_shape *
                        struct db_ring_column columns[DB_RING_COLUMNS_MAX])
 {
 	struct db_ring_shape wanted;
+	uint8_t copy[DB_RING_HEAD_MAX];
 
 	if (size < HEAD || memcmp(bytes, magic, sizeof(magic)) != 0 ||
 	    db_bytes_get(bytes + 8, 2) != VERSION)
@@ -139,8 +130,13 @@ bool db_ring_read_head(const uint8_t *bytes, size_t size, struct db_ring_shape *
 	for (unsigned ring = 0; ring < DB_RING_COUNT; ring++)
 		shape->slots[ring] = (uint16_t)db_bytes_get(bytes + 12 + 2 * ring, 2);
 	if (wanted.columns != shape->columns ||
-	    memcmp(wanted.slots, shape->slots, sizeof(wanted.slots)) != 0 ||
-	    checksum_of(bytes, db_ring_head_bytes(shape)) != db_bytes_get(bytes + CHECKSUM_AT, 4))
+	    memcmp(wanted.slots, shape->slots, sizeof(wanted.slots)) != 0)
+		return false;
+	/* When the checksum was made, there was 0 in its place. */
+	size = db_ring_head_bytes(shape);
+	memcpy(copy, bytes, size);
+	memset(copy + CHECKSUM_AT, 0, 4);
+	if (db_bytes_crc(copy, size) != db_bytes_get(bytes + CHECKSUM_AT, 4))
 		return false;
 	for (size_t i = 0; i < shape->columns; i++) {
 		const uint8_t *at = bytes + HEAD + i * COLUMN;
