@@ -55,7 +55,7 @@ test("each text of which the service makes the words of a frame is known", () =>
 		"%s homing", "stop%s", "jog %s", "backward", "forward", "program %u %s, instruction %u", "idle", "running", "waiting",
 		"interrupted", "program %u in state %u, instruction %u", "inputs %04X, outputs %04X", "inputs %02X, outputs %02X", "acknowledges %02X",
 		"measured %d rpm", "speed %d rpm, current", "move, target %lld steps", "acceleration %lu rpm/s, deceleration %lu rpm/s",
-		"supply voltage raw %u, temperature raw %u, faults"];
+		"supply voltage raw %u, temperature raw %u, faults", "position %ld pulses, velocity"];
 
 	assert.ok(written.length > 60, `${written.length}`);
 	assert.deepEqual([...new Set(written)].filter((text) => !known(text) && !other.includes(text)), []);
