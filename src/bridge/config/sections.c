@@ -73,10 +73,8 @@ static struct db_network *copy_networks(const struct db_network *networks, size_
 }
 
 /* After the section modbus. False when out of memory. */
-static bool read_endpoint(struct db_load *load, size_t index)
+static bool read_endpoint(struct db_load *load, size_t index, struct db_endpoint_config *endpoint)
 {
-	struct db_endpoint_config *endpoint =
-		&load->config->modbus.endpoints[load->config->modbus.endpoint_count++];
 	const struct db_modbus_config *modbus = &load->config->modbus;
 	struct db_section section = db_section_open(load, index);
 
@@ -121,6 +119,17 @@ static uint32_t find_endpoint(const struct db_section *section, const char *name
 	return DB_ENDPOINT_FIRST;
 }
 
+/* --- control ---------------------------------------------------------------------------------- */
+
+static void read_control(struct db_load *load)
+{
+	struct db_control_config *control = &load->config->control;
+	struct db_section section = db_section_open_only(load, "control");
+
+	db_section_read(&section, control);
+	check_socket_path(&section, "socket", control->socket, "/run/drivebridge/control");
+}
+
 /* --- roles ------------------------------------------------------------------------------------ */
 
 static void check_drive_names(const struct db_section *section, const char *key,
@@ -143,10 +152,8 @@ static void check_drive_names(const struct db_section *section, const char *key,
 }
 
 /* After the drives. False when out of memory. */
-static bool read_role(struct db_load *load, size_t index)
+static bool read_role(struct db_load *load, size_t index, struct db_role_config *role)
 {
-	struct db_role_config *role =
-		&load->config->modbus.roles[load->config->modbus.role_count++];
 	struct db_section section = db_section_open(load, index);
 
 	role->name = strdup(section.title);
@@ -159,9 +166,8 @@ static bool read_role(struct db_load *load, size_t index)
 /* --- serial lines of PLCs --------------------------------------------------------------------- */
 
 /* After the roles. False when out of memory. */
-static bool read_line(struct db_load *load, size_t index)
+static bool read_line(struct db_load *load, size_t index, struct db_rtu_config *line)
 {
-	struct db_rtu_config *line = &load->config->modbus.lines[load->config->modbus.line_count++];
 	static const uint8_t none[sizeof(line->units)];
 	struct db_section section = db_section_open(load, index);
 	const struct db_modbus_config *modbus = &load->config->modbus;
@@ -425,9 +431,8 @@ static void check_direction(const struct db_section *section, const struct db_bu
 #define TURNAROUND_LEAST 1000
 
 /* False when out of memory. */
-static bool read_bus(struct db_load *load, size_t index)
+static bool read_bus(struct db_load *load, size_t index, struct db_bus_config *bus)
 {
-	struct db_bus_config *bus = &load->config->buses[load->config->bus_count++];
 	struct db_section section = db_section_open(load, index);
 	db_time characters;
 
@@ -511,9 +516,8 @@ static void check_address(const struct db_section *section, const struct db_bus_
 }
 
 /* False when out of memory. */
-static bool read_drive(struct db_load *load, size_t index)
+static bool read_drive(struct db_load *load, size_t index, struct db_drive_config *drive)
 {
-	struct db_drive_config *drive = &load->config->drives[load->config->drive_count++];
 	struct db_section section = db_section_open(load, index);
 	struct db_messages *messages = &load->messages;
 	const struct db_bus_config *bus = NULL;
@@ -567,47 +571,60 @@ static bool is_section(const struct db_load *load, size_t index, const char *nam
 	return !section->refused && !section->profile && strcmp(section->name, name) == 0;
 }
 
-/* The kinds of sections that there may be several of, in the order in which they are read, so that
- * each names only what was read before. */
-enum kind { ENDPOINT, BUS, DRIVE, ROLE, LINE, KINDS };
-
-static const struct {
-	const char *name;
-	bool (*read)(struct db_load *load, size_t index); /* false when out of memory */
-} kinds[KINDS] = {
-	[ENDPOINT] = { "endpoint", read_endpoint }, [BUS] = { "bus", read_bus },
-	[DRIVE] = { "drive", read_drive },          [ROLE] = { "role", read_role },
-	[LINE] = { "modbus-rtu", read_line },
-};
-
 bool db_sections_read(struct db_load *load)
 {
 	struct db_config *config = load->config;
-	struct db_section control = db_section_open_only(load, "control");
 	size_t count = load->reader.section_count;
-	size_t counts[KINDS] = { 0 };
+	size_t buses = 0;
+	size_t drives = 0;
+	size_t roles = 0;
+	size_t lines = 0;
+	size_t endpoints = 0;
 
 	for (size_t i = 0; i < count; i++) {
-		for (unsigned kind = 0; kind < KINDS; kind++)
-			counts[kind] += is_section(load, i, kinds[kind].name);
+		buses += is_section(load, i, "bus");
+		drives += is_section(load, i, "drive");
+		roles += is_section(load, i, "role");
+		lines += is_section(load, i, "modbus-rtu");
+		endpoints += is_section(load, i, "endpoint");
 	}
 	/* One more than needed: calloc() of nothing may give null. */
-	config->buses = calloc(counts[BUS] + 1, sizeof(*config->buses));
-	config->drives = calloc(counts[DRIVE] + 1, sizeof(*config->drives));
-	config->modbus.roles = calloc(counts[ROLE] + 1, sizeof(*config->modbus.roles));
-	config->modbus.lines = calloc(counts[LINE] + 1, sizeof(*config->modbus.lines));
-	config->modbus.endpoints = calloc(counts[ENDPOINT] + 1, sizeof(*config->modbus.endpoints));
+	config->buses = calloc(buses + 1, sizeof(*config->buses));
+	config->drives = calloc(drives + 1, sizeof(*config->drives));
+	config->modbus.roles = calloc(roles + 1, sizeof(*config->modbus.roles));
+	config->modbus.lines = calloc(lines + 1, sizeof(*config->modbus.lines));
+	config->modbus.endpoints = calloc(endpoints + 1, sizeof(*config->modbus.endpoints));
 	if (!config->buses || !config->drives || !config->modbus.roles || !config->modbus.lines ||
 	    !config->modbus.endpoints)
 		return false;
 	read_modbus(load);
-	db_section_read(&control, &config->control);
-	check_socket_path(&control, "socket", config->control.socket, "/run/drivebridge/control");
-	for (unsigned kind = 0; kind < KINDS; kind++) {
-		for (size_t i = 0; i < count; i++) {
-			if (is_section(load, i, kinds[kind].name) && !kinds[kind].read(load, i))
-				return false;
-		}
+	read_control(load);
+	for (size_t i = 0; i < count; i++) {
+		if (is_section(load, i, "endpoint") &&
+		    !read_endpoint(load, i,
+		                   &config->modbus.endpoints[config->modbus.endpoint_count++]))
+			return false;
+	}
+	/* Drives may name buses that follow them. */
+	for (size_t i = 0; i < count; i++) {
+		if (is_section(load, i, "bus") &&
+		    !read_bus(load, i, &config->buses[config->bus_count++]))
+			return false;
+	}
+	for (size_t i = 0; i < count; i++) {
+		if (is_section(load, i, "drive") &&
+		    !read_drive(load, i, &config->drives[config->drive_count++]))
+			return false;
+	}
+	for (size_t i = 0; i < count; i++) {
+		if (is_section(load, i, "role") &&
+		    !read_role(load, i, &config->modbus.roles[config->modbus.role_count++]))
+			return false;
+	}
+	for (size_t i = 0; i < count; i++) {
+		if (is_section(load, i, "modbus-rtu") &&
+		    !read_line(load, i, &config->modbus.lines[config->modbus.line_count++]))
+			return false;
 	}
 	return true;
 }

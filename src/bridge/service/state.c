@@ -90,8 +90,12 @@ void service_log_listening(const struct service *service, const struct db_modbus
 			       "address shows what it has)",
 			       host, endpoint.listen);
 		port = (unsigned)db_server_port(service->server, endpoint.number);
-		db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
-		       "listening on %.*s:%u%s%s", host, endpoint.listen, port,
-		       endpoint.name ? " for endpoint " : "", endpoint.name ? endpoint.name : "");
+		if (endpoint.name)
+			db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
+			       "listening on %.*s:%u for endpoint %s", host, endpoint.listen, port,
+			       endpoint.name);
+		else
+			db_log(&service->log, service_now(service), DB_EVENT_LISTENING, NULL,
+			       "listening on %.*s:%u", host, endpoint.listen, port);
 	}
 }

@@ -45,6 +45,7 @@ static struct db_opcua_alarm *find_or_add(struct db_opcua_alarms *alarms, const 
 	alarm->cause = strrchr(alarm->id, '.') + 1;
 	(void)snprintf(alarm->kind, sizeof(alarm->kind), "%s", kind);
 	(void)snprintf(alarm->name, sizeof(alarm->name), "%s", name);
+	/* It is in the list now, which gcc's analyzer does not see. */
 	*end = alarm;
 	return alarm;
 }
