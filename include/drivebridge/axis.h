@@ -102,6 +102,7 @@ enum db_measure {
 	DB_MEASURE_ANALOGUE = 1u << 7,
 	DB_MEASURE_RAW_HEALTH = 1u << 8, /* voltage and temperature before scaling */
 	DB_MEASURE_RAW_ANSWER = 1u << 9,
+	DB_MEASURE_VELOCITY = 1u << 10, /* the drive tells it; else it is computed from positions */
 };
 
 /* The state of a drive at one moment, as its driver understood it. */

@@ -400,6 +400,8 @@ def test_what_the_family_does_not_have(xyza):
         assert drive.command(name, **args) == ILLEGAL_FUNCTION, name
     assert drive.read("capabilities") & 0b1110 == 0
     assert drive.read("capabilities") & 0b10001 == 0b10001
+    # Its velocity is computed from positions.
+    assert not drive.read("capabilities") & 1 << 18
     assert xyza.sim.get()["x"] == 0
 
 

@@ -30,6 +30,7 @@ static const struct {
 	{ "move_current", DB_COMMAND_BIT(DB_CMD_MOVE_CURRENT), 0 },
 	{ "sync_start", DB_COMMAND_BIT(DB_CMD_SYNC_START), 0 },
 	{ "raw_frame", DB_COMMAND_BIT(DB_CMD_RAW_FRAME), 0 },
+	{ "measures_velocity", 0, DB_MEASURE_VELOCITY },
 };
 
 uint32_t db_capabilities(uint64_t commands, unsigned measures)

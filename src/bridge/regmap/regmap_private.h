@@ -282,7 +282,7 @@ uint8_t db_span_find_single(const struct db_index *index, uint16_t address, stru
 
 /* What a drive can do, as the capabilities register shows it. Pure. */
 
-#define DB_CAPABILITY_COUNT 18
+#define DB_CAPABILITY_COUNT 19
 
 /* The bits for a set of commands (DB_COMMAND_BIT()) and measures (enum db_measure). */
 uint32_t db_capabilities(uint64_t commands, unsigned measures);

@@ -339,7 +339,7 @@ const struct db_opcua_type_row db_opcua_type_rows[] = {
 	  .values = "0=move_velocity 1=move_absolute 2=move_relative 3=home 4=set_position 5=clear_fa"
 		  "ult 6=read_parameters 7=save_parameters 8=inputs 9=outputs 10=pwm 11=shake 12=mo"
 		  "ve_preset 13=programs 14=measures_current 15=move_current 16=sync_start 17=raw_f"
-		  "rame" },
+		  "rame 18=measures_velocity" },
 	{ .class = DB_OPCUA_BITS_ROW, .above = 66, .data = -1,
 	  .standard = 68, .always = true,
 	  .id = "CapabilityBits.OptionSetValues",

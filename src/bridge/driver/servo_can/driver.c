@@ -241,9 +241,9 @@ const struct db_driver db_driver_servo_can = {
 	.drive_options_size = sizeof(struct servo_can_drive_options),
 	.acknowledges = true,
 	.commands = SERVO_CAN_COMMANDS,
-	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS | DB_MEASURE_CURRENT |
-	            DB_MEASURE_FAULT_BITS | DB_MEASURE_SUPPLY_VOLTAGE | DB_MEASURE_TEMPERATURE |
-	            DB_MEASURE_ANALOGUE | DB_MEASURE_RAW_HEALTH,
+	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS | DB_MEASURE_VELOCITY |
+	            DB_MEASURE_CURRENT | DB_MEASURE_FAULT_BITS | DB_MEASURE_SUPPLY_VOLTAGE |
+	            DB_MEASURE_TEMPERATURE | DB_MEASURE_ANALOGUE | DB_MEASURE_RAW_HEALTH,
 	.params = servo_can_params,
 	.param_count = SERVO_CAN_PARAM_COUNT,
 	.status_bits = servo_can_status_bits,

@@ -79,13 +79,14 @@ async function learn(path) {
 	/* A page that was just opened knows the drive's place only a moment later. */
 	if (!context.plant.drives.has(name))
 		await new Promise((resolve) => context.on("describe", resolve));
-	const known = ["unit_name", "counts_per_unit", "spd", "identity"].filter((one) => registers.has(one));
+	const known = ["unit_name", "counts_per_unit", "spd", "identity", "capabilities"].filter((one) => registers.has(one));
 	const { values } = await call("Read", { drive: name, names: known });
 
 	Object.assign(path, {
 		registers,
 		commands,
 		identity: values.identity ?? "",
+		capabilities: values.capabilities,
 		countsPerUnit: values.counts_per_unit,
 		preset: values.spd ?? 0,
 		scale: createScale(values.unit_name, values.counts_per_unit),

@@ -5,6 +5,7 @@
  */
 import { openStream, sendBeat } from "./api.js";
 import { element, setAttribute } from "./dom.js";
+import { hasBit } from "./format.js";
 import { createHoldPair, showHolds } from "./hold_button.js";
 import { createGrips } from "./jog.js";
 import { computeSpeeds, findSteady } from "./response.js";
@@ -12,9 +13,6 @@ import { t } from "./words.js";
 
 /* A speed that is not steady by then does not become so. */
 const LONGEST_US = 15e6;
-/* Families that do not tell their speed: the service computes it from two positions. */
-const COMPUTED = ["xyza"];
-
 /* The velocities of samples, in counts/s or as the family has it. */
 function listSpeeds(samples, isComputed) {
 	return isComputed ? computeSpeeds(samples.map(({ time_us, values }) => ({ time_us, value: values.position }))) :
@@ -26,8 +24,9 @@ function listSpeeds(samples, isComputed) {
  * samples, wanted, band }) when it was steady; onEnd(words): why it has no curve. Returns { node, update(ready), release() }.
  */
 export function createSpeedStep({ path, readSpeed, onBegin, onCurve, onEnd }) {
-	const { context, name } = path;
-	const isComputed = COMPUTED.includes(context.plant.buses.get(path.drive()?.description.bus)?.description.protocol);
+	const { name } = path;
+	/* Of a drive that does not tell its speed the service computes it from two positions. */
+	const isComputed = !hasBit(path.registers.get("capabilities"), path.capabilities, "measures_velocity");
 	let step = null;
 	const grips = createGrips({ send: (grip, beat, velocity) => sendBeat(name, grip, beat, velocity), onChange: showGrip });
 	const holds = createHoldPair({ press, release, isPressed: () => step !== null });
@@ -41,7 +40,7 @@ export function createSpeedStep({ path, readSpeed, onBegin, onCurve, onEnd }) {
 			return;
 		step = null;
 		grips.release();
-		mine.stream.close();
+		mine.stream?.close();
 		setAttribute(node, "data-held", "no");
 		if (words)
 			onEnd(words);

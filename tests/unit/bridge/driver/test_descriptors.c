@@ -238,12 +238,24 @@ static void pages_of_parameters_do_not_overlap(void **state)
 	}
 }
 
+/* A PLC and the page ask whether the velocity is the drive's own. */
+static void only_an_xyza_controller_does_not_tell_its_velocity(void **state)
+{
+	(void)state;
+	for (size_t i = 0; db_drivers[i]; i++) {
+		bool computed = strcmp(db_drivers[i]->name, "xyza") == 0;
+
+		assert_int_equal(!(db_drivers[i]->measures & DB_MEASURE_VELOCITY), computed);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(every_descriptor_is_whole),
 		cmocka_unit_test(what_may_be_null_is_null_in_the_family_of_tests),
 		cmocka_unit_test(pages_of_parameters_do_not_overlap),
+		cmocka_unit_test(only_an_xyza_controller_does_not_tell_its_velocity),
 	};
 
 	return cmocka_run_group_tests_name("driver: descriptors of the families", tests, NULL,
