@@ -107,6 +107,8 @@ async def names_and_events(bridge, server):
             display = [(await at(client, f"drive1.{name}").read_display_name()).Text for name in ("ClearFault", "AxisState")]
             assert display == {"de": ["Störung quittieren", "Achszustand"], "zh-CN": ["故障复位", "轴状态"],
                                "en": ["ClearFault", "AxisState"]}[wanted]
+            part = ua.ReadValueId(ua.NodeId("AxisStateEnum.EnumValues", space), ua.AttributeIds.Value, "1:2")
+            assert [one.Value.Value for one in await client.uaclient.read(ua.ReadParameters(NodesToRead=[part]))] == [values[1:3]]
             shown[wanted] = next((one.DisplayName.Locale, one.DisplayName.Text) for one in values if one.Value == code("axis_state", "Standstill"))
         assert shown == {"de": ("de", "Stillstand"), "zh-CN": ("zh-CN", "静止"), "en": ("en", "Standstill")}
         bridge.sim.fault("silence on")

@@ -10,12 +10,9 @@ static struct db_words_language *language;
 
 void db_ctl_open_language(void)
 {
-	/* Also the variable of gettext(1): for tests, and for translators. */
-	const char *folder = getenv("TEXTDOMAINDIR");
+	const char *folder = db_words_folder(getenv);
 	char name[DB_WORDS_LANGUAGE_MAX];
 
-	if (!folder || !folder[0])
-		folder = DB_LOCALE_FOLDER;
 	/* A file that cannot be read leaves English, which is better than no program. */
 	if (db_words_choose_language(folder, getenv, name))
 		language = db_words_open_language(folder, name);
@@ -49,15 +46,9 @@ void db_ctl_say_line(FILE *out, const char *english, ...)
 
 const char *db_ctl_say_name(const char *name)
 {
-	char words[128];
-	const char *found;
+	const char *found = db_words_find_name(language, name, strlen(name));
 
-	if (strlen(name) >= sizeof(words))
-		return name;
-	for (size_t i = 0; i <= strlen(name); i++)
-		words[i] = name[i] == '_' ? ' ' : name[i];
-	found = db_words_find_text(language, words);
-	return found == words ? name : found;
+	return found ? found : name;
 }
 
 const char *db_ctl_translate(const char *english, char room[DB_WORDS_TEXT_MAX])

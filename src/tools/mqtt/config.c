@@ -241,12 +241,10 @@ static void open_language(struct db_settings *settings)
 {
 	static const char *const names[] = { "", "de", "zh_CN" };
 	struct db_mqtt_config *config = settings->values;
-	const char *folder = getenv("TEXTDOMAINDIR");
+	const char *folder = db_words_folder(getenv);
 
 	if (!config->discovery || config->discovery_language == 0)
 		return;
-	if (!folder || !folder[0])
-		folder = DB_LOCALE_FOLDER;
 	config->language = db_words_open_language(folder, names[config->discovery_language]);
 	if (!config->language)
 		db_messages_add_warning(

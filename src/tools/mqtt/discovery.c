@@ -55,24 +55,22 @@ static void write_title(const struct announcement *announcement, const char *nam
 	const struct db_words_language *language = announcement->config->language;
 	size_t length = strlen(name);
 	size_t suffix = strlen(unit);
-	char words[2][128];
+	const char *words, *bit_words;
 
 	if (!language) {
 		(void)snprintf(title, size, "%s%s%s", name, bit ? "_" : "", bit ? bit : "");
 		return;
 	}
-	/* The unit stands beside the value. */
+	/* The unit is shown with the value. */
 	if (suffix > 0 && length > suffix + 1 && name[length - suffix - 1] == '_' &&
 	    strcmp(name + length - suffix, unit) == 0)
 		length -= suffix + 1;
-	(void)snprintf(words[0], sizeof(words[0]), "%.*s", (int)length, name);
-	(void)snprintf(words[1], sizeof(words[1]), "%s", bit ? bit : "");
-	for (size_t i = 0; i < 2; i++) {
-		for (char *at = words[i]; *at; at++)
-			*at = *at == '_' ? ' ' : *at;
-	}
-	(void)snprintf(title, size, "%s%s%s", db_words_find_text(language, words[0]),
-	               bit ? ": " : "", bit ? db_words_find_text(language, words[1]) : "");
+	words = db_words_find_name(language, name, length);
+	bit_words = bit ? db_words_find_name(language, bit, strlen(bit)) : NULL;
+	(void)snprintf(title, size, "%s%s%s", words ? words : name, bit ? ": " : "",
+	               bit_words ? bit_words :
+	               bit       ? bit :
+	                           "");
 }
 
 /* Takes the document's own members over and adds the common ones. */

@@ -2,7 +2,6 @@
 #include "opcua/locales.h"
 #include "opcua/values.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -74,22 +73,6 @@ UA_LocalizedTextListEntry *db_opcua_locales_fill(const struct db_opcua_locales *
 	return texts->entries;
 }
 
-/* "no_answer" in words of this language; NULL: it has none. */
-static const char *find_name(const struct db_words_language *language, const char *name,
-                             size_t length)
-{
-	char english[128];
-	const char *words;
-
-	if (!language || length >= sizeof(english))
-		return NULL;
-	(void)snprintf(english, sizeof(english), "%.*s", (int)length, name);
-	for (char *at = english; *at; at++)
-		*at = *at == '_' ? ' ' : *at;
-	words = db_words_find_text(language, english);
-	return words == english ? NULL : words;
-}
-
 UA_LocalizedTextListEntry *db_opcua_locales_fill_name(
 	const struct db_opcua_locales *locales,
 	UA_LocalizedTextListEntry entries[1 + DB_OPCUA_LOCALE_IDS], UA_String name, const char *key)
@@ -97,8 +80,8 @@ UA_LocalizedTextListEntry *db_opcua_locales_fill_name(
 	size_t count = 0;
 
 	for (size_t i = 0; key && i < DB_OPCUA_LOCALE_IDS; i++) {
-		const char *words = find_name(locales->languages[locale_ids[i].language], key,
-		                              strlen(key));
+		const char *words = db_words_find_name(locales->languages[locale_ids[i].language],
+		                                       key, strlen(key));
 
 		if (!words)
 			continue;
@@ -176,8 +159,8 @@ UA_LocalizedText db_opcua_locales_say_name(const struct db_opcua_locales *locale
 	const char *words = NULL;
 
 	if (place < DB_OPCUA_LOCALE_IDS)
-		words = find_name(locales->languages[locale_ids[place].language],
-		                  (const char *)name.data, name.length);
+		words = db_words_find_name(locales->languages[locale_ids[place].language],
+		                           (const char *)name.data, name.length);
 	if (!words)
 		return (UA_LocalizedText){ .locale = db_opcua_string("en"), .text = name };
 	return (UA_LocalizedText){ .locale = db_opcua_string(locale_ids[place].id),

@@ -97,10 +97,11 @@ static UA_StatusCode read_identity(const struct db_opcua_nodes *nodes,
 /* The names of an enumeration or of bits, for this session. */
 static UA_StatusCode read_names(const struct db_opcua_nodes *nodes, UA_Server *server,
                                 const UA_NodeId *session, const struct db_opcua_type_row *row,
-                                UA_DataValue *value)
+                                const UA_NumericRange *range, UA_DataValue *value)
 {
 	size_t count = 0;
 	void *values = db_opcua_row_value(row, &count);
+	UA_Variant whole;
 	UA_StatusCode status;
 
 	if (!values)
@@ -112,7 +113,9 @@ static UA_StatusCode read_names(const struct db_opcua_nodes *nodes, UA_Server *s
 
 		*name = db_opcua_locales_say_name(&nodes->locales, server, session, name->text);
 	}
-	status = UA_Variant_setArrayCopy(&value->value, values, count, db_opcua_row_type(row));
+	UA_Variant_setArray(&whole, values, count, db_opcua_row_type(row));
+	status = range ? UA_Variant_copyRange(&whole, &value->value, *range) :
+	                 UA_Variant_copy(&whole, &value->value);
 	free(values);
 	value->hasValue = status == UA_STATUSCODE_GOOD;
 	return status;
@@ -175,6 +178,8 @@ UA_StatusCode db_opcua_node_read(UA_Server *server, const UA_NodeId *session, vo
 	(void)session_context;
 	(void)node;
 	(void)source_time_wanted;
+	if (subject->type == DB_OPCUA_OF_TYPES)
+		return read_names(nodes, server, session, subject->row, range, value);
 	if (range) {
 		value->hasStatus = true;
 		value->status = UA_STATUSCODE_BADINDEXRANGENODATA;
@@ -184,8 +189,6 @@ UA_StatusCode db_opcua_node_read(UA_Server *server, const UA_NodeId *session, vo
 		return db_opcua_value_from_json(subject->fact->value, subject->fact->time_us,
 		                                quality_of_facts(nodes), value);
 	}
-	if (subject->type == DB_OPCUA_OF_TYPES)
-		return read_names(nodes, server, session, subject->row, value);
 	if (subject->type == DB_OPCUA_CONDITION && subject->member == DB_OPCUA_MEMBER_MESSAGE)
 		return read_message(nodes, server, session, subject, value);
 	if (subject->type == DB_OPCUA_CONDITION)

@@ -299,15 +299,13 @@ struct db_opcua_nodes *db_opcua_nodes_new(sd_event *loop, const struct db_opcua_
 		.refer = refer_of_node,
 	};
 	struct db_opcua_nodes *nodes = calloc(1, sizeof(*nodes));
-	/* Also the variable of gettext(1): for tests, and for translators. */
-	const char *folder = getenv("TEXTDOMAINDIR");
 
 	if (!nodes)
 		return NULL;
 	nodes->config = config;
 	nodes->ops = ops;
 	nodes->context = context;
-	db_opcua_locales_open(&nodes->locales, folder && folder[0] ? folder : DB_LOCALE_FOLDER);
+	db_opcua_locales_open(&nodes->locales, db_words_folder(getenv));
 	nodes->store = db_opcua_store_new(&store_ops, nodes);
 	nodes->conditions = db_opcua_conditions_new(&nodes->roster, ops->acknowledge, context);
 	nodes->past = db_opcua_past_new(loop, config, &nodes->roster, ops->may_read_trail, context);

@@ -55,6 +55,13 @@ struct value {
 	bool stays; /* a name, which is the same in each language */
 };
 
+const char *db_words_folder(char *(*get)(const char *name))
+{
+	const char *folder = get("TEXTDOMAINDIR");
+
+	return folder && folder[0] ? folder : DB_LOCALE_FOLDER;
+}
+
 /* --- the file --------------------------------------------------------------------------------- */
 
 /* The files are made with the least byte first, for every machine. */
@@ -266,6 +273,21 @@ const char *db_words_find_text(const struct db_words_language *language, const c
 	const char *found = language ? look_up(language, english) : NULL;
 
 	return found && found[0] ? found : english;
+}
+
+const char *db_words_find_name(const struct db_words_language *language, const char *name,
+                               size_t length)
+{
+	char words[128];
+	const char *found;
+
+	if (!language || length >= sizeof(words))
+		return NULL;
+	for (size_t i = 0; i < length; i++)
+		words[i] = name[i] == '_' ? ' ' : name[i];
+	words[length] = '\0';
+	found = look_up(language, words);
+	return found && found[0] ? found : NULL;
 }
 
 const char *db_words_find_count(const struct db_words_language *language, size_t count,

@@ -27,6 +27,10 @@ struct db_words_language;
 bool db_words_choose_language(const char *folder, char *(*get)(const char *name),
                               char language[DB_WORDS_LANGUAGE_MAX]);
 
+/* The folder in which languages are installed, or the one that gettext(1)'s variable TEXTDOMAINDIR names: for tests and
+ * translators. `get` is getenv(). */
+const char *db_words_folder(char *(*get)(const char *name));
+
 /* Opens FOLDER/LANGUAGE/LC_MESSAGES/drivebridge.mo. Null with errno: EINVAL for a file of another kind. */
 struct db_words_language *db_words_open_language(const char *folder, const char *language);
 
@@ -36,6 +40,11 @@ void db_words_close_language(struct db_words_language *language);
  * none, and where `language` is null. It is valid as long as the language is open. */
 const char *db_words_find_text(const struct db_words_language *language, const char *english)
 	__attribute__((format_arg(2)));
+
+/* The words for a name of the tables, such as "no answer" in that language for "no_answer"; null: there are none. `name`
+ * needs no end. */
+const char *db_words_find_name(const struct db_words_language *language, const char *name,
+                               size_t length);
 
 /* The same of one of two texts, by a number. */
 const char *db_words_find_count(const struct db_words_language *language, size_t count,

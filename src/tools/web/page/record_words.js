@@ -3,6 +3,7 @@
  * Records of a trace and of the audit trail in the language of the page. The service and the gateway's files have them
  * in English, put together from these texts; a part that is none of them stays as it is: names, numbers, bits.
  */
+import { inWords } from "./format.js";
 import { createWords, inLanguage, languageTag, t } from "./words.js";
 
 /* Marks a text for po/: it is translated when the first record is said. */
@@ -124,7 +125,7 @@ export function sayAudit(record) {
 	if (isEnglish)
 		return record.line;
 	if (kind === "command")
-		parts.push(t(what.replaceAll("_", " ")));
+		parts.push(inWords(what));
 	else
 		parts.push(`${AUDIT_KINDS[kind] ?? kind}${what ? `: ${say(what.replaceAll("_", " "))}` : ""}`);
 	for (const [name, value] of Object.entries(record.arguments ?? {}))

@@ -152,6 +152,20 @@ static void test_texts_are_found(void **state)
 	assert_string_equal(db_words_find_count(NULL, 1, "one", "two"), "one");
 }
 
+static void test_names_are_found(void **state)
+{
+	const struct db_words_language *german = *state;
+	char longer[200];
+
+	assert_string_equal(db_words_find_name(german, "check_its_power_x", 15),
+	                    "Versorgung prüfen");
+	assert_null(db_words_find_name(german, "check_its_power_x", 17));
+	assert_null(db_words_find_name(german, "", 0));
+	assert_null(db_words_find_name(NULL, "check_its_power", 15));
+	memset(longer, '_', sizeof(longer));
+	assert_null(db_words_find_name(german, longer, sizeof(longer)));
+}
+
 static void test_finished_texts_are_recognised(void **state)
 {
 	static const struct {
@@ -272,6 +286,25 @@ static char *get(const char *name)
 	return (char *)(uintptr_t)value;
 }
 
+static const char *set_folder;
+
+static char *get_folder(const char *name)
+{
+	return strcmp(name, "TEXTDOMAINDIR") == 0 ? (char *)(uintptr_t)set_folder : NULL;
+}
+
+static void test_the_environment_names_a_folder(void **state)
+{
+	const char *installed = db_words_folder(get_folder);
+
+	(void)state;
+	assert_int_equal(installed[0], '/');
+	set_folder = "";
+	assert_string_equal(db_words_folder(get_folder), installed);
+	set_folder = "/elsewhere";
+	assert_string_equal(db_words_folder(get_folder), "/elsewhere");
+}
+
 static void test_the_environment_chooses(void **state)
 {
 	static const struct {
@@ -325,11 +358,13 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_texts_are_found),
+		cmocka_unit_test(test_names_are_found),
 		cmocka_unit_test(test_finished_texts_are_recognised),
 		cmocka_unit_test(test_a_text_that_is_too_long_stays_english),
 		cmocka_unit_test(test_a_text_is_cut_between_characters),
 		cmocka_unit_test(test_a_damaged_file_is_refused),
 		cmocka_unit_test(test_the_environment_chooses),
+		cmocka_unit_test(test_the_environment_names_a_folder),
 		cmocka_unit_test(test_chinese_takes_two_columns),
 	};
 
