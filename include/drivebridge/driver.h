@@ -286,6 +286,10 @@ struct db_driver {
 	enum db_result (*check_param)(const struct db_bus_config *bus, size_t param,
 	                              union db_value value);
 
+	/* Pure: what of `measures` drives of this bus do not tell, because of its options. May be
+	 * null: nothing. */
+	unsigned (*not_measured)(const struct db_bus_config *bus);
+
 	/* Pure: the ports of set_output that the drive's parameters make inputs, bit 0 = port 1.
 	 * May be null: none. */
 	unsigned (*input_ports)(const struct db_nameplate *plate);

@@ -334,9 +334,13 @@ def test_answers_of_others_are_counted_and_not_trusted(can):
     assert drive.command("move_absolute", target_position=20, target_velocity=0) == 0
 
 
+MEASURES_VELOCITY = 1 << 18
+
+
 def test_reports_take_the_place_of_polls(make_can):
     can = make_can(bus={"report-ms": 10})
     drive = can.drive()
+    assert drive.read("capabilities") & MEASURES_VELOCITY
     gateway = can.gateway()
     eventually(lambda: gateway.read("bus1_reports") > 20)
     assert drive.command("move_absolute", target_position=4000, target_velocity=0) == 0
@@ -349,9 +353,10 @@ def test_reports_take_the_place_of_polls(make_can):
 
 
 def test_reports_without_speed(make_can):
-    """The velocity follows from the positions."""
+    """The velocity follows from the positions, and the drive's capabilities say so."""
     can = make_can(bus={"report-ms": 10, "report": "position-status"})
     drive = can.drive()
+    assert not drive.read("capabilities") & MEASURES_VELOCITY
     gateway = can.gateway()
     eventually(lambda: gateway.read("bus1_reports") > 20)
     assert drive.command("move_velocity", target_velocity=2000) == 0

@@ -93,6 +93,7 @@ struct db_view_drive *db_view_drive_new(struct db_registers *registers,
 		.on_client_loss = db_on_loss_command(config->on_client_loss),
 	};
 	struct db_view_drive *drive = calloc(1, sizeof(*drive));
+	unsigned measures = bus->driver->measures;
 
 	if (!drive)
 		return NULL;
@@ -103,7 +104,9 @@ struct db_view_drive *db_view_drive_new(struct db_registers *registers,
 	drive->bus_config = bus;
 	drive->bus = roster->buses[member->bus].bus;
 	drive->driver = bus->driver;
-	drive->capabilities = db_capabilities(commander.commands, bus->driver->measures);
+	if (drive->driver->not_measured)
+		measures &= ~drive->driver->not_measured(bus);
+	drive->capabilities = db_capabilities(commander.commands, measures);
 	drive->map = db_map_of_family(&registers->families, bus->driver);
 	if (!drive->map)
 		goto failed;

@@ -162,6 +162,15 @@ static enum db_frame accept_frame(const struct db_bus_config *bus, const uint8_t
 	return DB_FRAME_GOOD;
 }
 
+static unsigned not_measured(const struct db_bus_config *bus)
+{
+	const struct vsmd_can_options *given = bus->options;
+
+	return given->report_ms > 0.0 && reports[given->report] != VSMD_CAN_REPORT_ALL ?
+	               DB_MEASURE_VELOCITY :
+	               0;
+}
+
 static uint32_t part_of(const struct db_bus_config *bus, const uint8_t *bytes, size_t length)
 {
 	const struct vsmd_can_options *given = bus->options;
@@ -332,6 +341,7 @@ const struct db_driver db_driver_vsmd_can = {
 	.filters = list_filters,
 	.accept = accept_frame,
 	.part = part_of,
+	.not_measured = not_measured,
 	.describe = describe_frame,
 	.begin = vsmd_can_begin,
 	.answer = vsmd_can_answer,

@@ -56,6 +56,7 @@ static const struct member members[] = {
 	MEMBER(check_param, NEVER_NEEDED),
 	MEMBER(input_ports, NEVER_NEEDED),
 	MEMBER(forbidden, NEVER_NEEDED),
+	MEMBER(not_measured, NEVER_NEEDED),
 	MEMBER(check_config, NEVER_NEEDED),
 	MEMBER(poll_time, ALWAYS),
 	MEMBER(axis_time, NEVER_NEEDED),
