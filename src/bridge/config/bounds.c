@@ -17,6 +17,11 @@ static db_time as_learnt(const struct db_bus_config *bus, db_time begin, db_time
 	return bus->adapt && most > begin ? most : begin;
 }
 
+static db_time in_part(db_time wire, double part)
+{
+	return (db_time)((double)wire / part);
+}
+
 /* A drive is due once in a cycle, and then waits for its turn. Where its class alone keeps the wire
  * busy, it is already due when its turn comes. */
 static db_time between_samples(db_time cycle, db_time turn, bool busy)
@@ -58,10 +63,9 @@ void db_bounds_of(const struct db_bus_config *bus, const struct db_load_of_bus *
 	                                     LEARNT_PATIENCE);
 	bounds->parameter = bounds->exchange + driver->command_time(bus);
 	if (load->moving > 0)
-		bounds->moving = between_samples(
-					 cycle,
-					 (db_time)((double)((db_time)load->moving * node) / moving),
-					 load->busy) +
+		bounds->moving = between_samples(cycle,
+		                                 in_part((db_time)load->moving * node, moving),
+		                                 load->busy) +
 		                 bounds->exchange;
 	if (stand == 0)
 		return;
@@ -71,8 +75,7 @@ void db_bounds_of(const struct db_bus_config *bus, const struct db_load_of_bus *
 
 		standing = 1.0 - (used < moving ? used : moving);
 	}
-	bounds->standing = between_samples(cycle,
-	                                   (db_time)((double)((db_time)stand * node) / standing),
+	bounds->standing = between_samples(cycle, in_part((db_time)stand * node, standing),
 	                                   load->busy) +
 	                   bounds->exchange;
 }

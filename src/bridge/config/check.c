@@ -355,6 +355,33 @@ static bool filters_collide(const struct filter_list *a, const struct filter_lis
 	return false;
 }
 
+static void check_pair(struct db_load *load, const struct db_bus_config *bus,
+                       const struct db_bus_config *other)
+{
+	struct filter_list filters = filters_of(bus), others = filters_of(other);
+
+	if (filters_collide(&filters, &others))
+		db_messages_add_error(
+			&load->messages,
+			db_section_find_line(load, "bus", bus->name, bus->source_line, "interface"),
+			"buses '%s' (%s) and '%s' (%s, %s) use the same ids on interface %s, so "
+			"that one could take the other's frames for its own; another interface for "
+			"one of them%s",
+			bus->name, bus->driver->name, other->name, other->driver->name,
+			db_messages_name_line(&load->messages, other->source_line).text,
+			bus->interface,
+			bus->driver == other->driver ? ", or one bus for all their drives" : "");
+	else if (bus->bitrate != other->bitrate)
+		db_messages_add_error(
+			&load->messages,
+			db_section_find_line(load, "bus", bus->name, bus->source_line, "bitrate"),
+			"bus '%s' has %u bit/s, but bus '%s' on %s has %u bit/s on the same "
+			"interface %s; the same bitrate for both",
+			bus->name, bus->bitrate, other->name,
+			db_messages_name_line(&load->messages, other->source_line).text,
+			other->bitrate, bus->interface);
+}
+
 static void check_interfaces(struct db_load *load)
 {
 	const struct db_config *config = load->config;
@@ -365,40 +392,8 @@ static void check_interfaces(struct db_load *load)
 		for (size_t j = 0; j < i && bus->interface; j++) {
 			const struct db_bus_config *other = &config->buses[j];
 
-			struct filter_list filters;
-			struct filter_list others;
-
-			if (!other->interface || strcmp(bus->interface, other->interface) != 0)
-				continue;
-			filters = filters_of(bus);
-			others = filters_of(other);
-			if (filters_collide(&filters, &others))
-				db_messages_add_error(
-					&load->messages,
-					db_section_find_line(load, "bus", bus->name,
-				                             bus->source_line, "interface"),
-					"buses '%s' (%s) and '%s' (%s, %s) use the same ids on "
-					"interface %s, so that one could take the other's frames "
-					"for its own; another interface for one of them%s",
-					bus->name, bus->driver->name, other->name,
-					other->driver->name,
-					db_messages_name_line(&load->messages, other->source_line)
-						.text,
-					bus->interface,
-					bus->driver == other->driver ?
-						", or one bus for all their drives" :
-						"");
-			else if (bus->bitrate != other->bitrate)
-				db_messages_add_error(
-					&load->messages,
-					db_section_find_line(load, "bus", bus->name,
-				                             bus->source_line, "bitrate"),
-					"bus '%s' has %u bit/s, but bus '%s' on %s has %u bit/s on "
-					"the same interface %s; the same bitrate for both",
-					bus->name, bus->bitrate, other->name,
-					db_messages_name_line(&load->messages, other->source_line)
-						.text,
-					other->bitrate, bus->interface);
+			if (other->interface && strcmp(bus->interface, other->interface) == 0)
+				check_pair(load, bus, other);
 		}
 	}
 }

@@ -68,7 +68,7 @@ void db_doors_check(struct db_load *load)
 	}
 	if (!load->path)
 		return;
-	/* The files, and the folder in which each could be replaced. */
+	/* All files, and the folder in which the first one could be replaced. */
 	folder = slash ? strndup(load->path, (size_t)(slash - load->path) + 1) : strdup(".");
 	if (folder)
 		check_file(load, folder);

@@ -437,7 +437,7 @@ void db_section_read(const struct db_section *section, void *values)
 		bool fits = !section->driver || db_keys_fit(key, section->driver);
 		const char *text;
 
-		/* What names something else is stored by the reader of the section. */
+		/* What names something else is stored by the caller. */
 		if (strcmp(key->section, section->name) != 0 || key->kind == DB_KEY_PROTOCOL ||
 		    key->kind == DB_KEY_TRANSPORT || key->kind == DB_KEY_BUS ||
 		    key->kind == DB_KEY_PROFILE)

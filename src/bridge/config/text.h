@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Values of the configuration from their text. Pure; false when the text is no such value.
+ * Values of the configuration from their text; false when the text is no such value. Pure, but for
+ * db_text_put_word().
  */
 #ifndef DRIVEBRIDGE_CONFIG_TEXT_H
 #define DRIVEBRIDGE_CONFIG_TEXT_H

@@ -106,11 +106,8 @@ static bool group_has(gid_t gid, const char *name)
 	bool found = false;
 
 	while (file && !found && (group = fgetgrent(file)) != NULL) {
-		char *const *member = group->gr_mem;
-
-		while (*member && strcmp(*member, name) != 0)
-			member++;
-		found = group->gr_gid == gid && *member != NULL;
+		for (char *const *member = group->gr_mem; group->gr_gid == gid && *member; member++)
+			found = found || strcmp(*member, name) == 0;
 	}
 	if (file)
 		fclose(file);

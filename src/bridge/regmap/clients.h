@@ -50,7 +50,7 @@ void db_clients_hear(struct db_view_drive *drive, const struct db_client *client
 void db_clients_feed(struct db_view_drive *drive, const struct db_client *client,
                      enum db_watchdog_feed by);
 
-/* db_backend's restricted, of a struct db_registers: the client may no longer write. */
+/* db_backend's restricted: the client may no longer write. `context`: a struct db_registers. */
 void db_clients_release_control(void *context, const struct db_client *client);
 
 /* db_backend's reassigned: its role may allow less than before, and it loses control of the drives

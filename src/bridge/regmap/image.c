@@ -27,7 +27,7 @@ static uint32_t age_ms(const struct db_feedback *feedback, db_time now)
 	return feedback->taken == 0 || age > UINT32_MAX ? UINT32_MAX : (uint32_t)age;
 }
 
-/* How long something has lasted that there is, in milliseconds; 0 means that there is nothing. */
+/* Milliseconds since it began, at least 1: 0 says that there is nothing. */
 static uint32_t lasting_ms(bool any, db_time since, db_time now)
 {
 	db_time lasted = now > since ? (now - since) / DB_NS_PER_MS : 0;

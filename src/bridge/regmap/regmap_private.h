@@ -198,7 +198,7 @@ int db_write_drive_same(struct db_view_drive *drive, const struct db_client *cli
 
 /* What is asked of drives here, as records of the audit trail. */
 
-/* See struct db_commander_ops; of a struct db_view_drive. */
+/* See struct db_commander_ops. `context`: a struct db_view_drive. */
 uint32_t db_record_request(void *context, const struct db_recorded *recorded);
 void db_record_end(void *context, uint32_t record, enum db_result result, db_time took);
 /* A client has taken or released control of a drive. */

@@ -300,7 +300,7 @@ static enum vsmd_error read_move(struct reader *reader, struct vsmd_command *com
 	return read_float(word, min, (double)VSMD_SPEED_MAX, &command->velocity);
 }
 
-/* A stop and an origin may have a value; a duty is one. */
+/* Stop and origin may have a value; sv and nmos must have one, their duty. */
 static enum vsmd_error read_value(struct reader *reader, struct vsmd_command *command)
 {
 	bool duty = command->verb == VSMD_SV || command->verb == VSMD_NMOS;
@@ -353,7 +353,7 @@ static enum vsmd_error read_shake_word(struct word word, struct vsmd_command *co
 	} else {
 		return VSMD_ERR_SYNTAX;
 	}
-	/* It is not documented which of two would count. */
+	/* The word was there before: which of the two would count is not documented. */
 	if (*seen & (int)which)
 		return VSMD_ERR_SYNTAX;
 	*seen |= (int)which;

@@ -108,8 +108,7 @@ char *db_file_read(const char *path, FILE *errors)
 		db_file_explain(path, errno, errors);
 	else if (S_ISREG(about.st_mode))
 		text = read_text(path, fd, &about, errors);
-	else
-		/* What would block, or never ends. */
+	else /* to read anything else may block, or may never end */
 		fprintf(errors, "%s: it is %s, not a file; the path of a configuration file\n",
 		        path,
 		        S_ISDIR(about.st_mode)  ? "a folder" :
