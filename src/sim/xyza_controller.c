@@ -223,7 +223,7 @@ static bool accept(struct sim_xyza *controller, const struct xyza_request *reque
 	return true;
 }
 
-/* Its amount, its sign, or 0. */
+/* Sets the amount or the sign of an axis's position, or clears it. */
 static bool write_position(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	double position = sim_xyza_axes_position(&controller->axes, request->axis);
@@ -328,7 +328,7 @@ static bool program_stop(struct sim_xyza *controller, const struct xyza_request 
 	return true;
 }
 
-/* All requests about programs but their stops. */
+/* Starts, continues and ends programs, and sets their delay and single steps. */
 static bool run_program(struct sim_xyza *controller, const struct xyza_request *request)
 {
 	switch (request->verb) {

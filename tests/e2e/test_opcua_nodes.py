@@ -104,13 +104,24 @@ async def names_and_events(bridge, server):
         for wanted, client in clients.items():
             space = await client.get_namespace_index(TYPES)
             values = await client.get_node(ua.NodeId("AxisStateEnum.EnumValues", space)).read_value()
-            display = [(await at(client, f"drive1.{name}").read_display_name()).Text for name in ("ClearFault", "AxisState")]
-            assert display == {"de": ["Störung quittieren", "Achszustand"], "zh-CN": ["故障复位", "轴状态"],
-                               "en": ["ClearFault", "AxisState"]}[wanted]
+            display = [(await at(client, f"drive1.{name}").read_display_name()).Text for name in ("ClearFault", "AxisState", "AgeMs")]
+            assert display == {"de": ["Störung quittieren", "Achszustand", "Alter"], "zh-CN": ["故障复位", "轴状态", "数据时间"],
+                               "en": ["ClearFault", "AxisState", "AgeMs"]}[wanted]
             part = ua.ReadValueId(ua.NodeId("AxisStateEnum.EnumValues", space), ua.AttributeIds.Value, "1:2")
             assert [one.Value.Value for one in await client.uaclient.read(ua.ReadParameters(NodesToRead=[part]))] == [values[1:3]]
             shown[wanted] = next((one.DisplayName.Locale, one.DisplayName.Text) for one in values if one.Value == code("axis_state", "Standstill"))
         assert shown == {"de": ("de", "Stillstand"), "zh-CN": ("zh-CN", "静止"), "en": ("en", "Standstill")}
+        bridge.sim.control(f"bits drive1 {1 << 21:#x}")
+        for wanted, alarm in (("de", "drive1: Störung: Überstrom"), ("zh-CN", "drive1: 故障: 过流"), ("en", "drive1: fault: over_current")):
+            told = await until(lambda wanted=wanted: next((one for one in followers[wanted].events if one.EventType == ua.NodeId(
+                ua.ObjectIds.DiscreteAlarmType)), None))
+            assert (told.Message.Locale, told.Message.Text) == (wanted, alarm)
+            followers[wanted].events.clear()
+        bridge.sim.control("bits drive1 0")
+        await until(lambda: all(any(one.EventType == ua.NodeId(ua.ObjectIds.DiscreteAlarmType) for one in follower.events)
+                                for follower in followers.values()))
+        for follower in followers.values():
+            follower.events.clear()
         bridge.sim.fault("silence on")
         for wanted, event, alarm in (("de", "antwortet nicht mit Adresse 1", "drive1: keine Antwort"), ("zh-CN", "地址 1", "drive1: 无应答"),
                                      ("en", "does not answer at address 1", "drive1: no answer")):

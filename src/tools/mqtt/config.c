@@ -21,7 +21,7 @@ static void add_out_of_memory(struct db_settings *settings)
 	db_messages_add_error(settings->messages, 0, "out of memory; free some and try again");
 }
 
-/* One level of a topic, or with `levels` several. */
+/* `text` must be one level of a topic, or with `levels` one or several. */
 static void check_topic(struct db_settings *settings, const char *section, const char *name,
                         const char *text, bool levels)
 {
@@ -236,7 +236,7 @@ static void check_sparkplug(struct db_settings *settings)
 		                      "discovery announces texts; payload = sparkplug has none");
 }
 
-/* Without its texts names are English: no reason not to run. */
+/* Without its texts the names are English, and the program runs. */
 static void open_language(struct db_settings *settings)
 {
 	static const char *const names[] = { "", "de", "zh_CN" };

@@ -53,21 +53,21 @@ static void write_title(const struct announcement *announcement, const char *nam
                         const char *bit, char *title, size_t size)
 {
 	const struct db_words_language *language = announcement->config->language;
-	size_t length = strlen(name);
-	size_t suffix = strlen(unit);
-	const char *words, *bit_words;
+	size_t length = db_words_name_length(name, unit);
+	const char *words = db_words_find_name(language, name, length);
+	const char *bit_words = bit ? db_words_find_name(language, bit, strlen(bit)) : NULL;
 
-	if (!language) {
-		(void)snprintf(title, size, "%s%s%s", name, bit ? "_" : "", bit ? bit : "");
-		return;
+	/* In English, and where the language has no words, it is the name. */
+	if (!words) {
+		words = name;
+		length = language ? length : strlen(name);
+	} else {
+		length = strlen(words);
 	}
-	/* The unit is shown with the value. */
-	if (suffix > 0 && length > suffix + 1 && name[length - suffix - 1] == '_' &&
-	    strcmp(name + length - suffix, unit) == 0)
-		length -= suffix + 1;
-	words = db_words_find_name(language, name, length);
-	bit_words = bit ? db_words_find_name(language, bit, strlen(bit)) : NULL;
-	(void)snprintf(title, size, "%s%s%s", words ? words : name, bit ? ": " : "",
+	(void)snprintf(title, size, "%.*s%s%s", (int)length, words,
+	               !bit     ? "" :
+	               language ? ": " :
+	                          "_",
 	               bit_words ? bit_words :
 	               bit       ? bit :
 	                           "");
@@ -174,6 +174,8 @@ static void put_bits(const struct announcement *announcement, const char *name, 
 		char value[256], id[128], title[256];
 		json_t *document;
 
+		if (!bit)
+			continue;
 		/* "None" means unknown. */
 		(void)snprintf(value, sizeof(value),
 		               "{%% set bits = value_json['values']['%s'] %%}"

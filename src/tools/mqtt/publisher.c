@@ -115,11 +115,11 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
 	}
 	db_client_log(DB_CLIENT_NOTICE, "connected to drivebridged %s; drives: %zu",
 	              version ? version : "", count);
-	/* The stream of the published values. No drives would mean all of them. */
 	values = db_mqtt_collect_names(publisher->config, drives, count);
 	names = json_array();
 	for (size_t i = 0; i < count; i++)
 		(void)json_array_append(names, json_object_get(drives[i].description, "name"));
+	/* Without names the stream would be of all drives. */
 	if (count > 0)
 		db_plant_subscribe(publisher->plant, names, values, publisher->config->interval_ms,
 		                   false);

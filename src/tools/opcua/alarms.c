@@ -45,7 +45,7 @@ static struct db_opcua_alarm *find_or_add(struct db_opcua_alarms *alarms, const 
 	alarm->cause = strrchr(alarm->id, '.') + 1;
 	(void)snprintf(alarm->kind, sizeof(alarm->kind), "%s", kind);
 	(void)snprintf(alarm->name, sizeof(alarm->name), "%s", name);
-	/* It is in the list now, which gcc's analyzer does not see. */
+	/* The list has it, which gcc's analyzer does not see. */
 	*end = alarm;
 	return alarm;
 }
@@ -58,9 +58,10 @@ static void describe(struct db_opcua_alarm *alarm, const char *detail)
 	(void)snprintf(cause, sizeof(cause), "%s", alarm->cause);
 	for (char *at = cause; *at; at++)
 		*at = *at == '_' ? ' ' : *at;
-	(void)snprintf(alarm->text, sizeof(alarm->text), "%s: %s%s%.63s",
+	(void)snprintf(alarm->detail, sizeof(alarm->detail), "%s", detail);
+	(void)snprintf(alarm->text, sizeof(alarm->text), "%s: %s%s%s",
 	               alarm->name[0] ? alarm->name : alarm->kind, cause, detail[0] ? ": " : "",
-	               detail);
+	               alarm->detail);
 }
 
 static int64_t number_of(const json_t *told, const char *name)

@@ -25,7 +25,8 @@ struct db_opcua_alarm {
 	const char *cause; /* its last part */
 	char kind[16];     /* drive, bus, configuration */
 	char name[64];     /* of the drive or bus, "" for the configuration */
-	char text[200];    /* what is wrong, in words */
+	char detail[64];   /* such as the name of the fault, or what the system says */
+	char text[200];    /* what is wrong, in words: its name, cause and detail */
 	unsigned severity; /* as of events, from 1 to 1000 ... */
 	unsigned severity_before;
 	int64_t number; /* the service's id of the latest alarm */

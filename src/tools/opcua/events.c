@@ -126,8 +126,8 @@ static UA_StatusCode read_message(UA_Server *server, const UA_NodeId *session,
 	return status;
 }
 
-/* The library asks for the fields of an event for each client that gets it, with that one's session: so its message can
- * be in that one's language. */
+/* The library reads the fields of an event once for each client, with that client's session; so each client gets the
+ * message in its own language. */
 static UA_StatusCode translate(UA_Server *server, UA_NodeId event, struct message *message)
 {
 	UA_BrowsePathResult found = UA_Server_browseSimplifiedBrowsePath(
@@ -192,8 +192,8 @@ void db_opcua_events_tell(UA_Server *server, const struct db_opcua_locales *loca
 		status = set_head(server, node, time, db_client_text(event, "level"),
 		                  db_client_text(event, "text"),
 		                  drive[0] ? drive : db_client_text(event, "bus"));
-	if (status == UA_STATUSCODE_GOOD)
-		status = translate(server, node, &message);
+	if (status == UA_STATUSCODE_GOOD && translate(server, node, &message) != UA_STATUSCODE_GOOD)
+		db_client_log(DB_CLIENT_WARNING, "the event %s is sent in English", id);
 	trigger(server, db_client_text(event, "name"), node, origin, status);
 }
 

@@ -68,20 +68,21 @@ UA_LocalizedTextListEntry *db_opcua_locales_fill(const struct db_opcua_locales *
 		texts->entries[count].next = &texts->entries[count + 1];
 		count++;
 	}
-	/* The library answers with the last one who has asked for no other. */
+	/* The library answers with the last text those who have asked for none of the others. */
 	texts->entries[count].localizedText = db_opcua_english(english);
 	return texts->entries;
 }
 
 UA_LocalizedTextListEntry *db_opcua_locales_fill_name(
 	const struct db_opcua_locales *locales,
-	UA_LocalizedTextListEntry entries[1 + DB_OPCUA_LOCALE_IDS], UA_String name, const char *key)
+	UA_LocalizedTextListEntry entries[1 + DB_OPCUA_LOCALE_IDS], UA_String name, const char *key,
+	size_t length)
 {
 	size_t count = 0;
 
 	for (size_t i = 0; key && i < DB_OPCUA_LOCALE_IDS; i++) {
 		const char *words = db_words_find_name(locales->languages[locale_ids[i].language],
-		                                       key, strlen(key));
+		                                       key, length);
 
 		if (!words)
 			continue;
@@ -97,7 +98,7 @@ UA_LocalizedTextListEntry *db_opcua_locales_fill_name(
 
 /* --- of a session ------------------------------------------------------------------------------ */
 
-/* Of "de-AT" the language, "de". */
+/* True if `wanted`, such as de-AT, has the language of `id`. */
 static bool has_language(const UA_String *wanted, const char *id)
 {
 	size_t length = strcspn(id, "-");
@@ -107,7 +108,7 @@ static bool has_language(const UA_String *wanted, const char *id)
 	       (wanted->length == length || wanted->data[length] == '-');
 }
 
-/* The place in locale_ids of the first one that it wants, as the library chooses descriptions; DB_OPCUA_LOCALE_IDS:
+/* The place in locale_ids of the first one that the session wants, as the library chooses descriptions; DB_OPCUA_LOCALE_IDS:
  * English. */
 static size_t find_locale(const struct db_opcua_locales *locales, UA_Server *server,
                           const UA_NodeId *session)

@@ -38,11 +38,11 @@ UA_LocalizedTextListEntry *db_opcua_locales_fill(const struct db_opcua_locales *
                                                  struct db_opcua_texts *texts, const char *english,
                                                  bool all);
 /* Fills in the same list for a name that is shown: `name` in English, and in other languages the words of the table for
- * `key`, such as "axis_state"; NULL: there are none. */
+ * `key` of this length, such as "axis_state"; NULL: there are none. */
 UA_LocalizedTextListEntry *db_opcua_locales_fill_name(
 	const struct db_opcua_locales *locales,
-	UA_LocalizedTextListEntry entries[1 + DB_OPCUA_LOCALE_IDS], UA_String name,
-	const char *key);
+	UA_LocalizedTextListEntry entries[1 + DB_OPCUA_LOCALE_IDS], UA_String name, const char *key,
+	size_t length);
 
 /*
  * A finished English text as this session has asked for it; in English where it has asked for none of the languages, and

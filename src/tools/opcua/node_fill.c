@@ -19,7 +19,7 @@ static void set_head(const struct db_opcua_nodes *nodes, struct db_opcua_node *n
 	head->nodeClass = class;
 	head->browseName = name;
 	head->displayName = db_opcua_locales_fill_name(&nodes->locales, node->display_name,
-	                                               name.name, NULL);
+	                                               name.name, NULL, 0);
 	if (description[0] != '\0')
 		head->description = db_opcua_locales_fill(&nodes->locales, &node->description,
 		                                          description, node->described);
@@ -27,10 +27,11 @@ static void set_head(const struct db_opcua_nodes *nodes, struct db_opcua_node *n
 
 /* The display name in the words that the page has for this register or command. */
 static void set_words(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
-                      const char *key)
+                      const char *key, const char *unit)
 {
 	(void)db_opcua_locales_fill_name(&nodes->locales, node->display_name,
-	                                 node->node.head.browseName.name, key);
+	                                 node->node.head.browseName.name, key,
+	                                 key ? db_words_name_length(key, unit) : 0);
 }
 
 static void set_type(struct db_opcua_node *node, UA_NodeId type, bool array, bool writable)
@@ -148,7 +149,7 @@ static void fill_register(const struct db_opcua_nodes *nodes, struct db_opcua_no
 	set_head(nodes, node, UA_NODECLASS_VARIABLE,
 	         db_opcua_member_name(&nodes->roster, branch->name),
 	         reg->description[0] ? reg->description : text_of(shown->tree, branch));
-	set_words(nodes, node, reg->name);
+	set_words(nodes, node, reg->name, reg->unit);
 	set_variable(node, type_of(nodes, reg), false, reg->writable, nodes->config->interval_ms);
 	if (!shown->gateway && db_opcua_history_field(reg->name)) {
 		node->node.variableNode.historizing = true;
@@ -224,7 +225,8 @@ static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node
 		         text ? text : text_of(shown->tree, branch));
 		set_words(nodes, node,
 		          json_string_value(json_object_get(
-				  db_opcua_tree_command(shown->tree, branch), "name")));
+				  db_opcua_tree_command(shown->tree, branch), "name")),
+		          "");
 		node->node.methodNode.executable = true;
 		node->node.methodNode.method = db_opcua_node_call;
 		break;

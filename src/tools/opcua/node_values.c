@@ -6,6 +6,7 @@
 #include "opcua/values.h"
 
 #include <open62541/types_generated.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -148,20 +149,38 @@ static UA_StatusCode read_condition(const struct db_opcua_nodes *nodes,
 	                               value);
 }
 
-/* What an alarm says, for this session: also in its events, which the library reads for each. */
+/* What an alarm says, for this session; its events have it, too, because the library reads them for each session. Its
+ * parts are translated one by one: together they are no text of the table. */
 static UA_StatusCode read_message(const struct db_opcua_nodes *nodes, UA_Server *server,
                                   const UA_NodeId *session, const struct db_opcua_subject *subject,
                                   UA_DataValue *value)
 {
+	const struct db_opcua_locales *locales = &nodes->locales;
+	const struct db_opcua_alarm *alarm = subject->alarm;
 	UA_StatusCode status = read_condition(nodes, subject, value);
-	char room[DB_WORDS_TEXT_MAX];
-	UA_LocalizedText said;
+	UA_LocalizedText cause = db_opcua_locales_say_name(locales, server, session,
+	                                                   db_opcua_string(alarm->cause));
+	UA_LocalizedText name = db_opcua_locales_say_name(locales, server, session,
+	                                                  db_opcua_string(alarm->kind));
+	UA_LocalizedText detail = db_opcua_locales_say_name(locales, server, session,
+	                                                    db_opcua_string(alarm->detail));
+	char room[DB_WORDS_TEXT_MAX], text[DB_WORDS_TEXT_MAX + 256];
 
-	if (status != UA_STATUSCODE_GOOD || !value->hasValue)
+	/* In English it is finished. */
+	if (status != UA_STATUSCODE_GOOD || !value->hasValue ||
+	    UA_String_equal(&cause.locale, &(UA_String){ .length = 2, .data = (UA_Byte *)"en" }))
 		return status;
-	said = db_opcua_locales_say(&nodes->locales, server, session, subject->alarm->text, room);
+	if (alarm->name[0])
+		name.text = db_opcua_string(alarm->name);
+	if (!UA_String_equal(&detail.locale, &cause.locale))
+		detail = db_opcua_locales_say(locales, server, session, alarm->detail, room);
+	(void)snprintf(text, sizeof(text), "%.*s: %.*s%s%.*s", (int)name.text.length,
+	               (const char *)name.text.data, (int)cause.text.length,
+	               (const char *)cause.text.data, alarm->detail[0] ? ": " : "",
+	               (int)detail.text.length, (const char *)detail.text.data);
+	cause.text = db_opcua_string(text);
 	UA_Variant_clear(&value->value);
-	return UA_Variant_setScalarCopy(&value->value, &said, &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);
+	return UA_Variant_setScalarCopy(&value->value, &cause, &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);
 }
 
 UA_StatusCode db_opcua_node_read(UA_Server *server, const UA_NodeId *session, void *session_context,

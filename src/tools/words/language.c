@@ -290,6 +290,17 @@ const char *db_words_find_name(const struct db_words_language *language, const c
 	return found && found[0] ? found : NULL;
 }
 
+size_t db_words_name_length(const char *name, const char *unit)
+{
+	size_t length = strlen(name);
+	size_t suffix = strlen(unit);
+
+	if (suffix > 0 && length > suffix + 1 && name[length - suffix - 1] == '_' &&
+	    strcmp(name + length - suffix, unit) == 0)
+		return length - suffix - 1;
+	return length;
+}
+
 const char *db_words_find_count(const struct db_words_language *language, size_t count,
                                 const char *one, const char *several)
 {

@@ -46,6 +46,10 @@ const char *db_words_find_text(const struct db_words_language *language, const c
 const char *db_words_find_name(const struct db_words_language *language, const char *name,
                                size_t length);
 
+/* The length of a register's name without its unit at the end: of "age_ms" in ms that of "age". People read the unit
+ * with the value. `unit` may be empty. */
+size_t db_words_name_length(const char *name, const char *unit);
+
 /* The same of one of two texts, by a number. */
 const char *db_words_find_count(const struct db_words_language *language, size_t count,
                                 const char *one, const char *several)

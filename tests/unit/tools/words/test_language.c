@@ -162,6 +162,10 @@ static void test_names_are_found(void **state)
 	assert_null(db_words_find_name(german, "check_its_power_x", 17));
 	assert_null(db_words_find_name(german, "", 0));
 	assert_null(db_words_find_name(NULL, "check_its_power", 15));
+	assert_int_equal(db_words_name_length("age_ms", "ms"), 3);
+	assert_int_equal(db_words_name_length("age_ms", ""), 6);
+	assert_int_equal(db_words_name_length("_ms", "ms"), 3);
+	assert_int_equal(db_words_name_length("forms", "ms"), 5);
 	memset(longer, '_', sizeof(longer));
 	assert_null(db_words_find_name(german, longer, sizeof(longer)));
 }
