@@ -710,11 +710,24 @@ def test_a_press_on_the_next_drive_waits_for_the_stop_of_the_one_before(gateway)
     assert page.beat("drive2", 3, 1, SPEED)["why"] == "waiting"
     # A newer press, so the one before is over although its release is lost.
     assert page.beat("drive2", 4, 1, SPEED)["why"] == "waiting"
+    # A stop of the drive that waits, or of all, ends the press before it has begun.
+    page.run("drive2", "stop")
+    assert page.beat("drive2", 4, 2, SPEED)["why"] == "stopped"
+    assert page.beat("drive2", 5, 1, SPEED)["why"] == "waiting"
+    # drive1 does not confirm it.
+    with pytest.raises(Failed):
+        page.call("Write", drive="", values={"group_stop": 1})
+    assert page.beat("drive2", 5, 2, SPEED)["why"] == "stopped"
     bridge.sim.fault("silence off", "drive1")
+    told = len(orders(bridge))
+    eventually(lambda: not moving(bridge), what="drive1 to stand")
+    for grip in 4, 5:
+        assert page.beat("drive2", grip, 9, SPEED, token())["why"] in ("released", "stopped")
+    assert {what for _, what in orders(bridge)[told:]} <= {"stp"} and not moving(bridge, "drive2")
     numbers = itertools.count(2)
-    eventually(lambda: page.beat("drive2", 4, next(numbers), SPEED)["held"])
+    eventually(lambda: page.beat("drive2", 6, next(numbers), SPEED)["held"])
     eventually(lambda: moving(bridge, "drive2"))
-    page.beat("drive2", 4, next(numbers), 0)
+    page.beat("drive2", 6, next(numbers), 0)
     eventually(lambda: not moving(bridge, "drive2"))
     told = len(orders(bridge))
     for grip, beat in (2, 1), (2, 3), (3, 2), (4, 2):

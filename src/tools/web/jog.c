@@ -25,6 +25,7 @@ struct db_web_jog {
 	struct db_web_caller caller;
 	struct db_web_grip grip;
 	uint64_t waits; /* the newest grip that was told to wait: older ones move nothing */
+	char waiting[DRIVE_MAX];      /* its drive */
 	char token[DB_WEB_TOKEN_MAX]; /* of its latest accepted beat */
 	char drive[DRIVE_MAX];        /* of the latest grip */
 	double velocity_sent;         /* the last one sent to the drive; 0: stop */
@@ -229,6 +230,7 @@ static bool change_drive(struct db_web_jog *jog, struct db_web_request *request,
 		bool goes_on = beat->velocity != 0;
 
 		jog->waits = beat->grip;
+		(void)snprintf(jog->waiting, sizeof(jog->waiting), "%s", beat->drive);
 		/* Let go: a beat of it that comes later moves nothing. */
 		if (!goes_on)
 			db_web_grip_take(&jog->grip, beat->grip, beat->number, 0, beat->age, now);
@@ -303,6 +305,12 @@ bool db_web_jog_take(struct db_web_jog *jog, struct db_web_request *request)
 
 void db_web_jog_yield(struct db_web_jog *jog, const char *drive)
 {
+	/* A grip that waits was not taken yet: it must not begin after the stop. */
+	if (jog->waits > jog->grip.number && (!drive || strcmp(drive, jog->waiting) == 0)) {
+		jog->grip.number = jog->waits;
+		jog->grip.end = DB_WEB_GRIP_STOPPED;
+		jog->text[0] = jog->result[0] = '\0';
+	}
 	if (drive && strcmp(drive, jog->drive) != 0)
 		return;
 	db_web_grip_finish(&jog->grip, DB_WEB_GRIP_STOPPED);

@@ -22,8 +22,8 @@ void db_web_jog_free(struct db_web_jog *jog);
  * valid beat; then the answer is that error. */
 bool db_web_jog_take(struct db_web_jog *jog, struct db_web_request *request);
 
-/* The drive, or every one with NULL, is being stopped by another button of the page: the grip is
- * over. */
+/* The drive, or every one with NULL, is being stopped by another button of the page: its grip is
+ * over, also one that still waits for the drive before. */
 void db_web_jog_yield(struct db_web_jog *jog, const char *drive);
 
 /* The drive's state as just read: a drive that moved and now stands has been stopped. */

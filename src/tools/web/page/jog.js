@@ -57,16 +57,21 @@ export function createGrips({ send, onChange, timers = globalThis }) {
 			return;
 		mine.underWay++;
 		try {
-			const answer = await send(mine.grip, ++mine.beat, mine.velocity);
+			const number = ++mine.beat;
+			const answer = await send(mine.grip, number, mine.velocity);
 
 			if (mine.over)
 				return;
 			mine.held = answer.held;
 			/* Its next beat asks again; a hand that lets go sends none. */
-			if (answer.held || (answer.why === "waiting" && mine.beat <= WAIT_BEATS))
+			if (answer.held || (answer.why === "waiting" && number <= WAIT_BEATS)) {
 				tell({});
-			else
+			} else {
 				finish(mine, answer.why, answer.text);
+				/* A beat that is still under way would begin the motion. */
+				if (answer.why === "waiting")
+					letGo(mine);
+			}
 		} catch (error) {
 			if (!mine.over && error.name !== "Unreachable" && error.name !== "Timeout")
 				finish(mine, error.name, error.message);

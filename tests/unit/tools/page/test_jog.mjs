@@ -165,7 +165,8 @@ test("a press waits three beats for the stop of another drive, as long as it is 
 	await slow.settle();
 	for (let beat = 0; beat < 5; beat++)
 		await slow.tick();
-	assert.deepEqual([slow.sent.length, slow.states.at(-1).text, slow.grips.isPressed()], [4, waiting.text, false]);
+	assert.deepEqual([slow.sent, slow.states.at(-1).text, slow.grips.isPressed()],
+		[[[1, 1, 40], [1, 2, 40], [1, 3, 40], [1, 4, 40], [1, 5, 0]], waiting.text, false]);
 
 	/* Let go meanwhile: nothing but the release follows. */
 	const short = makeBench(() => waiting);
