@@ -552,6 +552,28 @@ def test_a_long_ramp_is_no_alarm(make_site, visit):
     assert "alarm" not in page.evaluate("window.seen")
 
 
+def test_a_stop_of_all_releases_what_is_held(site, visit):
+    """Also a button that has not moved anything yet."""
+    bridge, visitor = site.bridge, visit(site)
+    page = visitor.page
+    open_drive(visitor)
+    page.evaluate("""() => {
+        const ask = window.fetch;
+        window.beats = [];
+        window.fetch = (path, options) => {
+            if (path === "/api/jog")
+                window.beats.push(JSON.parse(options.body).velocity);
+            return ask(path, options);
+        };
+    }""")
+    hold(visitor)
+    wait_moving(bridge)
+    page.keyboard.press("Control+.")
+    eventually(lambda: page.evaluate("window.beats.at(-1)") == 0, what="the release")
+    bridge.wait_standing()
+    page.mouse.up()
+
+
 def test_a_press_waits_for_the_stop_of_the_drive_before_only_while_it_is_held(site, visit):
     """The server's answer to a press on the next drive while the one before is still being stopped; see test_web.py."""
     bridge, visitor = site.bridge, visit(site)

@@ -35,6 +35,7 @@
  */
 import * as api from "./api.js";
 import { element, icon, setAttribute, setText } from "./dom.js";
+import { releaseHeld } from "./hold_button.js";
 import { recall, remember } from "./kept_choice.js";
 import { createPlant, NEED } from "./plant.js";
 import { indexByName, inWords } from "./format.js";
@@ -304,6 +305,8 @@ async function stopAll() {
 	};
 
 	button.classList.add("busy");
+	/* What is held, or is about to move a drive, must not begin after the stop. */
+	releaseHeld();
 	const answer = await stops.press("all drives",
 		{ method: "Write", parameters: { drive: "", values: { group_stop: 1 } } }, eachByItself);
 

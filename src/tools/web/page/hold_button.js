@@ -21,11 +21,16 @@ export function listenToHold(button, { press, release }) {
 	button.addEventListener("contextmenu", (event) => event.preventDefault());
 }
 
-/* Calls release() when the page is hidden or left, or its window loses the focus. Returns a function
- * that ends this. */
+const RELEASE = "release-held";
+
+/* Whatever is held is released: all drives are being stopped. */
+export function releaseHeld() { window.dispatchEvent(new Event(RELEASE)); }
+
+/* Calls release() when the page is hidden or left, when its window loses the focus, and with releaseHeld(). Returns a
+ * function that ends this. */
 export function releaseWithPage(release) {
 	/** @type {[EventTarget, string][]} */
-	const listened = [[window, "blur"], [window, "pagehide"], [document, "visibilitychange"]];
+	const listened = [[window, "blur"], [window, "pagehide"], [document, "visibilitychange"], [window, RELEASE]];
 
 	for (const [target, event] of listened)
 		target.addEventListener(event, release);
