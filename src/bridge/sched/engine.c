@@ -452,9 +452,9 @@ static void give_up_overdue(struct db_engine *engine, db_time now)
 		exchange = &flight->station->lanes[flight->lane].exchange;
 		if (now >= flight->deadline && !exchange_overlaps(engine) && !flight->extended &&
 		    engine->received_length > 0) {
-			/* The beginning of a frame is there: its rest is awaited, once, and not
-			 * disturbed by a request. Otherwise a drive that is late by just this much
-			 * would never be understood, and nothing could be learnt about it. */
+			/* The first bytes of a frame have come. We wait for the others, once, and send
+			 * nothing that would disturb them: a drive that is late by just this much would
+			 * never be understood, and nothing could be learnt about it. */
 			db_time rest = engine->bus->transport->wire_time(
 				engine->bus, exchange->request, 0, exchange->answer_length);
 

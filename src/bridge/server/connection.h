@@ -36,7 +36,8 @@ struct db_connection {
 	struct db_connection_shared *shared;
 	/* The server changes the rights of the client: then db_connection_advance() is due. */
 	struct db_client client;
-	struct db_peer *peer; /* has its address in the network; set anew when the record moves */
+	struct db_peer
+		*peer; /* the record of its address; another one when the records were moved */
 	uint64_t requests;
 	struct db_diagnostics diagnostics;
 	db_time since;

@@ -73,9 +73,9 @@ static int open_socket(const struct addrinfo *info, bool shared)
 	if (v6)
 		set_option(fd, IPPROTO_IPV6, IPV6_V6ONLY, 0);
 	error = bind(fd, info->ai_addr, info->ai_addrlen) == 0 ? 0 : -errno;
-	/* Also binds to an address that the machine does not have yet: the switch or the DHCP
-	 * server may start later than this machine, and clients reach the socket as soon as the
-	 * address is there. */
+	/* The machine may not have the address yet, because the switch or the DHCP server starts
+	 * later. The socket is bound to it all the same: clients can connect as soon as the machine
+	 * has the address. */
 	if (error == -EADDRNOTAVAIL) {
 		set_option(fd, v6 ? IPPROTO_IPV6 : IPPROTO_IP, v6 ? IPV6_FREEBIND : IP_FREEBIND, 1);
 		error = bind(fd, info->ai_addr, info->ai_addrlen) == 0 ? 0 : -errno;

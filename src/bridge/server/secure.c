@@ -169,7 +169,7 @@ static int on_visitors(sd_event_source *source, int fd, uint32_t events, void *d
 		visitor->fd = accepted;
 		visitor->used = 0;
 		visitor->until = loop_time(secure) + HELLO_TIMEOUT;
-		/* As a rule the hello is there already. */
+		/* Usually the hello has already been received. */
 		(void)on_bytes(NULL, accepted, EPOLLIN, visitor);
 	}
 	return 0;

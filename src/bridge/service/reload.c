@@ -260,7 +260,7 @@ static bool is_all_gone(const struct plant *running)
 	return true;
 }
 
-/* --- received frames -------------------------------------------------------------------------- */
+/* --- what comes ------------------------------------------------------------------------------- */
 
 static int begin_next(struct service *service, struct reload *reload)
 {

@@ -192,7 +192,7 @@ void must_stand_end(struct service *service);
  * another name. */
 int positions_begin(struct service *service);
 
-/* For the control socket: its ops. */
+/* See struct db_control_socket_ops. */
 
 /* Null before the beginning. */
 struct db_positions *positions_list(void *context);

@@ -218,9 +218,10 @@ static bool read_beat(const struct db_web_request *request, db_time now, struct 
 }
 
 /*
- * A grip on another drive than before begins only after that drive stands: the page holds one drive at a time, and
- * its stop is repeated until it is confirmed. False: it does not stand yet, and the request is answered. The page
- * may go on with its beats meanwhile; the grip is not taken, so its next one asks again.
+ * A grip on another drive than before begins only after that drive stands: the page holds one drive
+ * at a time, and its stop is repeated until it is confirmed. False: it does not stand yet, and the
+ * request is answered. The page may go on with its beats; the grip is not taken, so the next beat
+ * asks again.
  */
 static bool change_drive(struct db_web_jog *jog, struct db_web_request *request,
                          const struct beat *beat, db_time now)

@@ -34,7 +34,7 @@ void db_web_trail_free(struct db_web_trail *trail)
 	free(trail);
 }
 
-/* Also when it is lost: whoever has asked has been told already. */
+/* Closes the link; also called when it is lost, after its question was answered with an error. */
 static void drop_link(void *data)
 {
 	struct db_web_trail *trail = data;

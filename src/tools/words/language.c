@@ -386,7 +386,7 @@ static bool match(const char *pattern, const char *text, struct value values[PLA
 		if (!end || strncmp(end, pattern, length) != 0)
 			return false;
 		value->size = (size_t)(end - text);
-		/* Where there was a number, there has to be one. */
+		/* The place of a number takes a number, that of a letter one letter. */
 		if ((here.kind == 'c' && value->size != 1) ||
 		    (letters && (value->size == 0 || strspn(text, letters) < value->size)))
 			return false;
