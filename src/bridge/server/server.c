@@ -509,6 +509,8 @@ static int open_lines(struct db_server *server)
 	return error;
 }
 
+/* --- beginning and end ------------------------------------------------------------------------ */
+
 /* The places for clients of all endpoints. */
 static size_t count_places(const struct db_modbus_config *config)
 {
