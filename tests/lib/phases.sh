@@ -23,10 +23,10 @@ need_venv() {
 	then
 		return 0
 	fi
-	say "installing Python packages into $VENV: $(grep -v '^#' tests/requirements.txt | tr '\n' ' ')"
+	say "installing Python packages into $VENV: $(tr '\n' ' ' <tests/requirements.in)"
 	rm -rf "$VENV"
 	/usr/bin/python3 -m venv "$VENV"
-	"$VENV/bin/pip" --quiet --disable-pip-version-check install -r tests/requirements.txt
+	"$VENV/bin/pip" --quiet --disable-pip-version-check install --require-hashes -r tests/requirements.txt
 	cp tests/requirements.txt "$stamp"
 }
 
@@ -245,6 +245,7 @@ phase_style() {
 	step form tests/tools/form
 	step spelling tests/tools/spelling
 	step texts tests/tools/texts
+	step locked tests/tools/lock-requirements --check
 	step "types of the page" check_page_types
 	step "lint of the page" check_page_lint
 	step shellcheck check_shell
