@@ -84,6 +84,11 @@ def test_show_has_values_with_names_and_parameters(plant):
     assert re.search(r"^  position_units +\S+ mm$", said, re.M)
     assert re.search(r"^  status +online, .*params_valid", said, re.M)
     assert re.search(r"^  spd +6400 pulses/s +Preset speed", said, re.M)
+    # What a number means stands next to it, and the drive's own bits have the vendor's names.
+    assert re.search(r"^  mcs +5 \(1/32\) +Microstepping", said, re.M)
+    assert re.search(r"^  active_command +0 \(none\)$", said, re.M)
+    assert re.search(r"^  control_holder +0 \(nobody\)$", said, re.M)
+    assert re.search(r"^  drive_status +s1, s2, .*stp", said, re.M)
     (told,) = objects(plant, "show", "feeder")
     assert told["values"]["spd"] == 6400 and told["values"]["axis_state"] == 1
     assert {"name", "type", "unit", "writable"} <= set(told["registers"][0])

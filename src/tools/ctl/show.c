@@ -5,6 +5,7 @@
 #include "ctl/say.h"
 #include "words/value.h"
 
+#include <stdint.h>
 #include <string.h>
 
 /* The values of these names, or of the process data if the array is empty; takes the names over. */
@@ -20,12 +21,39 @@ static json_t *read_values(struct db_ctl *ctl, const char *drive, json_t *names,
 	return values;
 }
 
+/* The discrete input with bit 0 of drive_status; the others follow it (docs/register-map.md). */
+#define FIRST_DRIVE_BIT 64
+
+/* The drive's own status word has the names of the discrete inputs that hold its bits. */
+static void write_drive_status(const json_t *registers, const json_t *value, char *text,
+                               size_t size)
+{
+	uint64_t bits = (uint64_t)json_integer_value(value);
+	size_t used = (size_t)snprintf(text, size, "%s", bits == 0 ? "none" : "");
+	size_t i;
+	const json_t *reg;
+
+	json_array_foreach(registers, i, reg)
+	{
+		const char *name = db_words_text(reg, "name");
+		json_int_t bit = json_integer_value(json_object_get(reg, "address")) -
+		                 FIRST_DRIVE_BIT;
+
+		if (used < size && strcmp(db_words_text(reg, "table"), "discrete") == 0 &&
+		    strncmp(name, "drive_", 6) == 0 && bit >= 0 && bit < 32 && bits >> bit & 1)
+			used += (size_t)snprintf(text + used, size - used, "%s%s",
+			                         used > 0 ? ", " : "", name + 6);
+	}
+}
+
 static void print_values(const struct db_ctl *ctl, const json_t *registers, const json_t *values,
                          bool parameters, const char *head)
 {
 	struct db_ctl_grid *grid = db_ctl_grid_new("lll");
 	char text[DB_WORDS_VALUE_MAX];
+	char meaning[DB_WORDS_MEANING_MAX];
 	char room[DB_WORDS_TEXT_MAX];
+	size_t used;
 	size_t i;
 	const json_t *reg;
 	const char *description;
@@ -40,10 +68,16 @@ static void print_values(const struct db_ctl *ctl, const json_t *registers, cons
 
 		if (!value || (parameters != json_is_true(json_object_get(reg, "parameter"))))
 			continue;
-		db_words_write_value(reg, value, text, sizeof(text));
+		description = db_ctl_translate(db_words_text(reg, "description"), room);
+		if (strcmp(name, "drive_status") == 0)
+			write_drive_status(registers, value, text, sizeof(text));
+		else
+			db_words_write_value(reg, value, text, sizeof(text));
+		used = strlen(text);
+		if (db_words_meaning(reg, description, value, meaning, sizeof(meaning)))
+			(void)snprintf(text + used, sizeof(text) - used, " (%s)", meaning);
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "  %s", name);
 		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", text);
-		description = db_ctl_translate(db_words_text(reg, "description"), room);
 		/* The codes and conditions after the first words are printed only in the full
 		 * list. */
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%.*s",

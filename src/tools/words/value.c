@@ -73,6 +73,50 @@ const char *db_words_code_name(const json_t *reg, json_int_t code)
 	return json_string_value(json_object_get(json_object_get(reg, "codes"), key));
 }
 
+/* Where the next "NUMBER=" begins after white space, or where `from` ends. */
+static const char *next_number(const char *from)
+{
+	for (; *from; from++) {
+		if (isspace((unsigned char)from[0]) && isdigit((unsigned char)from[1]) &&
+		    from[1 + strspn(from + 1, "0123456789")] == '=')
+			return from;
+	}
+	return from;
+}
+
+bool db_words_meaning(const json_t *reg, const char *description, const json_t *value, char *text,
+                      size_t size)
+{
+	char key[24];
+	size_t length;
+	const char *next = description;
+	const char *end;
+
+	if (!json_is_number(value) || has_bits(reg) ||
+	    db_words_code_name(reg, (json_int_t)json_number_value(value)))
+		return false;
+	if (json_is_integer(value))
+		(void)snprintf(key, sizeof(key), "%lld=", (long long)json_integer_value(value));
+	else
+		(void)snprintf(key, sizeof(key), "%.9g=", json_real_value(value));
+	length = strlen(key);
+	while (*(next = next_number(next))) {
+		next++;
+		if (strncmp(next, key, length) != 0)
+			continue;
+		next += length;
+		end = next_number(next);
+		if (end > next + strcspn(next, ";"))
+			end = next + strcspn(next, ";");
+		(void)snprintf(text, size, "%.*s", (int)(end - next), next);
+		/* "1=s1 ... 6=s6": what lies between is not said. */
+		if (strstr(text, " ..."))
+			*strstr(text, " ...") = '\0';
+		return text[0] != '\0';
+	}
+	return false;
+}
+
 bool db_words_has_bit(const json_t *reg, const json_t *value, const char *name)
 {
 	uint64_t bits = (uint64_t)json_integer_value(value);

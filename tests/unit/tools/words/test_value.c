@@ -154,9 +154,58 @@ static void test_the_nearest_names_are_meant(void **state)
 	json_decref(list);
 }
 
+static void expect_meaning(const char *description, json_t *value, const char *expected)
+{
+	json_t *reg = json_pack("{s:s, s:s}", "name", "mode", "type", "u16");
+	char text[DB_WORDS_MEANING_MAX] = "";
+	bool told = db_words_meaning(reg, description, value, text, sizeof(text));
+
+	assert_int_equal(told, expected != NULL);
+	if (expected)
+		assert_string_equal(text, expected);
+	json_decref(reg);
+	json_decref(value);
+}
+
+static void test_descriptions_say_what_numbers_mean(void **state)
+{
+	const char *direction = "Direction: 0=against the motor 1=with the motor; closed loop only";
+
+	(void)state;
+	expect_meaning(direction, json_integer(0), "against the motor");
+	expect_meaning(direction, json_real(1.0), "with the motor");
+	expect_meaning(direction, json_integer(2), NULL);
+	expect_meaning(direction, json_real(0.5), NULL);
+	expect_meaning(direction, json_null(), NULL);
+	expect_meaning("Age; 4294967295=never read", json_integer(4294967295), "never read");
+	expect_meaning("Time; 10=long", json_integer(0), NULL);
+	expect_meaning("Steps: 0=full 1=1/2 2=1/4", json_integer(1), "1/2");
+	expect_meaning("Sensor: 0=none 1=s1 ... 6=s6", json_integer(1), "s1");
+	expect_meaning("Sensor: 0=none 1=s1 ... 6=s6", json_integer(3), NULL);
+	expect_meaning("Resistance: 0=", json_integer(0), NULL);
+	expect_meaning("", json_integer(0), NULL);
+}
+
+static void test_bits_and_codes_have_names_of_their_own(void **state)
+{
+	json_t *zero = json_integer(0);
+	json_t *reg = bits_register();
+	char text[DB_WORDS_MEANING_MAX];
+
+	(void)state;
+	assert_false(db_words_meaning(reg, "Bits: 0=online", zero, text, sizeof(text)));
+	json_decref(reg);
+	reg = state_register();
+	assert_false(db_words_meaning(reg, "State: 0=Offline", zero, text, sizeof(text)));
+	json_decref(reg);
+	json_decref(zero);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(test_descriptions_say_what_numbers_mean),
+		cmocka_unit_test(test_bits_and_codes_have_names_of_their_own),
 		cmocka_unit_test(test_values_have_names_and_units),
 		cmocka_unit_test(test_texts_of_drives_do_not_move_the_cursor),
 		cmocka_unit_test(test_a_letter_cut_in_two_keeps_the_end_of_the_text),
