@@ -646,8 +646,8 @@ def test_who_starts_the_bridge_may_have_its_port(page):
 
 
 def copy_configuration(page, word, place):
-    """The configuration with a port and with files of its own."""
-    text = re.sub(r'listen(\s*)= "[^"]*"', r'listen\1= "127.0.0.1:0"', own_text(page, word))
+    """The configuration with a port and with files of its own, also where it leaves the port to the default."""
+    text = re.sub(r'^(\s*)(?:# )?listen(\s*)= "[^"]*"', r'\1listen\2= "127.0.0.1:0"', own_text(page, word), flags=re.M)
     copy = place / Path(word).name
     copy.write_text(text.replace("/tmp/", f"{place}/"), encoding="utf-8")
     return str(copy)
