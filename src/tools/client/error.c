@@ -16,7 +16,6 @@ static const struct {
 	{ DB_CLIENT_SERVICE "NoSuchTrace", "this trace is not kept any more" },
 	{ DB_CLIENT_SERVICE "NoSuchAlarm", "no such alarm of this drive is kept" },
 	{ DB_CLIENT_SERVICE "NoSuchCommand", "{drive} has no command \"{command}\"" },
-	{ DB_CLIENT_SERVICE "NoSuchBus", "no bus is called \"{bus}\"" },
 	{ DB_CLIENT_SERVICE "ScanFailed", "{text}" },
 	{ DB_CLIENT_SERVICE "EditFailed", "{text}" },
 	{ DB_CLIENT_SERVICE "NoSuchPosition", "{drive} has no position \"{name}\"" },
