@@ -225,7 +225,7 @@ The program under test, the attackers and the simulated drives share one machine
 processors, not a real-time kernel, and other programs ran beside. The simulator, and the kernel's threads that carry
 its wires' bytes, had a higher priority than all else. Without that the bytes are late, on this machine by up
 to 800 ms while all processors are taken, and with them every bus on a serial port: see
-[Real time](guide/install.md#real-time).
+[Real time](machine.md#real-time).
 
 With 60 clients that pipeline commands the wires are full of what was ordered, each command an exchange or more, so
 that reading all drives takes longer than a cycle: those overruns are the wire's, and
