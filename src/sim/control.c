@@ -108,23 +108,6 @@ void sim_control_close(struct sim_control *control)
 	free(control);
 }
 
-static void take_client(struct sim_control *control)
-{
-	int fd = accept4(control->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
-
-	if (fd < 0)
-		return;
-	for (size_t i = 0; i < SIM_CONTROL_CLIENTS; i++) {
-		if (control->clients[i].fd >= 0)
-			continue;
-		if (watch_client(control, fd, &control->clients[i]) != 0)
-			break;
-		control->clients[i].fd = fd;
-		return;
-	}
-	(void)close(fd);
-}
-
 static void serve_client(struct sim_control *control, struct client *client, db_time now)
 {
 	ssize_t count = recv(client->fd, client->line + client->length,
@@ -170,9 +153,20 @@ void sim_control_run(struct sim_control *control, db_time now)
 	int count = epoll_wait(control->poll, events, SIM_CONTROL_CLIENTS, 0);
 
 	for (int i = 0; i < count; i++) {
-		if (events[i].data.ptr)
+		size_t place = 0;
+		int fd;
+
+		if (events[i].data.ptr) {
 			serve_client(control, events[i].data.ptr, now);
-		else
-			take_client(control);
+			continue;
+		}
+		fd = accept4(control->listener, NULL, NULL, SOCK_NONBLOCK | SOCK_CLOEXEC);
+		while (place < SIM_CONTROL_CLIENTS && control->clients[place].fd >= 0)
+			place++;
+		if (fd >= 0 && place < SIM_CONTROL_CLIENTS &&
+		    watch_client(control, fd, &control->clients[place]) == 0)
+			control->clients[place].fd = fd;
+		else if (fd >= 0)
+			(void)close(fd);
 	}
 }

@@ -38,46 +38,16 @@ static bool read_number(const char *text, int32_t *number)
 	return true;
 }
 
-static const char *apply(struct sim_faults *faults, enum sim_fault kind, char **words,
-                         unsigned count)
-{
-	int32_t left = -1;
-	int32_t number = 0;
-
-	switch (kinds[kind].form) {
-	case FORM_SWITCH:
-		if (count != 2 || (strcmp(words[1], "on") != 0 && strcmp(words[1], "off") != 0))
-			return "this fault needs \"on\" or \"off\"";
-		left = strcmp(words[1], "on") == 0 ? -1 : 0;
-		break;
-	case FORM_NUMBER:
-		if (count < 2 || !read_number(words[1], &number))
-			return "delay needs milliseconds and corrupt-at a place, 1 to 1000000; "
-			       "both "
-			       "may have a count";
-		words++;
-		count--;
-		/* fall through */
-	case FORM_COUNT:
-	default:
-		if (count > 2 || (count == 2 && !read_number(words[1], &left)))
-			return "how often must be 1 to 1000000, or left out for always";
-		break;
-	}
-	faults->left[kind] = left;
-	if (kind == SIM_FAULT_DELAY)
-		faults->delay_ms = (uint32_t)number;
-	if (kind == SIM_FAULT_CORRUPT_AT)
-		faults->corrupt_at = (uint32_t)number;
-	return NULL;
-}
-
 const char *sim_faults_set(struct sim_faults *faults, const char *text)
 {
 	char copy[64];
 	char *words[4] = { NULL };
 	char *save = NULL;
 	unsigned count = 0;
+	unsigned frequency = 1; /* the word that says how often */
+	int32_t left = -1;
+	int32_t number = 0;
+	int kind = 0;
 
 	if (strlen(text) >= sizeof(copy))
 		return "too long";
@@ -91,11 +61,36 @@ const char *sim_faults_set(struct sim_faults *faults, const char *text)
 		*faults = (struct sim_faults){ .delay_ms = 0 };
 		return NULL;
 	}
-	for (int kind = 0; count > 0 && kind < SIM_FAULT_COUNT; kind++) {
-		if (strcmp(words[0], kinds[kind].name) == 0)
-			return apply(faults, (enum sim_fault)kind, words, count);
+	while (kind < SIM_FAULT_COUNT && (count == 0 || strcmp(words[0], kinds[kind].name) != 0))
+		kind++;
+	if (kind == SIM_FAULT_COUNT)
+		return "no such fault; there are " SIM_FAULT_NAMES;
+	switch (kinds[kind].form) {
+	case FORM_SWITCH:
+		if (count != 2 || (strcmp(words[1], "on") != 0 && strcmp(words[1], "off") != 0))
+			return "this fault needs \"on\" or \"off\"";
+		left = strcmp(words[1], "on") == 0 ? -1 : 0;
+		break;
+	case FORM_NUMBER:
+		if (count < 2 || !read_number(words[1], &number))
+			return "delay needs milliseconds and corrupt-at a place, 1 to 1000000; "
+			       "both "
+			       "may have a count";
+		frequency++;
+		/* fall through */
+	case FORM_COUNT:
+	default:
+		if (count > frequency + 1 ||
+		    (count == frequency + 1 && !read_number(words[frequency], &left)))
+			return "how often must be 1 to 1000000, or left out for always";
+		break;
 	}
-	return "no such fault; there are " SIM_FAULT_NAMES;
+	faults->left[kind] = left;
+	if (kind == SIM_FAULT_DELAY)
+		faults->delay_ms = (uint32_t)number;
+	if (kind == SIM_FAULT_CORRUPT_AT)
+		faults->corrupt_at = (uint32_t)number;
+	return NULL;
 }
 
 bool sim_faults_take(struct sim_faults *faults, enum sim_fault fault)

@@ -122,8 +122,11 @@ static int read_options(int argc, char **argv, struct options *options)
 	return 0;
 }
 
-static int apply_links(struct sim_config *config, const struct options *options)
+/* The links to ptys of buses, where the others' links are made, and which group owns the ptys. */
+static int apply_places(struct sim_config *config, struct options *options)
 {
+	const struct group *group = options->group_name ? getgrnam(options->group_name) : NULL;
+
 	for (size_t i = 0; i < options->link_count; i++) {
 		char *path = strchr(options->links[i], '=');
 		bool found = false;
@@ -144,14 +147,6 @@ static int apply_links(struct sim_config *config, const struct options *options)
 			return -1;
 		}
 	}
-	return 0;
-}
-
-/* Where the links to all ptys are made, and which group owns the ptys. */
-static int apply_places(struct sim_config *config, struct options *options)
-{
-	const struct group *group = options->group_name ? getgrnam(options->group_name) : NULL;
-
 	if (options->group_name && !group) {
 		fprintf(stderr, "--pty-group %s: there is no such group\n", options->group_name);
 		return -1;
@@ -195,37 +190,11 @@ static int open_loop(struct loop *loop)
 	               0;
 }
 
-/* False when it is time to end. */
-static bool dispatch(struct loop *loop, const struct epoll_event *event,
-                     struct sim_control *control, db_time now)
-{
-	struct sim_bus *bus;
-	uint64_t ticks;
-	int result;
-
-	if (event->data.ptr == &loop->signals)
-		return false;
-	if (event->data.ptr == &loop->timer) {
-		if (read(loop->timer, &ticks, sizeof(ticks)) > 0)
-			loop->armed = DB_TIME_NEVER;
-		return true;
-	}
-	if (event->data.ptr == control) {
-		sim_control_run(control, now);
-		return true;
-	}
-	bus = event->data.ptr;
-	result = sim_bus_read(bus, now);
-	if (result == 0)
-		return true;
-	fprintf(stderr, "bus %s: %s: %s\n", bus->config->name, bus->port.host, strerror(-result));
-	return false;
-}
-
 /* 0 after a signal to end, -1 after an error. */
 static int run(struct loop *loop, struct sim_world *world, struct sim_control *control, bool busy)
 {
 	struct epoll_event events[16];
+	uint64_t ticks;
 
 	for (;;) {
 		db_time next = busy ? loop->armed : sim_world_next(world, clock_now());
@@ -245,8 +214,24 @@ static int run(struct loop *loop, struct sim_world *world, struct sim_control *c
 		if (count < 0 && errno != EINTR)
 			return -1;
 		for (int i = 0; i < count; i++) {
-			if (!dispatch(loop, &events[i], control, clock_now()))
-				return events[i].data.ptr == &loop->signals ? 0 : -1;
+			struct sim_bus *bus = events[i].data.ptr;
+			int result = 0;
+
+			if (events[i].data.ptr == &loop->signals)
+				return 0;
+			if (events[i].data.ptr == &loop->timer) {
+				if (read(loop->timer, &ticks, sizeof(ticks)) > 0)
+					loop->armed = DB_TIME_NEVER;
+			} else if (events[i].data.ptr == control) {
+				sim_control_run(control, clock_now());
+			} else {
+				result = sim_bus_read(bus, clock_now());
+			}
+			if (result != 0) {
+				fprintf(stderr, "bus %s: %s: %s\n", bus->config->name,
+				        bus->port.host, strerror(-result));
+				return -1;
+			}
 		}
 		sim_world_run(world, clock_now());
 	}
@@ -331,9 +316,7 @@ int main(int argc, char **argv)
 	if ((options.replay ? make_replay(options.replay, &config) :
 	                      sim_config_load(options.config, &config)) != 0)
 		return EXIT_FAILURE;
-	result = apply_links(&config, &options);
-	if (result == 0)
-		result = apply_places(&config, &options);
+	result = apply_places(&config, &options);
 	if (result == 0 && options.trace) {
 		trace = fopen(options.trace, "we");
 		if (!trace) {

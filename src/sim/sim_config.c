@@ -41,38 +41,6 @@ static void read_faults(const struct sim_section *section, const char **faults, 
 
 /* --- buses ------------------------------------------------------------------------------------ */
 
-static void read_can(const struct sim_section *section, struct sim_bus_config *bus)
-{
-	bool adapter = sim_section_word(section, "transport") == 0;
-	long bitrate = sim_section_whole(section, "bitrate");
-
-	if (adapter && slcan_bitrate_digit((uint32_t)bitrate) < 0)
-		sim_section_refuse(section, "bitrate",
-		                   "bitrate = %ld cannot be set on a serial adapter; one of these "
-		                   "is right: 10000, 20000, 50000, 100000, 125000, 250000, 500000, "
-		                   "800000, 1000000",
-		                   bitrate);
-	else if (bus->kind == SIM_BUS_VSMD_CAN && vsmd_can_rate_code((uint32_t)bitrate) == 0)
-		sim_section_refuse(section, "bitrate",
-		                   "bitrate = %ld is none these drives have; 100000, 125000, "
-		                   "250000, 500000 and 1000000, for instance, are right",
-		                   bitrate);
-	if (!adapter)
-		bus->interface = sim_section_text(section, "interface");
-	if (!adapter && !bus->interface)
-		sim_section_refuse(section, "transport",
-		                   "transport = socketcan needs interface = NAME, such as vcan0");
-	bus->can = (struct sim_can_config){
-		.bitrate = (unsigned)bitrate,
-		.adapter = adapter,
-		.latency = bus->serial.latency,
-	};
-	bus->style = (struct vsmd_can_style){
-		.extended = sim_section_word(section, "frames") == 0,
-		.output_base = (uint8_t)sim_section_whole(section, "output-base"),
-	};
-}
-
 static void read_number_frame(const struct sim_section *section,
                               struct servo_can_number_layout *frame, const char *name)
 {
@@ -146,8 +114,40 @@ static void read_bus(const struct sim_section *section, struct sim_bus_config *b
 		.turnaround = read_us(section, "turnaround-us"),
 		.line_hold = read_us(section, "line-hold-us"),
 	};
-	if (bus->kind == SIM_BUS_VSMD_CAN || bus->kind == SIM_BUS_SERVO_CAN)
-		read_can(section, bus);
+	if (bus->kind == SIM_BUS_VSMD_CAN || bus->kind == SIM_BUS_SERVO_CAN) {
+		bool adapter = sim_section_word(section, "transport") == 0;
+		long bitrate = sim_section_whole(section, "bitrate");
+
+		if (adapter && slcan_bitrate_digit((uint32_t)bitrate) < 0)
+			sim_section_refuse(
+				section, "bitrate",
+				"bitrate = %ld cannot be set on a serial adapter; one of these "
+				"is right: 10000, 20000, 50000, 100000, 125000, 250000, 500000, "
+				"800000, 1000000",
+				bitrate);
+		else if (bus->kind == SIM_BUS_VSMD_CAN &&
+		         vsmd_can_rate_code((uint32_t)bitrate) == 0)
+			sim_section_refuse(
+				section, "bitrate",
+				"bitrate = %ld is none these drives have; 100000, 125000, "
+				"250000, 500000 and 1000000, for instance, are right",
+				bitrate);
+		if (!adapter)
+			bus->interface = sim_section_text(section, "interface");
+		if (!adapter && !bus->interface)
+			sim_section_refuse(
+				section, "transport",
+				"transport = socketcan needs interface = NAME, such as vcan0");
+		bus->can = (struct sim_can_config){
+			.bitrate = (unsigned)bitrate,
+			.adapter = adapter,
+			.latency = bus->serial.latency,
+		};
+		bus->style = (struct vsmd_can_style){
+			.extended = sim_section_word(section, "frames") == 0,
+			.output_base = (uint8_t)sim_section_whole(section, "output-base"),
+		};
+	}
 	if (bus->kind == SIM_BUS_SERVO_CAN)
 		read_servo_layout(section, &bus->layout);
 	read_faults(section, bus->faults, &bus->fault_count);
@@ -335,26 +335,10 @@ static double read_step(const struct sim_section *section, const char *name)
 	return 1;
 }
 
-static void read_dialect(const struct sim_section *section, struct sim_servo_dialect *dialect)
-{
-	if (!sim_servo_dialect_parse(sim_section_text(section, "status-places"), dialect->places))
-		sim_section_refuse(section, "status-places",
-		                   "status-places has 16 places, each 0 to f or -");
-	dialect->inverted = (uint16_t)sim_section_whole(section, "status-inverted");
-	dialect->moving_bit = (int)sim_section_whole(section, "moving-bit");
-	dialect->mirrored = sim_section_flag(section, "mirrored");
-	dialect->moves_relatively = sim_section_word(section, "moves") == 1;
-	dialect->demand_step = read_step(section, "demand-step");
-	dialect->move_step = read_step(section, "move-step");
-	dialect->speed_step = read_step(section, "speed-step");
-	dialect->setpoint_step = read_step(section, "setpoint-step");
-	dialect->current_step = read_step(section, "current-step");
-	dialect->current_setpoint_step = read_step(section, "current-setpoint-step");
-}
-
 static void read_servo(const struct sim_section *section, struct sim_drive_config *drive)
 {
 	struct sim_servo_config *servo = &drive->servo;
+	struct sim_servo_dialect *dialect = &servo->dialect;
 	static const char *const intervals[SIM_SERVO_REPORTS] = {
 		[SIM_SERVO_REPORT_POSITION] = "report-position-ms",
 		[SIM_SERVO_REPORT_MOTION] = "report-motion-ms",
@@ -387,7 +371,19 @@ static void read_servo(const struct sim_section *section, struct sim_drive_confi
 		.dither = sim_section_real(section, "dither"),
 		.motion_delay = read_ms(section, "motion-delay-ms"),
 	};
-	read_dialect(section, &servo->dialect);
+	if (!sim_servo_dialect_parse(sim_section_text(section, "status-places"), dialect->places))
+		sim_section_refuse(section, "status-places",
+		                   "status-places has 16 places, each 0 to f or -");
+	dialect->inverted = (uint16_t)sim_section_whole(section, "status-inverted");
+	dialect->moving_bit = (int)sim_section_whole(section, "moving-bit");
+	dialect->mirrored = sim_section_flag(section, "mirrored");
+	dialect->moves_relatively = sim_section_word(section, "moves") == 1;
+	dialect->demand_step = read_step(section, "demand-step");
+	dialect->move_step = read_step(section, "move-step");
+	dialect->speed_step = read_step(section, "speed-step");
+	dialect->setpoint_step = read_step(section, "setpoint-step");
+	dialect->current_step = read_step(section, "current-step");
+	dialect->current_setpoint_step = read_step(section, "current-setpoint-step");
 	servo->power_time = read_ms(section, "power-ms");
 	drive->servo_lengths = (enum sim_servo_lengths)sim_section_word(section, "answer-length");
 	drive->servo_ack_latency = read_us(section, "ack-latency-us");
@@ -520,35 +516,11 @@ static bool find_bus(const struct sim_config *config, const char *name, size_t *
 	return false;
 }
 
-/* Compares it with the earlier drives of its bus. */
-static void check_neighbours(const struct sim_section *section, const struct sim_config *config,
-                             const struct sim_drive_config *drive)
-{
-	const struct sim_bus_config *bus = &config->buses[drive->bus];
-
-	for (const struct sim_drive_config *other = config->drives; other < drive; other++) {
-		if (other->bus != drive->bus)
-			continue;
-		if (bus->kind == SIM_BUS_VSMD_SERIAL && !bus->serial.rs485) {
-			sim_section_refuse(section, "bus",
-			                   "drives %s and %s share the rs232 line %s; it can have "
-			                   "only one",
-			                   other->name, drive->name, bus->name);
-			return;
-		}
-		if (other->address == drive->address && bus->serial.twins == SIM_TWINS_NONE) {
-			sim_section_refuse(section, "address",
-			                   "address %u is taken by drive %s on the same bus",
-			                   drive->address, other->name);
-			return;
-		}
-	}
-}
-
 static void read_drive(const struct sim_section *section, const struct sim_config *config,
                        struct sim_drive_config *drive)
 {
 	const char *name = sim_section_text(section, "bus");
+	const struct sim_bus_config *bus;
 	size_t ignored;
 
 	drive->name = section->title;
@@ -567,14 +539,32 @@ static void read_drive(const struct sim_section *section, const struct sim_confi
 		return;
 	}
 	drive->address = (unsigned)sim_section_whole(section, "address");
-	if (config->buses[drive->bus].kind == SIM_BUS_XYZA)
+	bus = &config->buses[drive->bus];
+	if (bus->kind == SIM_BUS_XYZA)
 		read_xyza(section, &drive->xyza);
-	else if (config->buses[drive->bus].kind == SIM_BUS_SERVO_CAN)
+	else if (bus->kind == SIM_BUS_SERVO_CAN)
 		read_servo(section, drive);
 	else
-		read_vsmd(section, &config->buses[drive->bus], &drive->vsmd);
+		read_vsmd(section, bus, &drive->vsmd);
 	read_faults(section, drive->faults, &drive->fault_count);
-	check_neighbours(section, config, drive);
+	/* Compared with the earlier drives of its bus. */
+	for (const struct sim_drive_config *other = config->drives; other < drive; other++) {
+		if (other->bus != drive->bus)
+			continue;
+		if (bus->kind == SIM_BUS_VSMD_SERIAL && !bus->serial.rs485) {
+			sim_section_refuse(section, "bus",
+			                   "drives %s and %s share the rs232 line %s; it can have "
+			                   "only one",
+			                   other->name, drive->name, bus->name);
+			return;
+		}
+		if (other->address == drive->address && bus->serial.twins == SIM_TWINS_NONE) {
+			sim_section_refuse(section, "address",
+			                   "address %u is taken by drive %s on the same bus",
+			                   drive->address, other->name);
+			return;
+		}
+	}
 }
 
 /* --- the file --------------------------------------------------------------------------------- */
