@@ -145,36 +145,24 @@ static void obey(struct sim_can_line *line, const struct slcan_command *command,
 	reply_kind(line, kind);
 }
 
-static void take_adapter_byte(struct sim_can_line *line, uint8_t byte, db_time now)
-{
-	struct slcan_command command;
-
-	switch (slcan_take(&line->reader, byte)) {
-	case SLCAN_TOOK_LINE:
-		if (slcan_decode_command(line->reader.line, line->reader.length, &command) ==
-		    SLCAN_OK)
-			obey(line, &command, now);
-		else
-			reply_kind(line, SLCAN_REPLY_REFUSED);
-		break;
-	case SLCAN_TOOK_SPOILT:
-		reply_kind(line, SLCAN_REPLY_REFUSED);
-		break;
-	default:
-		break;
-	}
-}
-
 /* --- both kinds ------------------------------------------------------------------------------- */
 
 static void line_receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
 {
 	struct sim_can_line *line = wire;
+	struct slcan_command command;
 	struct db_can_frame frame;
 
 	for (size_t i = 0; i < length; i++) {
 		if (line->config.adapter) {
-			take_adapter_byte(line, bytes[i], now);
+			enum slcan_took took = slcan_take(&line->reader, bytes[i]);
+
+			if (took == SLCAN_TOOK_LINE &&
+			    slcan_decode_command(line->reader.line, line->reader.length,
+			                         &command) == SLCAN_OK)
+				obey(line, &command, now);
+			else if (took != SLCAN_TOOK_MORE)
+				reply_kind(line, SLCAN_REPLY_REFUSED);
 			continue;
 		}
 		line->partial[line->partial_length++] = bytes[i];

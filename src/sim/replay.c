@@ -245,22 +245,6 @@ static bool begins_with(const struct sim_replay *replay, size_t at)
 	       memcmp(frame->bytes, replay->input, frame->length) == 0;
 }
 
-/* The same question elsewhere: the last one before the expected one, else the first one after
- * it. */
-static size_t find_elsewhere(const struct sim_replay *replay)
-{
-	size_t found = NOWHERE;
-
-	for (size_t i = question_from(replay, 0); i < replay->count;
-	     i = question_from(replay, i + 1)) {
-		if (i > replay->next && found != NOWHERE)
-			break;
-		if (begins_with(replay, i))
-			found = i;
-	}
-	return found;
-}
-
 /* True if the received bytes may be the beginning of a question. */
 static bool may_go_on(const struct sim_replay *replay)
 {
@@ -312,8 +296,17 @@ static bool take_question(struct sim_replay *replay, db_time now)
 
 	if (replay->input_length == 0)
 		return false;
-	if (!in_turn)
-		question = find_elsewhere(replay);
+	if (!in_turn) {
+		/* The same question elsewhere: the last one before the expected one, else the first
+		 * one after it. */
+		question = NOWHERE;
+		for (size_t i = question_from(replay, 0);
+		     i < replay->count && (i <= replay->next || question == NOWHERE);
+		     i = question_from(replay, i + 1)) {
+			if (begins_with(replay, i))
+				question = i;
+		}
+	}
 	if (question == NOWHERE) {
 		if (may_go_on(replay))
 			return false;

@@ -217,11 +217,22 @@ static void insert_garbage(struct sim_serial_bus *bus, struct sim_burst *burst, 
 	burst->length += count;
 }
 
-static void damage_burst(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst)
+struct sim_burst *sim_serial_bus_begin(struct sim_serial_bus *bus, struct sim_node *node)
+{
+	struct sim_burst *burst = new_burst(bus);
+
+	return sim_serial_bus_take(bus, node, SIM_FAULT_DROP) ? NULL : burst;
+}
+
+void sim_serial_bus_send(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst,
+                         size_t length, db_time request_end)
 {
 	uint32_t place = node->faults.left[SIM_FAULT_CORRUPT_AT] != 0 ? node->faults.corrupt_at :
 	                                                                bus->faults.corrupt_at;
+	db_time start = request_end + bus->config.latency + node->latency;
 
+	burst->length = length;
+	/* Damage to its bytes. */
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_CORRUPT_AT))
 		burst->bytes[(place - 1) % burst->length] ^= (uint8_t)(1u << random_below(bus, 7));
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_CORRUPT)) {
@@ -239,22 +250,7 @@ static void damage_burst(struct sim_serial_bus *bus, struct sim_node *node, stru
 		memcpy(burst->bytes + burst->length, burst->bytes, burst->length);
 		burst->length *= 2;
 	}
-}
-
-struct sim_burst *sim_serial_bus_begin(struct sim_serial_bus *bus, struct sim_node *node)
-{
-	struct sim_burst *burst = new_burst(bus);
-
-	return sim_serial_bus_take(bus, node, SIM_FAULT_DROP) ? NULL : burst;
-}
-
-void sim_serial_bus_send(struct sim_serial_bus *bus, struct sim_node *node, struct sim_burst *burst,
-                         size_t length, db_time request_end)
-{
-	db_time start = request_end + bus->config.latency + node->latency;
-
-	burst->length = length;
-	damage_burst(bus, node, burst);
+	/* When it begins. */
 	if (sim_faults_take(&node->faults, SIM_FAULT_DELAY))
 		start += (db_time)node->faults.delay_ms * DB_NS_PER_MS;
 	else if (sim_faults_take(&bus->faults, SIM_FAULT_DELAY))

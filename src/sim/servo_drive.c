@@ -311,21 +311,13 @@ static void move(struct sim_servo *drive, int64_t steps, db_time now)
 	drive->moves++;
 }
 
-static void set_internal_position(struct sim_servo *drive, unsigned slot, int32_t steps)
-{
-	const struct sim_servo_dialect *dialect = &drive->config.dialect;
-
-	drive->internal_positions[slot] = sim_servo_dialect_turn(dialect,
-	                                                         steps * dialect->demand_step);
-	if (drive->config.temper.demand == SIM_SERVO_DEMAND_WRITTEN && !is_held(drive))
-		go_to(drive, drive->internal_positions[slot]);
-}
-
 static void obey(struct sim_servo *drive, const struct servo_can_message *message, unsigned slot,
                  db_time now)
 {
 	/* after a fault */
 	bool goes_on = drive->config.temper.fault_power != SIM_SERVO_FAULT_DISABLES;
+	const struct sim_servo_dialect *dialect = &drive->config.dialect;
+	double demand;
 
 	switch (message->kind) {
 	case SERVO_CAN_SYNC:
@@ -348,14 +340,17 @@ static void obey(struct sim_servo *drive, const struct servo_can_message *messag
 		set_setpoint(drive, message, now);
 		break;
 	case SERVO_CAN_POSITION:
-		set_internal_position(drive, slot, message->u.position);
+		demand = sim_servo_dialect_turn(dialect,
+		                                message->u.position * dialect->demand_step);
+		drive->internal_positions[slot] = demand;
+		if (drive->config.temper.demand == SIM_SERVO_DEMAND_WRITTEN && !is_held(drive))
+			go_to(drive, demand);
 		break;
 	case SERVO_CAN_MOVE:
 		move(drive, message->u.target, now);
 		break;
 	case SERVO_CAN_SET_FEEDBACK:
-		drive->position = sim_servo_dialect_turn(&drive->config.dialect,
-		                                         message->u.position);
+		drive->position = sim_servo_dialect_turn(dialect, message->u.position);
 		if (!drive->enabled)
 			hold_here(drive);
 		break;

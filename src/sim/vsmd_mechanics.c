@@ -437,36 +437,31 @@ static db_time first_edge(const struct sim_vsmd *drive, const struct sim_motion 
 	return late;
 }
 
-static void step(struct sim_vsmd *drive, db_time end)
-{
-	struct sim_motion before = drive->motion;
-	double old_shaft = sim_mechanics_shaft(drive);
-	double shaft;
-
-	sim_motion_advance(&drive->motion, end);
-	shaft = drive->stalled ? old_shaft : sim_mechanics_shaft(drive);
-	if (!drive->stalled && levels_at(drive, shaft) != drive->levels) {
-		drive->motion = before;
-		sim_motion_advance(&drive->motion, first_edge(drive, &before, end));
-		shaft = sim_mechanics_shaft(drive);
-	}
-	if (drive->motion.position + drive->shaft_offset != shaft)
-		hold_shaft(drive, &before, shaft);
-	else
-		drive->blocked = 0;
-	sim_mechanics_sense(drive);
-}
-
 void sim_mechanics_advance(struct sim_vsmd *drive, db_time now)
 {
 	while (drive->motion.time < now) {
-		db_time end = drive->motion.time + STEP_NS;
+		db_time end = drive->motion.time + STEP_NS < now ? drive->motion.time + STEP_NS :
+		                                                   now;
+		struct sim_motion before = drive->motion;
+		double old_shaft, shaft;
 
 		if (!sim_motion_moving(&drive->motion)) {
 			sim_motion_advance(&drive->motion, now);
 			break;
 		}
-		step(drive, end < now ? end : now);
+		old_shaft = sim_mechanics_shaft(drive);
+		sim_motion_advance(&drive->motion, end);
+		shaft = drive->stalled ? old_shaft : sim_mechanics_shaft(drive);
+		if (!drive->stalled && levels_at(drive, shaft) != drive->levels) {
+			drive->motion = before;
+			sim_motion_advance(&drive->motion, first_edge(drive, &before, end));
+			shaft = sim_mechanics_shaft(drive);
+		}
+		if (drive->motion.position + drive->shaft_offset != shaft)
+			hold_shaft(drive, &before, shaft);
+		else
+			drive->blocked = 0;
+		sim_mechanics_sense(drive);
 	}
 	if (drive->offline_start <= now) {
 		drive->offline_start = DB_TIME_NEVER;

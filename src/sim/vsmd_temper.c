@@ -54,40 +54,18 @@ static void put(struct writer *writer, const char *bytes, size_t length)
 	writer->length += length;
 }
 
-static void put_number(struct writer *writer, enum sim_numbers style, const char *text,
-                       size_t length)
-{
-	char number[64];
-	int written;
-
-	switch (style) {
-	case SIM_NUMBERS_EXPONENT:
-		written = snprintf(number, sizeof(number), "%.*s", (int)length, text);
-		if (written > 0 && (size_t)written < sizeof(number))
-			written = snprintf(number, sizeof(number), "%.9e", strtod(number, NULL));
-		put(writer, number, written > 0 ? (size_t)written : 0);
-		break;
-	case SIM_NUMBERS_QUOTED:
-		put(writer, "\"", 1);
-		put(writer, text, length);
-		put(writer, "\"", 1);
-		break;
-	case SIM_NUMBERS_PLAIN:
-	default:
-		put(writer, text, length);
-		break;
-	}
-}
-
 /* "name=number name=number", or a text without any. */
 static void put_pairs(struct writer *writer, const struct sim_vsmd_temper *temper, const char *text,
                       size_t length)
 {
 	const char *end = text + length;
+	char number[64];
+	int written;
 
 	while (text < end) {
 		const char *equals = memchr(text, '=', (size_t)(end - text));
 		const char *blank;
+		size_t digits;
 
 		if (!equals) {
 			put(writer, text, (size_t)(end - text));
@@ -103,7 +81,25 @@ static void put_pairs(struct writer *writer, const struct sim_vsmd_temper *tempe
 		}
 		text = equals + 1;
 		blank = memchr(text, ' ', (size_t)(end - text));
-		put_number(writer, temper->numbers, text, (size_t)((blank ? blank : end) - text));
+		digits = (size_t)((blank ? blank : end) - text);
+		switch (temper->numbers) {
+		case SIM_NUMBERS_EXPONENT:
+			written = snprintf(number, sizeof(number), "%.*s", (int)digits, text);
+			if (written > 0 && (size_t)written < sizeof(number))
+				written = snprintf(number, sizeof(number), "%.9e",
+				                   strtod(number, NULL));
+			put(writer, number, written > 0 ? (size_t)written : 0);
+			break;
+		case SIM_NUMBERS_QUOTED:
+			put(writer, "\"", 1);
+			put(writer, text, digits);
+			put(writer, "\"", 1);
+			break;
+		case SIM_NUMBERS_PLAIN:
+		default:
+			put(writer, text, digits);
+			break;
+		}
 		text = end;
 		if (blank) {
 			put(writer, temper->commas ? "," : " ", 1);

@@ -26,35 +26,15 @@ static bool ends_request(uint8_t *bytes, size_t *length, uint8_t newest)
 
 #define LEVEL_AT 4 /* index in a frame */
 
-/* The reply put on the wire, or null. */
-static struct sim_burst *answer(struct sim_serial_bus *bus, struct sim_node *node,
-                                struct xyza_reply *reply, db_time request_end)
-{
-	struct sim_burst *burst = sim_serial_bus_begin(bus, node);
-	int length;
-
-	if (!burst)
-		return NULL;
-	if (sim_serial_bus_take(bus, node, SIM_FAULT_WRONG_ID))
-		reply->object = (uint8_t)(reply->object % XYZA_OBJECT_MAX + 1);
-	length = xyza_encode_reply(reply, &node->xyza->config.style, burst->bytes, XYZA_FRAME_MAX);
-	if (length < 0)
-		return NULL;
-	if (node->xyza->config.temper.answers_as_host) {
-		burst->bytes[LEVEL_AT]++;
-		burst->bytes[length - 1]++; /* the checksum */
-	}
-	sim_serial_bus_send(bus, node, burst, (size_t)length, request_end);
-	return burst;
-}
-
-/* Lets one controller process the request. */
+/* Lets one controller process the request. Its reply put on the wire, or null. */
 static struct sim_burst *serve_controller(struct sim_serial_bus *bus, struct sim_node *node,
                                           const struct sim_serial_request *request,
                                           const struct xyza_request *decoded, enum xyza_error error)
 {
 	struct xyza_reply reply;
 	char text[XYZA_FRAME_MAX * HEX_DIGITS + 1];
+	struct sim_burst *burst;
+	int length;
 
 	if (!node->xyza->powered || !sim_serial_bus_connects(bus, node) ||
 	    sim_serial_bus_take(bus, node, SIM_FAULT_LOSE_REQUEST)) {
@@ -78,7 +58,21 @@ static struct sim_burst *serve_controller(struct sim_serial_bus *bus, struct sim
 	if (error != XYZA_OK ||
 	    (decoded->verb > XYZA_READ_ITEM && decoded->verb != XYZA_PROGRAM_STATE))
 		sim_serial_bus_testify(node, reply.kind != XYZA_REPLY_FAILED);
-	return answer(bus, node, &reply, request->end);
+	/* The answer, with its faults. */
+	burst = sim_serial_bus_begin(bus, node);
+	if (!burst)
+		return NULL;
+	if (sim_serial_bus_take(bus, node, SIM_FAULT_WRONG_ID))
+		reply.object = (uint8_t)(reply.object % XYZA_OBJECT_MAX + 1);
+	length = xyza_encode_reply(&reply, &node->xyza->config.style, burst->bytes, XYZA_FRAME_MAX);
+	if (length < 0)
+		return NULL;
+	if (node->xyza->config.temper.answers_as_host) {
+		burst->bytes[LEVEL_AT]++;
+		burst->bytes[length - 1]++; /* the checksum */
+	}
+	sim_serial_bus_send(bus, node, burst, (size_t)length, request->end);
+	return burst;
 }
 
 static void process(struct sim_serial_bus *bus, const struct sim_serial_request *request)

@@ -106,16 +106,13 @@ static bool resume_program(struct sim_xyza *controller)
 	return true;
 }
 
-static bool is_timed(const struct sim_xyza *controller)
-{
-	return controller->starting || controller->state == XYZA_PROGRAM_RUNNING;
-}
-
 void sim_xyza_advance(struct sim_xyza *controller, db_time now)
 {
 	if (now < controller->now)
 		return;
-	while (controller->powered && is_timed(controller) && controller->step_end <= now) {
+	while (controller->powered &&
+	       (controller->starting || controller->state == XYZA_PROGRAM_RUNNING) &&
+	       controller->step_end <= now) {
 		sim_xyza_axes_advance(&controller->axes, controller->step_end);
 		controller->now = controller->step_end;
 		if (controller->single_step && controller->step < controller->config.steps &&
@@ -131,7 +128,8 @@ void sim_xyza_advance(struct sim_xyza *controller, db_time now)
 bool sim_xyza_busy(const struct sim_xyza *controller)
 {
 	return controller->powered &&
-	       (is_timed(controller) || sim_xyza_axes_busy(&controller->axes));
+	       (controller->starting || controller->state == XYZA_PROGRAM_RUNNING ||
+	        sim_xyza_axes_busy(&controller->axes));
 }
 
 /* --- power ------------------------------------------------------------------------------------ */
@@ -442,19 +440,6 @@ static enum sim_xyza_kind kind_of(enum xyza_verb verb)
 	}
 }
 
-/* Returns whether it carried out the request. */
-static bool carry_out(struct sim_xyza *controller, const struct xyza_request *request,
-                      enum xyza_error error)
-{
-	/* All verbs about an axis name it; the others have x there. */
-	return (error == XYZA_OK ||
-	        (controller->config.temper.takes_any && error == XYZA_ERR_RANGE &&
-	         request->verb == XYZA_WRITE_ITEM)) &&
-	       (unsigned)request->axis < controller->config.axes &&
-	       !(controller->config.temper.ignores >> kind_of(request->verb) & 1) &&
-	       handlers[request->verb](controller, request);
-}
-
 /* True if it does not answer this request. */
 static bool lacks(const struct sim_xyza *controller, const struct xyza_request *request)
 {
@@ -476,6 +461,8 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
                       enum xyza_error error, db_time now, struct xyza_reply *reply)
 {
 	const struct sim_xyza_temper *temper = &controller->config.temper;
+	bool ignored = temper->ignores >> kind_of(request->verb) & 1;
+	bool done;
 
 	sim_xyza_advance(controller, now);
 	if (!controller->powered || controller->reset_done != DB_TIME_NEVER ||
@@ -486,11 +473,16 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 		.object = request->object,
 		.order = request->order,
 	};
-	if (!carry_out(controller, request, error)) {
+	/* All verbs about an axis name it; the others have x there. */
+	done = (error == XYZA_OK || (temper->takes_any && error == XYZA_ERR_RANGE &&
+	                             request->verb == XYZA_WRITE_ITEM)) &&
+	       (unsigned)request->axis < controller->config.axes && !ignored &&
+	       handlers[request->verb](controller, request);
+	if (!done) {
 		controller->failures++;
 		/* It may acknowledge what it does not do. */
 		if (error == XYZA_OK && !xyza_is_read(request->verb) &&
-		    (temper->acknowledges_all || (temper->ignores >> kind_of(request->verb) & 1)))
+		    (temper->acknowledges_all || ignored))
 			reply->kind = XYZA_REPLY_DONE;
 		return true;
 	}
@@ -500,24 +492,6 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 }
 
 /* --- from outside ----------------------------------------------------------------------------- */
-
-static void press_key(struct sim_xyza *controller, unsigned number)
-{
-	uint32_t keys = sim_xyza_content(controller, XYZA_ITEM_KEYS, XYZA_X);
-
-	if (number == xyza_param_get(XYZA_START_KEY, keys).u) {
-		if (!resume_program(controller))
-			(void)start_program(controller,
-			                    controller->program ? controller->program : 1);
-	} else if (number == xyza_param_get(XYZA_STOP_KEY, keys).u) {
-		if (controller->state == XYZA_PROGRAM_RUNNING || controller->starting)
-			pause_program(controller, XYZA_PROGRAM_WAITING);
-		else
-			end_program(controller);
-	} else if (number == xyza_param_get(XYZA_PAUSE_KEY, keys).u) {
-		pause_program(controller, XYZA_PROGRAM_WAITING);
-	}
-}
 
 void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level, db_time now)
 {
@@ -531,8 +505,22 @@ void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level
 	before = (controller->inputs & bit) != 0;
 	controller->inputs = (uint16_t)(level ? controller->inputs | bit :
 	                                        controller->inputs & ~bit);
-	if (level && !before && controller->powered && controller->reset_done == DB_TIME_NEVER)
-		press_key(controller, number);
+	if (level && !before && controller->powered && controller->reset_done == DB_TIME_NEVER) {
+		uint32_t keys = sim_xyza_content(controller, XYZA_ITEM_KEYS, XYZA_X);
+
+		if (number == xyza_param_get(XYZA_START_KEY, keys).u) {
+			if (!resume_program(controller))
+				(void)start_program(controller,
+				                    controller->program ? controller->program : 1);
+		} else if (number == xyza_param_get(XYZA_STOP_KEY, keys).u) {
+			if (controller->state == XYZA_PROGRAM_RUNNING || controller->starting)
+				pause_program(controller, XYZA_PROGRAM_WAITING);
+			else
+				end_program(controller);
+		} else if (number == xyza_param_get(XYZA_PAUSE_KEY, keys).u) {
+			pause_program(controller, XYZA_PROGRAM_WAITING);
+		}
+	}
 }
 
 void sim_xyza_set_item(struct sim_xyza *controller, enum xyza_item item, enum xyza_axis axis,
