@@ -10,7 +10,7 @@ const char *const sim_xyza_kinds[SIM_XYZA_KIND_COUNT + 1] = {
 	[SIM_XYZA_OUTPUT] = "output",     [SIM_XYZA_JOG] = "jog",   [SIM_XYZA_PROGRAM] = "program",
 };
 
-/* A handler returns false when the request fails. */
+/* A handler returns false when the request fails. Verbs that only read have none. */
 typedef bool handler_fn(struct sim_xyza *controller, const struct xyza_request *request);
 
 void sim_xyza_config_init(struct sim_xyza_config *config, unsigned number)
@@ -214,13 +214,6 @@ void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now)
 
 /* --- requests --------------------------------------------------------------------------------- */
 
-static bool accept(struct sim_xyza *controller, const struct xyza_request *request)
-{
-	(void)controller;
-	(void)request;
-	return true;
-}
-
 /* Sets the amount or the sign of an axis's position, or clears it. */
 static bool write_position(struct sim_xyza *controller, const struct xyza_request *request)
 {
@@ -349,31 +342,15 @@ static bool run_program(struct sim_xyza *controller, const struct xyza_request *
 }
 
 static handler_fn *const handlers[XYZA_VERB_COUNT] = {
-	[XYZA_VERB_ONLINE] = accept,
-	[XYZA_READ_MAGNITUDE] = accept,
-	[XYZA_READ_SIGN] = accept,
-	[XYZA_READ_STANDING] = accept,
-	[XYZA_READ_PORTS] = accept,
-	[XYZA_READ_ITEM] = accept,
-	[XYZA_WRITE_MAGNITUDE] = write_position,
-	[XYZA_WRITE_SIGN] = write_position,
-	[XYZA_WRITE_OUTPUT] = write_output,
-	[XYZA_WRITE_OUTPUTS] = write_output,
-	[XYZA_WRITE_ITEM] = write_item,
-	[XYZA_MANUAL_QUICK_STOP] = manual_stop,
-	[XYZA_MANUAL_STOP] = manual_stop,
-	[XYZA_MANUAL_JOG] = start_jog,
-	[XYZA_MANUAL_CLEAR] = write_position,
-	[XYZA_PROGRAM_QUICK_STOP] = program_stop,
-	[XYZA_PROGRAM_STOP] = program_stop,
-	[XYZA_PROGRAM_START] = run_program,
-	[XYZA_PROGRAM_CLEAR] = write_position,
-	[XYZA_PROGRAM_DELAY] = run_program,
-	[XYZA_PROGRAM_CONTINUE] = run_program,
-	[XYZA_PROGRAM_END] = run_program,
-	[XYZA_PROGRAM_STEP_ON] = run_program,
-	[XYZA_PROGRAM_STEP_OFF] = run_program,
-	[XYZA_PROGRAM_STATE] = accept,
+	[XYZA_WRITE_MAGNITUDE] = write_position, [XYZA_WRITE_SIGN] = write_position,
+	[XYZA_WRITE_OUTPUT] = write_output,      [XYZA_WRITE_OUTPUTS] = write_output,
+	[XYZA_WRITE_ITEM] = write_item,          [XYZA_MANUAL_QUICK_STOP] = manual_stop,
+	[XYZA_MANUAL_STOP] = manual_stop,        [XYZA_MANUAL_JOG] = start_jog,
+	[XYZA_MANUAL_CLEAR] = write_position,    [XYZA_PROGRAM_QUICK_STOP] = program_stop,
+	[XYZA_PROGRAM_STOP] = program_stop,      [XYZA_PROGRAM_START] = run_program,
+	[XYZA_PROGRAM_CLEAR] = write_position,   [XYZA_PROGRAM_DELAY] = run_program,
+	[XYZA_PROGRAM_CONTINUE] = run_program,   [XYZA_PROGRAM_END] = run_program,
+	[XYZA_PROGRAM_STEP_ON] = run_program,    [XYZA_PROGRAM_STEP_OFF] = run_program,
 };
 
 static void fill_reply(struct sim_xyza *controller, const struct xyza_request *request,
@@ -477,7 +454,7 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 	done = (error == XYZA_OK || (temper->takes_any && error == XYZA_ERR_RANGE &&
 	                             request->verb == XYZA_WRITE_ITEM)) &&
 	       (unsigned)request->axis < controller->config.axes && !ignored &&
-	       handlers[request->verb](controller, request);
+	       (!handlers[request->verb] || handlers[request->verb](controller, request));
 	if (!done) {
 		controller->failures++;
 		/* It may acknowledge what it does not do. */
