@@ -99,30 +99,14 @@ bool db_act_is_allowed(struct db_session *session)
 	return true;
 }
 
-/* A different user is a different client: it does not inherit control of drives. */
-static void change_user(struct db_session *session, const char *user)
-{
-	struct db_control_socket *control = session->control;
-	const struct db_actor *before = db_actors_find(&control->actors, session->actor);
-	char text[DB_CLIENT_TEXT_MAX];
-	struct db_log_about about = { .client = text };
-
-	if (!before || strcmp(before->named, user) == 0)
-		return;
-	db_registers_backend.restricted(control->setup.registers, &session->client);
-	db_session_text(session, text);
-	if (session->acted)
-		db_log(&control->log, db_control_now(control), DB_EVENT_CLIENT_GONE, &about,
-		       "disconnected (session %u now acts for another user)",
-		       (unsigned)session->client.port);
-	session->acted = false;
-	db_session_set_actor(session, before->user, before->process_user, user);
-}
-
 /* Earlier calls keep their user. */
 void db_act_introduce(const struct db_call *call)
 {
 	struct db_session *session = call->session;
+	struct db_control_socket *control = session->control;
+	const struct db_actor *before = db_actors_find(&control->actors, session->actor);
+	char text[DB_CLIENT_TEXT_MAX];
+	struct db_log_about about = { .client = text };
 	const char *user;
 	const char *from = "";
 	bool good;
@@ -133,7 +117,19 @@ void db_act_introduce(const struct db_call *call)
 		return;
 	good = user[0] == '\0' || db_actors_name_is_good(user);
 	/* Calls already sent after this one must not run under a wrong name. */
-	change_user(session, good ? user : "");
+	if (!good)
+		user = "";
+	/* A different user is a different client: it does not inherit control of drives. */
+	if (before && strcmp(before->named, user) != 0) {
+		db_registers_backend.restricted(control->setup.registers, &session->client);
+		db_session_text(session, text);
+		if (session->acted)
+			db_log(&control->log, db_control_now(control), DB_EVENT_CLIENT_GONE, &about,
+			       "disconnected (session %u now acts for another user)",
+			       (unsigned)session->client.port);
+		session->acted = false;
+		db_session_set_actor(session, before->user, before->process_user, user);
+	}
 	snprintf(session->from, sizeof(session->from), "%s", good ? from : "");
 	if (good)
 		db_session_reply(session, NULL, false);
@@ -513,32 +509,28 @@ void db_act_ended(struct db_session *session, enum db_result result)
 	}
 }
 
-/* Checks the earlier instance of the same call. */
-static void look_at_first(struct db_session *session, db_time now)
-{
-	const struct db_id_call *first = db_once_first(session);
-
-	if (!first) {
-		answer(session, DB_RESULT_BUSY);
-	} else if (first->result == DB_RESULT_PENDING) {
-		session->due = now + LOOK_INTERVAL;
-	} else if (session->until_end && db_result_is_success(first->result) && !first->over) {
-		session->drive = first->drive;
-		session->entry = first->entry;
-		session->wait = DB_WAITS_FOR_MOTION;
-		session->due = now;
-	} else {
-		answer(session, first->result);
-	}
-}
-
 void db_act_look(struct db_session *session, db_time now)
 {
 	struct db_registers *registers = session->control->setup.registers;
 	enum db_result result;
+	const struct db_id_call *first;
 
 	if (session->wait == DB_WAITS_FOR_FIRST) {
-		look_at_first(session, now);
+		/* The earlier instance of the same call. */
+		first = db_once_first(session);
+		if (!first) {
+			answer(session, DB_RESULT_BUSY);
+		} else if (first->result == DB_RESULT_PENDING) {
+			session->due = now + LOOK_INTERVAL;
+		} else if (session->until_end && db_result_is_success(first->result) &&
+		           !first->over) {
+			session->drive = first->drive;
+			session->entry = first->entry;
+			session->wait = DB_WAITS_FOR_MOTION;
+			session->due = now;
+		} else {
+			answer(session, first->result);
+		}
 		return;
 	}
 	result = db_named_outcome(registers, session->drive, session->entry);

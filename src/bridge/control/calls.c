@@ -104,15 +104,6 @@ static const struct method {
 	{ CONTROL ".Note", db_audit_note, " kind what user from text refused drive ", false },
 };
 
-static const struct method *find_method(const char *name)
-{
-	for (size_t i = 0; i < sizeof(methods) / sizeof(methods[0]); i++) {
-		if (strcmp(methods[i].name, name) == 0)
-			return &methods[i];
-	}
-	return NULL;
-}
-
 static void refuse_method(struct db_session *session, const char *name)
 {
 	const char *dot = strrchr(name, '.');
@@ -174,7 +165,7 @@ void db_calls_take(struct db_session *session, const char *text, size_t length)
 	struct db_message message;
 	const char *wrong = db_message_parse(text, length, &message);
 	struct db_call call = { .session = session, .parameters = message.parameters };
-	const struct method *method;
+	const struct method *method = NULL;
 	const char *foreign;
 
 	session->control->stats.calls++;
@@ -198,7 +189,10 @@ void db_calls_take(struct db_session *session, const char *text, size_t length)
 		db_message_clear(&message);
 		return;
 	}
-	method = find_method(message.method);
+	for (size_t i = 0; !method && i < sizeof(methods) / sizeof(methods[0]); i++) {
+		if (strcmp(methods[i].name, message.method) == 0)
+			method = &methods[i];
+	}
 	if (method)
 		session->method = strrchr(method->name, '.') + 1;
 	foreign = method ? find_foreign(method, message.parameters) : NULL;

@@ -89,22 +89,12 @@ static json_t *describe_secure(const struct db_control_socket *control)
 	                 "refused", (json_int_t)status.refused);
 }
 
-/* The further ones. */
-static json_t *describe_endpoints(const struct db_modbus_config *modbus)
-{
-	json_t *endpoints = json_array();
-
-	for (size_t i = 0; i < modbus->endpoint_count; i++)
-		json_array_append_new(endpoints,
-		                      json_pack("{s:s, s:s}", "name", modbus->endpoints[i].name,
-		                                "listen", modbus->endpoints[i].listen));
-	return endpoints;
-}
-
 void db_look_describe(const struct db_call *call)
 {
 	struct db_control_socket *control = call->session->control;
 	struct db_registers *registers = control->setup.registers;
+	const struct db_modbus_config *modbus = db_named_modbus(registers);
+	json_t *endpoints = json_array();
 	json_t *buses = json_array();
 	json_t *drives = json_array();
 	json_t *description;
@@ -140,11 +130,14 @@ void db_look_describe(const struct db_call *call)
 		db_health_state(health, &state);
 	json_object_set_new(description, "health_trouble", json_string(state.trouble));
 	json_object_set_new(description, "secure", describe_secure(control));
-	json_object_set_new(description, "listen", json_string(db_named_modbus(registers)->listen));
-	json_object_set_new(description, "endpoints",
-	                    describe_endpoints(db_named_modbus(registers)));
-	json_object_set_new(description, "low_word_first",
-	                    json_boolean(db_named_modbus(registers)->low_word_first));
+	json_object_set_new(description, "listen", json_string(modbus->listen));
+	/* The further ones. */
+	for (size_t i = 0; i < modbus->endpoint_count; i++)
+		json_array_append_new(endpoints,
+		                      json_pack("{s:s, s:s}", "name", modbus->endpoints[i].name,
+		                                "listen", modbus->endpoints[i].listen));
+	json_object_set_new(description, "endpoints", endpoints);
+	json_object_set_new(description, "low_word_first", json_boolean(modbus->low_word_first));
 	db_session_reply(call->session, description, false);
 }
 

@@ -100,27 +100,22 @@ static void fail(struct db_session *session, const char *why, json_t *text)
 	                json_pack("{s:s, s:o}", "why", why, "text", text));
 }
 
-static void fail_for_room(struct db_session *session, const struct db_scan_progress *progress)
-{
-	fail(session, "no_room",
-	     json_sprintf("a question takes up to %u ms, and the drives' cycle leaves %u ms: "
-	                  "drives would be read late. Raise cycle-ms of this bus by %u for the "
-	                  "time of the scan, or scan with the bus out of service, all its drives "
-	                  "standing",
-	                  (progress->needed_us + 999) / 1000, progress->gap_us / 1000,
-	                  (progress->needed_us -
-	                   (progress->gap_us < progress->needed_us ? progress->gap_us : 0) + 999) /
-	                          1000));
-}
-
 /* The reason, where it did not end with DONE. */
 static void tell_failure(struct db_session *session, const struct db_scan_progress *progress)
 {
 	const char *drive = db_named_name(session->control->setup.registers, progress->drive);
+	uint32_t gap_us = progress->gap_us < progress->needed_us ? progress->gap_us : 0;
 
 	switch (progress->end) {
 	case DB_SCAN_NO_ROOM:
-		fail_for_room(session, progress);
+		fail(session, "no_room",
+		     json_sprintf(
+			     "a question takes up to %u ms, and the drives' cycle leaves %u ms: "
+			     "drives would be read late. Raise cycle-ms of this bus by %u for the "
+			     "time of the scan, or scan with the bus out of service, all its "
+			     "drives standing",
+			     (progress->needed_us + 999) / 1000, progress->gap_us / 1000,
+			     (progress->needed_us - gap_us + 999) / 1000));
 		break;
 	case DB_SCAN_MOVES:
 		fail(session, "moves",

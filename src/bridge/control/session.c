@@ -129,12 +129,6 @@ db_time db_session_owes_until(struct db_session *session, db_time now)
 	return session->owes_since + (session->stops_only ? DB_SESSION_STOPLESS : DB_SESSION_HALF);
 }
 
-bool db_session_is_overfull(const struct db_session *session)
-{
-	return session->in_used == DB_MESSAGE_MAX + 1 &&
-	       !memchr(session->in, '\0', session->in_used);
-}
-
 void db_session_drop_message(struct db_session *session, size_t length)
 {
 	session->next = DB_NEXT_UNKNOWN;
@@ -193,10 +187,12 @@ static void end_call(struct db_session *session)
 	session->job = NULL;
 }
 
-static void append(struct db_session *session, const char *text, size_t length)
+void db_session_append(struct db_session *session, const char *text, size_t length, bool last)
 {
 	char *all;
 
+	if (last)
+		end_call(session);
 	if (session->oneway || session->gone)
 		return;
 	if (!session->out) {
@@ -214,13 +210,6 @@ static void append(struct db_session *session, const char *text, size_t length)
 	session->out_used += length;
 }
 
-void db_session_append(struct db_session *session, const char *text, size_t length, bool last)
-{
-	if (last)
-		end_call(session);
-	append(session, text, length);
-}
-
 static void put_answer(struct db_session *session, const char *error, json_t *parameters,
                        bool continues)
 {
@@ -234,7 +223,7 @@ static void put_answer(struct db_session *session, const char *error, json_t *pa
 	control->stats.denied += error && strcmp(error, NOT_ALLOWED) == 0;
 	text = db_message_answer(error, parameters, continues, &length);
 	if (text)
-		append(session, text, length);
+		db_session_append(session, text, length, false);
 	else
 		session->broken = true;
 	free(text);

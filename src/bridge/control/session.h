@@ -119,7 +119,6 @@ db_time db_session_owes_until(struct db_session *session, db_time now);
 bool db_session_has_whole(const struct db_session *session, size_t *length);
 /* True if a whole message waits and it is its turn; or the rest is too long for one. */
 bool db_session_has_message(const struct db_session *session, size_t *length);
-bool db_session_is_overfull(const struct db_session *session);
 /* Removes the first message. */
 void db_session_drop_message(struct db_session *session, size_t length);
 

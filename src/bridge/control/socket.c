@@ -139,16 +139,6 @@ static struct places count_places(const struct db_control_socket *control)
 	return places;
 }
 
-/* Its stop continues without it. Freed in settle(): pending epoll events may refer to it. */
-static void take_place_of(struct db_session *session)
-{
-	db_stops_leave(session);
-	(void)db_session_send(session, db_control_now(session->control));
-	free(session->out);
-	session->out = NULL;
-	session->broken = session->ended = true;
-}
-
 /* Sessions of this user, who may not act: one program of his must not leave others without any. */
 static size_t count_of_reader(const struct db_control_socket *control, uint32_t user)
 {
@@ -174,12 +164,20 @@ static bool has_place(const struct db_control_socket *control)
 static bool find_place(struct db_control_socket *control, bool may_act, bool *stops_only)
 {
 	struct places places = count_places(control);
+	struct db_session *oldest = places.oldest_stop;
 
 	*stops_only = places.all == DB_SESSIONS_MAX;
 	if (!may_act)
 		return !*stops_only && places.readers < DB_SESSIONS_MAX - DB_SESSIONS_RESERVED;
-	if (*stops_only && places.stops == DB_SESSIONS_FOR_STOPS)
-		take_place_of(places.oldest_stop);
+	if (*stops_only && places.stops == DB_SESSIONS_FOR_STOPS) {
+		/* Its stop continues without it. Freed in settle(): pending epoll events may refer
+		 * to it. */
+		db_stops_leave(oldest);
+		(void)db_session_send(oldest, db_control_now(control));
+		free(oldest->out);
+		oldest->out = NULL;
+		oldest->broken = oldest->ended = true;
+	}
 	return true;
 }
 
@@ -334,7 +332,9 @@ static void settle(struct db_control_socket *control)
 			session->job = NULL;
 			session->wait = DB_WAITS_FOR_NOTHING;
 		}
-		if (!session->broken && db_session_is_overfull(session)) {
+		/* A message that does not fit. */
+		if (!session->broken && session->in_used == DB_MESSAGE_MAX + 1 &&
+		    !memchr(session->in, '\0', session->in_used)) {
 			session->oneway = false;
 			db_session_fail_parameter(session, "the message is too long");
 			session->broken = true;

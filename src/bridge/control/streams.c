@@ -91,23 +91,13 @@ static size_t choose(struct stream *stream, const struct db_name_list *list)
 	return place;
 }
 
-/* What was sent of this drive, unless it is another one now: a reload gives a changed drive a new
- * number. */
-static struct followed find_followed(const struct followed *before, size_t count, uint16_t number)
-{
-	for (size_t i = 0; i < count; i++) {
-		if (before[i].number == number)
-			return before[i];
-	}
-	return (struct followed){ .number = number };
-}
-
 static void follow(struct stream *stream, struct db_registers *registers,
                    const struct followed *before, size_t count, uint16_t number)
 {
 	const struct db_name_list *list = db_named_registers(registers, number);
 	size_t place = list && stream->drive_count < DRIVES_MAX ? choose(stream, list) :
 	                                                          FAMILIES_MAX;
+	struct followed *drive;
 	db_time cycle;
 
 	if (place == FAMILIES_MAX)
@@ -116,8 +106,15 @@ static void follow(struct stream *stream, struct db_registers *registers,
 	/* Twice as often as new data arrive, so that none is missed. */
 	if (stream->interval == 0 && cycle / 2 < stream->period)
 		stream->period = cycle / 2 > SHORTEST ? cycle / 2 : SHORTEST;
-	stream->drives[stream->drive_count] = find_followed(before, count, number);
-	stream->drives[stream->drive_count++].choice = (uint16_t)place;
+	/* What was sent of this drive, unless it is another one now: a reload gives a changed drive
+	 * a new number. */
+	drive = &stream->drives[stream->drive_count++];
+	*drive = (struct followed){ .number = number };
+	for (size_t i = 0; i < count; i++) {
+		if (before[i].number == number)
+			*drive = before[i];
+	}
+	drive->choice = (uint16_t)place;
 }
 
 /*
@@ -353,21 +350,6 @@ static void send_samples(struct db_session *session, db_time now)
 
 /* --- Events ----------------------------------------------------------------------------------- */
 
-static const char *level_name(enum db_log_level level)
-{
-	switch (level) {
-	case DB_LOG_ERROR:
-		return "error";
-	case DB_LOG_WARNING:
-		return "warning";
-	case DB_LOG_NOTICE:
-		return "notice";
-	case DB_LOG_INFO:
-	default:
-		return "info";
-	}
-}
-
 static void set_if_any(json_t *event, const char *key, const char *text)
 {
 	if (text[0] != '\0')
@@ -376,10 +358,16 @@ static void set_if_any(json_t *event, const char *key, const char *text)
 
 json_t *db_streams_event(const struct db_log_line *line)
 {
+	static const char *const levels[] = {
+		[DB_LOG_ERROR] = "error",
+		[DB_LOG_WARNING] = "warning",
+		[DB_LOG_NOTICE] = "notice",
+		[DB_LOG_INFO] = "info",
+	};
 	json_t *text = json_string(line->text);
 	json_t *event = json_pack(
 		"{s:I, s:I, s:s, s:s, s:o}", "number", (json_int_t)line->number, "time_us",
-		(json_int_t)line->time_us, "level", level_name(db_event_level(line->event)), "name",
+		(json_int_t)line->time_us, "level", levels[db_event_level(line->event)], "name",
 		db_event_name(line->event), "text", text ? text : db_values_text(line->text));
 
 	set_if_any(event, "bus", line->bus);

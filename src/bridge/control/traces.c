@@ -26,27 +26,9 @@ struct tracing {
 	struct db_description description;
 };
 
-/* The offset from CLOCK_MONOTONIC to wall time now, ns. */
-static int64_t wall_offset(void)
-{
-	return db_clock_read(CLOCK_REALTIME) - db_clock_now();
-}
-
 static json_int_t wall_us(db_time time, int64_t offset)
 {
 	return (json_int_t)((time + offset) / DB_NS_PER_US);
-}
-
-/* Null when none has that name any more. */
-static const struct db_bus_config *find_bus(const struct db_registers *registers, const char *name)
-{
-	const struct db_bus_config *bus;
-
-	for (size_t i = 0; (bus = db_named_bus(registers, i)) != NULL; i++) {
-		if (strcmp(bus->name, name) == 0)
-			return bus;
-	}
-	return NULL;
 }
 
 static const struct db_trace_kept *find_kept(const struct db_control_socket *control,
@@ -233,7 +215,8 @@ static const struct db_trace *find_trace(struct db_session *session, struct trac
 		fail_kept(session, tracing->kept);
 		return NULL;
 	}
-	*offset = wall_offset();
+	/* The offset from CLOCK_MONOTONIC to wall time now, ns. */
+	*offset = db_clock_read(CLOCK_REALTIME) - db_clock_now();
 	trace = control->setup.ops->trace(control->setup.context, tracing->bus, &tracing->number);
 	if (!trace)
 		fail_bus(session, tracing->bus);
@@ -246,7 +229,7 @@ void db_traces_look(struct db_session *session, db_time now)
 {
 	const struct db_registers *registers = session->control->setup.registers;
 	struct tracing *tracing = session->job;
-	const struct db_bus_config *bus = find_bus(registers, tracing->bus);
+	const struct db_bus_config *bus;
 	const struct db_trace *trace;
 	json_int_t missed = 0;
 	int64_t offset;
@@ -260,6 +243,10 @@ void db_traces_look(struct db_session *session, db_time now)
 	trace = find_trace(session, tracing, &offset);
 	if (!trace)
 		return;
+	for (size_t i = 0; (bus = db_named_bus(registers, i)) != NULL; i++) {
+		if (strcmp(bus->name, tracing->bus) == 0)
+			break;
+	}
 	if (!bus) {
 		fail_bus(session, tracing->bus);
 		return;

@@ -187,24 +187,6 @@ static json_t *list_codes(const struct db_codes *codes, const struct db_driver *
 	return list;
 }
 
-/* For a parameter: what matters to a client that reads or writes them all. */
-static void describe_param(json_t *json, const struct db_param *param)
-{
-	json_t *traits = json_array();
-
-	for (unsigned bit = 0; bit < DB_PARAM_TRAIT_COUNT; bit++) {
-		if (!(param->traits >> bit & 1))
-			continue;
-		if (1u << bit == DB_PARAM_HAS_PRESET)
-			json_object_set_new(json, "default", json_real(param->preset));
-		else
-			json_array_append_new(traits, json_string(db_param_trait_name(bit)));
-	}
-	if (json_array_size(traits) > 0)
-		json_object_set(json, "traits", traits);
-	json_decref(traits);
-}
-
 json_t *db_values_register(const struct db_entry *entry, const char *unit)
 {
 	static const char *const tables[] = {
@@ -229,7 +211,23 @@ json_t *db_values_register(const struct db_entry *entry, const char *unit)
 	if (codes_of(entry))
 		json_object_set_new(json, "codes", list_codes(codes_of(entry), entry->driver));
 	json_object_set_new(json, "description", describe(entry));
-	if (!entry->row)
-		describe_param(json, entry->param);
+	if (!entry->row) {
+		json_t *traits = json_array();
+
+		/* For a parameter: what matters to a client that reads or writes them all. */
+		for (unsigned trait = 0; trait < DB_PARAM_TRAIT_COUNT; trait++) {
+			if (!(entry->param->traits >> trait & 1))
+				continue;
+			if (1u << trait == DB_PARAM_HAS_PRESET)
+				json_object_set_new(json, "default",
+				                    json_real(entry->param->preset));
+			else
+				json_array_append_new(traits,
+				                      json_string(db_param_trait_name(trait)));
+		}
+		if (json_array_size(traits) > 0)
+			json_object_set(json, "traits", traits);
+		json_decref(traits);
+	}
 	return json;
 }
