@@ -154,26 +154,6 @@ static bool flush_batch(struct db_connection *c, db_time now)
 	return true;
 }
 
-/* Sends the bytes that were kept. */
-static bool flush_kept(struct db_connection *c, db_time now)
-{
-	ssize_t sent;
-
-	if (!c->out)
-		return true;
-	sent = send_bytes(c, c->out + c->out_sent, c->out_used - c->out_sent);
-	if (sent < 0)
-		return false;
-	if (sent > 0)
-		c->active_since = now;
-	c->out_sent += (size_t)sent;
-	if (c->out_sent == c->out_used) {
-		free(c->out);
-		c->out = NULL;
-	}
-	return true;
-}
-
 /* Requests. */
 
 /* Adds the answer to a finished request to the batch, which has room for it. */
@@ -455,9 +435,21 @@ bool db_connection_advance(struct db_connection *c, db_time now)
 {
 	bool held = c->waiting || c->out;
 	size_t offset = 0;
+	ssize_t sent;
 
-	if (!flush_kept(c, now))
-		return false;
+	/* Sends the bytes that were kept. */
+	if (c->out) {
+		sent = send_bytes(c, c->out + c->out_sent, c->out_used - c->out_sent);
+		if (sent < 0)
+			return false;
+		if (sent > 0)
+			c->active_since = now;
+		c->out_sent += (size_t)sent;
+		if (c->out_sent == c->out_used) {
+			free(c->out);
+			c->out = NULL;
+		}
+	}
 	if (!c->out && !handle_requests(c, &offset, now))
 		return false;
 	if (offset > 0) {

@@ -274,21 +274,6 @@ static void note_state(struct db_rtu_port *port, int error)
 		signal_fd(port->notify_fd);
 }
 
-static void open_port(struct db_rtu_port *port)
-{
-	const struct db_bus_config config = db_serial_port_of_line(&port->config);
-	int error = db_serial_open(&config, &port->serial);
-
-	if (error != 0)
-		port->serial = NULL;
-	port->character = db_serial_wire_time(&config, 1);
-	port->silence = db_rtu_silence(port->character);
-	port->awaited = 0;
-	port->echo = (struct db_rtu_echo){ 0 };
-	db_rtu_burst_clear(&port->burst);
-	note_state(port, -error);
-}
-
 static void close_port(struct db_rtu_port *port, int error)
 {
 	db_serial_close(port->serial);
@@ -344,8 +329,19 @@ static void *run_thread(void *context)
 		int error = EIO;
 		db_time now;
 
-		if (!port->serial && atomic_load(&port->begun))
-			open_port(port);
+		if (!port->serial && atomic_load(&port->begun)) {
+			const struct db_bus_config config = db_serial_port_of_line(&port->config);
+			int failure = db_serial_open(&config, &port->serial);
+
+			if (failure != 0)
+				port->serial = NULL;
+			port->character = db_serial_wire_time(&config, 1);
+			port->silence = db_rtu_silence(port->character);
+			port->awaited = 0;
+			port->echo = (struct db_rtu_echo){ 0 };
+			db_rtu_burst_clear(&port->burst);
+			note_state(port, -failure);
+		}
 		wait_for_work(port, &readable, &lost);
 		if (!port->serial)
 			continue;

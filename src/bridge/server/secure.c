@@ -71,38 +71,6 @@ static int end_visit(struct visitor *visitor)
 	return fd;
 }
 
-static void take_hello(struct visitor *visitor)
-{
-	struct db_secure *secure = visitor->secure;
-	struct db_secure_hello hello;
-
-	visitor->used = 0;
-	switch (db_secure_hello_read(visitor->bytes, &hello)) {
-	case DB_SECURE_CLIENT:
-		/* One connection is one or the other. */
-		if (visitor->until == DB_TIME_NEVER)
-			close(end_visit(visitor));
-		else
-			secure->admit(secure->context, end_visit(visitor), &hello.client);
-		break;
-	case DB_SECURE_STATUS:
-		if (!secure->teller)
-			db_log(secure->log, loop_time(secure), DB_EVENT_SECURE_CHANGED, NULL,
-			       "drivebridge-tls is there");
-		secure->status = hello.status;
-		secure->told = loop_time(secure);
-		secure->teller = visitor;
-		visitor->until = DB_TIME_NEVER;
-		break;
-	case DB_SECURE_WRONG:
-		db_log(secure->log, loop_time(secure), DB_EVENT_CLIENT_REFUSED, NULL,
-		       "secure socket: what came is not of this version; the packages drivebridge "
-		       "and drivebridge-tls must be of the same");
-		close(end_visit(visitor));
-		break;
-	}
-}
-
 static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data)
 {
 	struct visitor *visitor = data;
@@ -119,8 +87,36 @@ static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data
 		return 0;
 	}
 	visitor->used += (size_t)got;
-	if (visitor->used == sizeof(visitor->bytes))
-		take_hello(visitor);
+	if (visitor->used == sizeof(visitor->bytes)) {
+		struct db_secure *secure = visitor->secure;
+		struct db_secure_hello hello;
+
+		visitor->used = 0;
+		switch (db_secure_hello_read(visitor->bytes, &hello)) {
+		case DB_SECURE_CLIENT:
+			/* One connection is one or the other. */
+			if (visitor->until == DB_TIME_NEVER)
+				close(end_visit(visitor));
+			else
+				secure->admit(secure->context, end_visit(visitor), &hello.client);
+			break;
+		case DB_SECURE_STATUS:
+			if (!secure->teller)
+				db_log(secure->log, loop_time(secure), DB_EVENT_SECURE_CHANGED,
+				       NULL, "drivebridge-tls is there");
+			secure->status = hello.status;
+			secure->told = loop_time(secure);
+			secure->teller = visitor;
+			visitor->until = DB_TIME_NEVER;
+			break;
+		case DB_SECURE_WRONG:
+			db_log(secure->log, loop_time(secure), DB_EVENT_CLIENT_REFUSED, NULL,
+			       "secure socket: what came is not of this version; the packages "
+			       "drivebridge and drivebridge-tls must be of the same");
+			close(end_visit(visitor));
+			break;
+		}
+	}
 	return 0;
 }
 

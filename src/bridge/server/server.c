@@ -672,30 +672,6 @@ void db_server_change_free(struct db_server_change *change)
 	free(change);
 }
 
-/* All connections are moved to the new table before anything else happens to one: its end must be
- * counted where its beginning was. */
-static void take_room(struct db_server *server, struct db_server_change *change, db_time now)
-{
-	struct db_connection **connections = server->connections;
-	struct db_peers *peers = server->shared.peers;
-
-	if (!change->connections)
-		return;
-	memcpy(change->connections, connections, server->count * sizeof(connections[0]));
-	db_peers_copy(change->peers, peers);
-	server->connections = change->connections;
-	server->shared.peers = change->peers;
-	server->room = count_places(server->shared.config);
-	change->connections = connections;
-	change->peers = peers;
-	for (size_t i = 0; i < server->count; i++) {
-		struct db_connection *connection = server->connections[i];
-
-		connection->peer = db_peers_find(server->shared.peers, connection->peer->address,
-		                                 now);
-	}
-}
-
 static void adapt_connection(struct db_server *server, size_t index)
 {
 	struct db_connection *connection = server->connections[index];
@@ -749,7 +725,25 @@ void db_server_apply(struct db_server *server, struct db_server_change *change)
 	server->busy = true;
 	server->shared.config = change->config;
 	server->log.level = change->config->log;
-	take_room(server, change, now);
+	/* All connections are moved to the new table before anything else happens to one: its end
+	 * must be counted where its beginning was. */
+	if (change->connections) {
+		struct db_connection **connections = server->connections;
+		struct db_peers *peers = server->shared.peers;
+		memcpy(change->connections, connections, server->count * sizeof(connections[0]));
+		db_peers_copy(change->peers, peers);
+		server->connections = change->connections;
+		server->shared.peers = change->peers;
+		server->room = count_places(server->shared.config);
+		change->connections = connections;
+		change->peers = peers;
+		for (size_t i = 0; i < server->count; i++) {
+			struct db_connection *connection = server->connections[i];
+
+			connection->peer = db_peers_find(server->shared.peers,
+			                                 connection->peer->address, now);
+		}
+	}
 	for (size_t i = server->count; i-- > 0;)
 		adapt_connection(server, i);
 	db_plc_lines_apply(server->lines, change->lines);
