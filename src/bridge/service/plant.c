@@ -146,20 +146,6 @@ static bool is_number_taken(const struct plant *plant, uint16_t number)
 	return false;
 }
 
-static struct plant_drive *find_same_drive(const struct plant *running, const struct plant_bus *bus,
-                                           const struct db_config *config,
-                                           const struct db_drive_config *drive)
-{
-	for (size_t i = 0; running && i < running->drive_count; i++) {
-		struct plant_drive *other = running->drives[i];
-
-		if (other->bus == bus &&
-		    db_config_same_drive(other->edition->config, other->config, config, drive))
-			return other;
-	}
-	return NULL;
-}
-
 static int add_buses(struct plant *plant, struct service *service, const struct plant *running)
 {
 	const struct db_config *config = plant->edition->config;
@@ -195,8 +181,17 @@ static int add_drives(struct plant *plant, const struct plant *running, uint16_t
 	for (; plant->drive_count < config->drive_count; plant->drive_count++) {
 		const struct db_drive_config *section = &config->drives[plant->drive_count];
 		struct plant_bus *bus = plant->buses[section->bus];
-		struct plant_drive *drive = find_same_drive(running, bus, config, section);
+		struct plant_drive *drive = NULL;
 
+		/* The one that runs with the same configuration goes on. */
+		for (size_t i = 0; running && !drive && i < running->drive_count; i++) {
+			struct plant_drive *other = running->drives[i];
+
+			if (other->bus == bus &&
+			    db_config_same_drive(other->edition->config, other->config, config,
+			                         section))
+				drive = other;
+		}
 		if (!drive) {
 			drive = calloc(1, sizeof(*drive));
 			if (!drive)
