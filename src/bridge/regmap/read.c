@@ -141,18 +141,6 @@ static uint8_t check_params(const struct db_view_drive *drive, const struct sele
 	               db_exception_unreachable(&image->feedback);
 }
 
-static void fill_control(struct db_drive_image *image, const struct db_view_drive *drive,
-                         const struct db_client *client)
-{
-	db_time now = drive->registers->ops->now(drive->registers->context);
-	const struct db_client *holder = db_control_holder(&drive->control, now);
-
-	image->control_request = holder && holder->id == client->id;
-	image->control_port = holder ? holder->port : 0;
-	image->control_holder = holder ? db_client_ipv4(holder->address) : 0;
-	image->control_remaining_ms = db_control_remaining_ms(&drive->control, now);
-}
-
 /* Old data is never shown as current. */
 static bool is_old(const struct db_view_drive *drive, const struct db_feedback *feedback)
 {
@@ -163,13 +151,19 @@ static bool is_old(const struct db_view_drive *drive, const struct db_feedback *
 void db_read_image(struct db_drive_image *image, const struct db_view_drive *drive,
                    const struct db_client *client, unsigned parts, uint16_t low, uint16_t high)
 {
-	db_image_fill_drive(image, drive, client, parts, low, high);
-	if (parts & DB_PART_PROCESS)
-		fill_control(image, drive, client);
-	if (parts & DB_PART_HOLDER) {
-		db_time now = drive->registers->ops->now(drive->registers->context);
-		const struct db_client *holder = db_control_holder(&drive->control, now);
+	const struct db_client *holder;
+	db_time now;
 
+	db_image_fill_drive(image, drive, client, parts, low, high);
+	now = drive->registers->ops->now(drive->registers->context);
+	holder = db_control_holder(&drive->control, now);
+	if (parts & DB_PART_PROCESS) {
+		image->control_request = holder && holder->id == client->id;
+		image->control_port = holder ? holder->port : 0;
+		image->control_holder = holder ? db_client_ipv4(holder->address) : 0;
+		image->control_remaining_ms = db_control_remaining_ms(&drive->control, now);
+	}
+	if (parts & DB_PART_HOLDER) {
 		memset(image->control_address, 0, sizeof(image->control_address));
 		memset(image->control_user, 0, sizeof(image->control_user));
 		if (holder)
