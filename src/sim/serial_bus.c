@@ -121,33 +121,6 @@ static void end_request(struct sim_serial_bus *bus, db_time now)
 	bus->input_overflow = false;
 }
 
-static void take_byte(struct sim_serial_bus *bus, uint8_t byte, db_time now)
-{
-	size_t before;
-
-	if (bus->input_length == 0 && !bus->input_overflow) {
-		bool replying = false;
-
-		for (size_t i = 0; i < SIM_SERIAL_BURSTS_MAX; i++)
-			replying |= bus->bursts[i].used && bus->bursts[i].direction == '<' &&
-			            bus->bursts[i].start <= now;
-		bus->input_start = now > bus->request_end ? now : bus->request_end;
-		bus->stats.collisions += replying;
-	}
-	if (bus->input_length < sizeof(bus->input))
-		bus->input[bus->input_length++] = byte;
-	else
-		bus->input_overflow = true;
-	bus->input_newest = now;
-	before = bus->input_length;
-	if (!bus->protocol->ends(bus->input, &bus->input_length, byte))
-		bus->input_start += wire_time(bus, before - bus->input_length);
-	else if (!sim_faults_take(&bus->faults, SIM_FAULT_LOSE_END))
-		end_request(bus, now);
-	else
-		bus->input_length--;
-}
-
 void sim_serial_bus_receive(void *wire, const uint8_t *bytes, size_t length, db_time now)
 {
 	struct sim_serial_bus *bus = wire;
@@ -157,8 +130,32 @@ void sim_serial_bus_receive(void *wire, const uint8_t *bytes, size_t length, db_
 		bus->input_length = 0;
 		bus->stats.missed++;
 	}
-	for (size_t i = 0; i < length; i++)
-		take_byte(bus, bytes[i], now);
+	for (size_t i = 0; i < length; i++) {
+		size_t before;
+
+		if (bus->input_length == 0 && !bus->input_overflow) {
+			bool replying = false;
+
+			for (size_t k = 0; k < SIM_SERIAL_BURSTS_MAX; k++)
+				replying |= bus->bursts[k].used &&
+				            bus->bursts[k].direction == '<' &&
+				            bus->bursts[k].start <= now;
+			bus->input_start = now > bus->request_end ? now : bus->request_end;
+			bus->stats.collisions += replying;
+		}
+		if (bus->input_length < sizeof(bus->input))
+			bus->input[bus->input_length++] = bytes[i];
+		else
+			bus->input_overflow = true;
+		bus->input_newest = now;
+		before = bus->input_length;
+		if (!bus->protocol->ends(bus->input, &bus->input_length, bytes[i]))
+			bus->input_start += wire_time(bus, before - bus->input_length);
+		else if (!sim_faults_take(&bus->faults, SIM_FAULT_LOSE_END))
+			end_request(bus, now);
+		else
+			bus->input_length--;
+	}
 }
 
 bool sim_serial_bus_connects(const struct sim_serial_bus *bus, const struct sim_node *node)

@@ -187,20 +187,6 @@ static void go_down(struct db_port *port, int error, db_time now)
 	send_verb(port, SLCAN_CLOSE, 0);
 }
 
-/* An answer to the step: a refusal, or that it is done. */
-static void end_step(struct db_port *port, bool refused, db_time now)
-{
-	if (refused && (port->step == STEP_RATE || port->step == STEP_OPEN)) {
-		port->health.refused++;
-		start_over(port, port->step == STEP_RATE ? EINVAL : EPROTO, now);
-	} else if (port->step != STEP_FLUSH) {
-		/* If refused, it was closed already, or has no time stamps to turn off. */
-		enter(port, port->step + 1, now);
-	} else if (port->quiet_at < now + QUIET_TIME) {
-		port->quiet_at = now + QUIET_TIME;
-	}
-}
-
 /* --- status ----------------------------------------------------------------------------------- */
 
 static void status_answered(struct db_port *port, db_time now)
@@ -327,6 +313,7 @@ static bool ready_reply(struct db_port *port, const struct slcan_reply *reply, d
 static bool take(struct db_port *port, uint8_t byte, struct slcan_reply *reply, db_time now)
 {
 	enum slcan_took took = slcan_take(&port->reader, byte);
+	bool refused;
 
 	if (took == SLCAN_TOOK_MORE)
 		return false;
@@ -338,8 +325,19 @@ static bool take(struct db_port *port, uint8_t byte, struct slcan_reply *reply, 
 	}
 	if (port->step == STEP_READY)
 		return ready_reply(port, reply, now);
-	if (reply->kind == SLCAN_REPLY_DONE || reply->kind == SLCAN_REPLY_REFUSED)
-		end_step(port, reply->kind == SLCAN_REPLY_REFUSED, now);
+	/* An answer to the step: a refusal, or that it is done. */
+	refused = reply->kind == SLCAN_REPLY_REFUSED;
+	if (!refused && reply->kind != SLCAN_REPLY_DONE)
+		return false;
+	if (refused && (port->step == STEP_RATE || port->step == STEP_OPEN)) {
+		port->health.refused++;
+		start_over(port, port->step == STEP_RATE ? EINVAL : EPROTO, now);
+	} else if (port->step != STEP_FLUSH) {
+		/* If refused, it was closed already, or has no time stamps to turn off. */
+		enter(port, port->step + 1, now);
+	} else if (port->quiet_at < now + QUIET_TIME) {
+		port->quiet_at = now + QUIET_TIME;
+	}
 	return false;
 }
 
@@ -457,27 +455,23 @@ static ssize_t port_write(struct db_port *port, const void *bytes, size_t length
 	return done == 0 && port->lost != 0 ? port->lost : (ssize_t)done;
 }
 
-static void run_step(struct db_port *port, db_time now)
-{
-	if (port->step == STEP_READY)
-		run_status(port, now);
-	else if (port->step == STEP_FLUSH && now >= port->quiet_at)
-		enter(port, STEP_CLOSE, now);
-	else if (now >= port->step_ends) {
-		if (port->step == STEP_FLUSH || port->step == STEP_TIMESTAMPS)
-			enter(port, port->step + 1, now);
-		else
-			start_over(port, ETIMEDOUT, now);
-	}
-}
-
 static db_time port_run(struct db_port *port, db_time now, int *error)
 {
 	db_time next;
 
 	flush(port);
-	if (port->lost == 0)
-		run_step(port, now);
+	if (port->lost == 0) {
+		if (port->step == STEP_READY)
+			run_status(port, now);
+		else if (port->step == STEP_FLUSH && now >= port->quiet_at)
+			enter(port, STEP_CLOSE, now);
+		else if (now >= port->step_ends) {
+			if (port->step == STEP_FLUSH || port->step == STEP_TIMESTAMPS)
+				enter(port, port->step + 1, now);
+			else
+				start_over(port, ETIMEDOUT, now);
+		}
+	}
 	*error = port->lost;
 	if (port->step == STEP_READY)
 		next = port->status_useless && !port->status_asked ? DB_TIME_NEVER :
