@@ -141,27 +141,6 @@ void db_alarms_look(struct db_session *session, db_time now)
 
 /* --- acknowledging ---------------------------------------------------------------------------- */
 
-static void record(struct db_session *session, const struct db_alarm *alarm, const char *comment)
-{
-	bool of_bus = alarm->kind == DB_ALARM_BUS;
-	bool of_drive = alarm->kind == DB_ALARM_DRIVE;
-	char text[64 + COMMENT_MAX];
-
-	snprintf(text, sizeof(text), "alarm %llu: %s%s%s", (unsigned long long)alarm->id,
-	         of_bus || of_drive ?
-	                 db_trouble_name(alarm->cause) :
-	                 db_troubles_of_configuration((enum db_configuration_state)alarm->cause),
-	         comment[0] ? ": " : "", comment);
-	db_session_record(session, &(struct db_audit_entry){
-					   .kind = DB_AUDIT_ALARM,
-					   .what = "acknowledged",
-					   .drive = of_drive ? alarm->name : NULL,
-					   .bus = of_bus ? alarm->name : NULL,
-					   .text = text,
-					   .result = DB_RESULT_OK,
-				   });
-}
-
 /* A tool whose users have some of the drives says of which one the alarm is to be. */
 static bool is_of_drive(const struct db_health *health, uint64_t id, const char *drive)
 {
@@ -205,7 +184,24 @@ void db_alarms_acknowledge_call(const struct db_call *call)
 		                json_pack("{s:I}", "id", (json_int_t)id));
 		return;
 	}
-	if (fresh)
-		record(session, alarm, comment);
+	if (fresh) {
+		bool of_bus = alarm->kind == DB_ALARM_BUS;
+		bool of_drive = alarm->kind == DB_ALARM_DRIVE;
+		char text[64 + COMMENT_MAX];
+
+		snprintf(text, sizeof(text), "alarm %llu: %s%s%s", (unsigned long long)alarm->id,
+		         of_bus || of_drive ? db_trouble_name(alarm->cause) :
+		                              db_troubles_of_configuration(
+						      (enum db_configuration_state)alarm->cause),
+		         comment[0] ? ": " : "", comment);
+		db_session_record(session, &(struct db_audit_entry){
+						   .kind = DB_AUDIT_ALARM,
+						   .what = "acknowledged",
+						   .drive = of_drive ? alarm->name : NULL,
+						   .bus = of_bus ? alarm->name : NULL,
+						   .text = text,
+						   .result = DB_RESULT_OK,
+					   });
+	}
 	db_session_reply(session, json_pack("{s:o}", "alarm", describe(alarm)), false);
 }

@@ -191,23 +191,6 @@ void db_look_registers(const struct db_call *call)
 	db_look_describe_more(session, db_control_now(session->control));
 }
 
-static json_t *describe_register(struct db_registers *registers, uint16_t drive,
-                                 const struct db_entry *entry)
-{
-	char unit[DB_NAMED_UNIT_MAX];
-	json_t *one;
-	double min;
-	double max;
-
-	db_named_unit(registers, drive, entry, unit);
-	one = db_values_register(entry, unit);
-	if (db_named_limit(registers, drive, entry, &min, &max)) {
-		json_object_set_new(one, "min", json_real(min));
-		json_object_set_new(one, "max", json_real(max));
-	}
-	return one;
-}
-
 void db_look_describe_more(struct db_session *session, db_time now)
 {
 	static const char beginning[] = "{\"parameters\":{\"registers\":[";
@@ -216,6 +199,10 @@ void db_look_describe_more(struct db_session *session, db_time now)
 	struct registers_job *job = session->job;
 	const struct db_name_list *list = job->windows ? db_named_windows(registers) :
 	                                                 db_named_registers(registers, job->drive);
+	char unit[DB_NAMED_UNIT_MAX];
+	json_t *one;
+	double min;
+	double max;
 
 	/* Half an answer cannot be taken back: a client that asks again gets what there is now.
 	 * gcc's analyzer does not see that the session has the job, and frees it. */
@@ -227,7 +214,15 @@ void db_look_describe_more(struct db_session *session, db_time now)
 		db_session_append(session, beginning, sizeof(beginning) - 1, false);
 	for (size_t i = 0; i < REGISTERS_AT_ONCE && job->next < list->count; i++) {
 		const struct db_entry *entry = &list->entries[job->next];
-		char *text = db_message_text(describe_register(registers, job->drive, entry));
+		char *text;
+
+		db_named_unit(registers, job->drive, entry, unit);
+		one = db_values_register(entry, unit);
+		if (db_named_limit(registers, job->drive, entry, &min, &max)) {
+			json_object_set_new(one, "min", json_real(min));
+			json_object_set_new(one, "max", json_real(max));
+		}
+		text = db_message_text(one);
 
 		if (!text) {
 			session->broken = true;

@@ -326,21 +326,6 @@ static void put_control(FILE *out, const struct db_control_socket *control)
 	        "Samples and events left out for slow readers.", (double)stats->skipped);
 }
 
-static void put_audit(FILE *out, const struct db_control_socket *control)
-{
-	struct db_audit_state state;
-
-	db_audit_state(control->setup.ops->audit(control->setup.context), &state);
-	put_one(out, "drivebridge_audit_records_total", "counter",
-	        "Number of the newest audit record.", (double)state.newest);
-	put_one(out, "drivebridge_audit_lost_total", "counter",
-	        "Audit records that are missing in the files since the start.", (double)state.lost);
-	put_one(out, "drivebridge_audit_bytes", "gauge", "What the files of the audit trail take.",
-	        (double)state.bytes);
-	put_one(out, "drivebridge_audit_failing", "gauge",
-	        "1: the files of the audit trail cannot be written.", state.trouble[0] != '\0');
-}
-
 static void put_all(FILE *out, struct db_session *session, struct subject *drives,
                     struct subject *buses)
 {
@@ -348,6 +333,7 @@ static void put_all(FILE *out, struct db_session *session, struct subject *drive
 	struct db_registers *registers = control->setup.registers;
 	struct db_server_stats modbus = { 0 };
 	size_t count;
+	struct db_audit_state state;
 
 	put_head(out, "drivebridge_build_info", "gauge", "Always 1; the version is a label.");
 	fprintf(out, "drivebridge_build_info{version=\"%s\"} 1\n", DB_VERSION);
@@ -361,7 +347,15 @@ static void put_all(FILE *out, struct db_session *session, struct subject *drive
 	put_one(out, "drivebridge_restart_needed", "gauge",
 	        "1: an upgrade has replaced the program or a library, and the one of before runs.",
 	        control->setup.ops->configuration(control->setup.context).replaced[0] != '\0');
-	put_audit(out, control);
+	db_audit_state(control->setup.ops->audit(control->setup.context), &state);
+	put_one(out, "drivebridge_audit_records_total", "counter",
+	        "Number of the newest audit record.", (double)state.newest);
+	put_one(out, "drivebridge_audit_lost_total", "counter",
+	        "Audit records that are missing in the files since the start.", (double)state.lost);
+	put_one(out, "drivebridge_audit_bytes", "gauge", "What the files of the audit trail take.",
+	        (double)state.bytes);
+	put_one(out, "drivebridge_audit_failing", "gauge",
+	        "1: the files of the audit trail cannot be written.", state.trouble[0] != '\0');
 	put_head(out, "drivebridge_drive_up", "gauge", "Whether the drive answers.");
 	for (size_t i = 0; i < db_named_drive_count(registers); i++) {
 		struct db_named_drive drive;

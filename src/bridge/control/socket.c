@@ -139,17 +139,6 @@ static struct places count_places(const struct db_control_socket *control)
 	return places;
 }
 
-/* Sessions of this user, who may not act: one program of his must not leave others without any. */
-static size_t count_of_reader(const struct db_control_socket *control, uint32_t user)
-{
-	size_t count = 0;
-
-	for (size_t i = 0; i < control->count; i++)
-		count += !control->sessions[i]->client.may_write &&
-		         control->sessions[i]->user == user;
-	return count;
-}
-
 /* True if a client that may act would have a place. If not, a session that may be about to send a
  * stop has a little time for it, and new clients wait for that. */
 static bool has_place(const struct db_control_socket *control)
@@ -190,6 +179,7 @@ static void admit(struct db_control_socket *control, int fd)
 	db_time now = db_control_now(control);
 	struct db_session *session;
 	bool stops_only;
+	size_t count = 0;
 
 	db_rights_name(user, name);
 	if (right == DB_RIGHT_NONE) {
@@ -197,8 +187,11 @@ static void admit(struct db_control_socket *control, int fd)
 		            "it is in neither read-group nor act-group");
 		return;
 	}
-	if (right != DB_RIGHT_ACT &&
-	    count_of_reader(control, (uint32_t)user) >= DB_SESSIONS_OF_READER) {
+	/* One program of a user who may not act must not leave others without any session. */
+	for (size_t i = 0; i < control->count; i++)
+		count += !control->sessions[i]->client.may_write &&
+		         control->sessions[i]->user == (uint32_t)user;
+	if (right != DB_RIGHT_ACT && count >= DB_SESSIONS_OF_READER) {
 		refuse_user(control, fd, (uint32_t)user, name,
 		            "a user who may only read has no more sessions than this one has");
 		return;
@@ -643,23 +636,13 @@ static void stop_listening(struct db_control_socket *control)
 	control->listener = -1;
 }
 
-/* A number that no other run of the service has had, in all probability. */
-static int draw_run(uint32_t *run)
-{
-	ssize_t got;
-
-	do
-		got = getrandom(run, sizeof(*run), 0);
-	while (got < 0 && errno == EINTR);
-	return got == sizeof(*run) ? 0 : -EIO;
-}
-
 int db_control_socket_new(const struct db_control_socket_setup *setup,
                           struct db_control_socket **control)
 {
 	struct db_control_socket *made = calloc(1, sizeof(*made));
 	struct epoll_event turn = { .events = EPOLLIN };
 	int error;
+	ssize_t got;
 
 	if (!made)
 		return -ENOMEM;
@@ -670,7 +653,11 @@ int db_control_socket_new(const struct db_control_socket_setup *setup,
 	made->armed = DB_TIME_NEVER;
 	made->ids = db_ids_new();
 	made->last_id = DB_CLIENT_GROUP - 1; /* the next one is the first session's */
-	error = draw_run(&made->run);
+	/* A number that no other run of the service has had, in all probability. */
+	do
+		got = getrandom(&made->run, sizeof(made->run), 0);
+	while (got < 0 && errno == EINTR);
+	error = got == sizeof(made->run) ? 0 : -EIO;
 	if (error < 0) {
 		free(made);
 		return error;

@@ -150,31 +150,6 @@ static struct db_stops *list_parts(const struct db_registers *registers, const j
 	return stops;
 }
 
-static void stop_all(struct db_session *session, struct db_stops *stops, enum db_command command)
-{
-	struct db_registers *registers = session->control->setup.registers;
-	const struct db_args none = { 0 };
-
-	stops->left = stops->count;
-	db_named_gather(registers, true);
-	for (size_t i = 0; i < stops->count; i++) {
-		struct part *part = &stops->parts[i];
-		struct db_write_answer answer = { .later = false };
-		struct db_write_token token;
-		uint32_t entry;
-
-		if (part->drive != NO_DRIVE) {
-			token = db_act_next_token(session);
-			part->sequence = token.sequence;
-			answer = db_named_run(registers, &session->client, part->drive, command,
-			                      &none, 0, token, &entry);
-		}
-		if (!answer.later)
-			end_part(stops, part, answer.result);
-	}
-	db_named_gather(registers, false);
-}
-
 /* DB_CMD_NONE when the call was answered already. */
 static enum db_command take_command(const struct db_call *call)
 {
@@ -199,6 +174,8 @@ void db_stops_call(const struct db_call *call)
 	enum db_command command;
 	struct db_stops *stops;
 	json_t *names;
+	struct db_registers *registers = session->control->setup.registers;
+	const struct db_args none = { 0 };
 
 	if (!db_act_is_allowed(session) || !db_call_texts(call, "drives", &names))
 		return;
@@ -212,7 +189,7 @@ void db_stops_call(const struct db_call *call)
 	command = take_command(call);
 	if (command == DB_CMD_NONE)
 		return;
-	stops = list_parts(session->control->setup.registers, names);
+	stops = list_parts(registers, names);
 	if (!stops) {
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
@@ -220,7 +197,24 @@ void db_stops_call(const struct db_call *call)
 	session->job = stops;
 	session->wait = DB_WAITS_FOR_STOPS;
 	session->due = db_control_now(session->control) + wait_ms * DB_NS_PER_MS;
-	stop_all(session, stops, command);
+	stops->left = stops->count;
+	db_named_gather(registers, true);
+	for (size_t i = 0; i < stops->count; i++) {
+		struct part *part = &stops->parts[i];
+		struct db_write_answer answer = { .later = false };
+		struct db_write_token token;
+		uint32_t entry;
+
+		if (part->drive != NO_DRIVE) {
+			token = db_act_next_token(session);
+			part->sequence = token.sequence;
+			answer = db_named_run(registers, &session->client, part->drive, command,
+			                      &none, 0, token, &entry);
+		}
+		if (!answer.later)
+			end_part(stops, part, answer.result);
+	}
+	db_named_gather(registers, false);
 	if (session->oneway)
 		/* Nobody waits for their end. gcc's analyzer: the job is the session's, which frees
 		 * it. */
