@@ -117,31 +117,6 @@ static void post_frame(struct db_rtu_port *port, const uint8_t *bytes, size_t le
 	signal_fd(port->notify_fd);
 }
 
-/*
- * One frame of a burst. Only the last one of a burst can be a request that still waits for its
- * answer; a broadcast has none.
- */
-static void take_frame(struct db_rtu_port *port, const uint8_t *bytes, size_t length, bool last)
-{
-	uint8_t unit = bytes[0];
-	bool ours = db_rtu_has_unit(&port->config, unit) && (bytes[1] & EXCEPTION_FLAG) == 0;
-
-	pthread_mutex_lock(&port->lock);
-	port->figures.frames++;
-	port->figures.foreign += unit != 0 && !ours;
-	port->figures.missed += ours && !last;
-	pthread_mutex_unlock(&port->lock);
-	if (unit == 0) {
-		post_frame(port, bytes, length, 0);
-	} else if (ours && last) {
-		if (++port->last_number == 0)
-			port->last_number = 1;
-		port->awaited = port->last_number;
-		port->awaited_at = port->burst.last;
-		post_frame(port, bytes, length, port->last_number);
-	}
-}
-
 /* A silence: what was received before it is frames, or nothing. `patient`: an incomplete frame may
  * go on. `waits`: nothing was received since, so that a PLC may wait for an answer. */
 static void end_burst(struct db_rtu_port *port, bool patient, bool waits)
@@ -165,9 +140,29 @@ static void end_burst(struct db_rtu_port *port, bool patient, bool waits)
 		port->figures.echoes++;
 		pthread_mutex_unlock(&port->lock);
 	}
-	for (size_t i = begin; i < count; i++)
-		take_frame(port, burst->bytes + pieces[i].at, pieces[i].length,
-		           waits && i + 1 == count);
+	for (size_t i = begin; i < count; i++) {
+		const uint8_t *bytes = burst->bytes + pieces[i].at;
+		uint8_t unit = bytes[0];
+		bool ours = db_rtu_has_unit(&port->config, unit) &&
+		            (bytes[1] & EXCEPTION_FLAG) == 0;
+		/* Only the last one of a burst can be a request that still waits for its answer; a
+		 * broadcast has none. */
+		bool last = waits && i + 1 == count;
+		pthread_mutex_lock(&port->lock);
+		port->figures.frames++;
+		port->figures.foreign += unit != 0 && !ours;
+		port->figures.missed += ours && !last;
+		pthread_mutex_unlock(&port->lock);
+		if (unit == 0) {
+			post_frame(port, bytes, pieces[i].length, 0);
+		} else if (ours && last) {
+			if (++port->last_number == 0)
+				port->last_number = 1;
+			port->awaited = port->last_number;
+			port->awaited_at = port->burst.last;
+			post_frame(port, bytes, pieces[i].length, port->last_number);
+		}
+	}
 	db_rtu_burst_clear(burst);
 }
 

@@ -81,23 +81,11 @@ static struct recalled *find(const struct recollection *past, uint64_t number)
 	return NULL;
 }
 
-/* A session of an earlier run has another number in this one. */
-static void find_client(const struct service *service, const struct db_audit_entry *entry,
-                        struct db_history_entry *to)
-{
-	struct db_client_session session;
-
-	memcpy(to->address, entry->address, sizeof(to->address));
-	to->port = entry->port;
-	if (db_client_session_of_address(entry->address, &session))
-		db_control_socket_recall(service->control, session.user, entry->login, entry->user,
-		                         to->address);
-}
-
 static void recall(void *context, const struct db_audit_entry *entry)
 {
 	struct recollection *past = context;
 	struct recalled *place = entry->of != 0 ? find(past, entry->of) : NULL;
+	struct db_client_session session;
 
 	if (place && entry->kind == DB_AUDIT_END) {
 		place->recalled.entry.result = (uint16_t)entry->result;
@@ -137,7 +125,13 @@ static void recall(void *context, const struct db_audit_entry *entry)
 	};
 	snprintf(place->drive, sizeof(place->drive), "%s", entry->drive);
 	snprintf(place->bus, sizeof(place->bus), "%s", entry->bus);
-	find_client(past->service, entry, &place->recalled.entry);
+	/* A session of an earlier run has another number in this one. */
+	memcpy(place->recalled.entry.address, entry->address,
+	       sizeof(place->recalled.entry.address));
+	place->recalled.entry.port = entry->port;
+	if (db_client_session_of_address(entry->address, &session))
+		db_control_socket_recall(past->service->control, session.user, entry->login,
+		                         entry->user, place->recalled.entry.address);
 	if (entry->value_count > 0) {
 		snprintf(place->param, sizeof(place->param), "%s", entry->values[0].name);
 		place->recalled.value = entry->values[0].secret ? 0 : entry->values[0].number;
