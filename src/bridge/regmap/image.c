@@ -393,20 +393,6 @@ static void fill_window(struct db_gateway_window *window, const struct db_view_d
 	};
 }
 
-/* The drives that a client controls, as far as they have a bit. */
-static uint32_t controls_of(const struct db_view_space *space, uint32_t client, db_time now)
-{
-	uint32_t bits = 0;
-
-	for (size_t i = 0; i < space->drive_count && i < DB_GATEWAY_DRIVES; i++) {
-		const struct db_client *holder = db_control_holder(&space->drives[i]->control, now);
-
-		if (holder && holder->id == client)
-			bits |= UINT32_C(1) << i;
-	}
-	return bits;
-}
-
 static void fill_clients(struct db_gateway_image *image, const struct db_registers *registers,
                          const struct db_view_space *space)
 {
@@ -428,7 +414,15 @@ static void fill_clients(struct db_gateway_image *image, const struct db_registe
 		shown->requests = (uint32_t)clients[i].requests;
 		shown->idle_s = (uint32_t)(clients[i].idle / DB_NS_PER_S);
 		shown->connected_s = (uint32_t)(clients[i].connected / DB_NS_PER_S);
-		shown->controls = controls_of(space, clients[i].client.id, now);
+		/* The drives that it controls, as far as they have a bit. */
+		shown->controls = 0;
+		for (size_t k = 0; k < space->drive_count && k < DB_GATEWAY_DRIVES; k++) {
+			const struct db_client *holder = db_control_holder(
+				&space->drives[k]->control, now);
+
+			if (holder && holder->id == clients[i].client.id)
+				shown->controls |= UINT32_C(1) << k;
+		}
 		db_image_name_client(registers, clients[i].client.address, shown->address, user);
 	}
 }

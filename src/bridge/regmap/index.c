@@ -125,39 +125,6 @@ static struct db_entry make_entry(const struct db_row *row, enum db_table table,
 	return entry;
 }
 
-static void visit_params(const struct db_scope *scope, db_visit_fn *visit, void *context)
-{
-	const struct db_driver *driver = scope->driver;
-	unsigned address = db_param_first(driver);
-
-	for (size_t i = 0; i < driver->param_count; i++) {
-		const struct db_param *param = &driver->params[i];
-		unsigned registers = db_type_registers(param->type);
-		struct db_entry entry = { .table = DB_TABLE_HOLDING, .driver = driver };
-
-		if (registers > 1 && address % 2 != 0) {
-			entry.cell.address = (uint16_t)address++;
-			entry.cell.registers = 1;
-			entry.cell.type = DB_U16;
-			entry.cell.flags = DB_ROW_WRITABLE | DB_CELL_GAP;
-			visit(context, &entry);
-		}
-		entry.cell = (struct db_cell){
-			.address = (uint16_t)address,
-			.offset = param_offset(i),
-			.registers = (uint8_t)registers,
-			.type = (uint8_t)param->type,
-			.flags = DB_ROW_WRITABLE | DB_ROW_PARAM,
-			.part = DB_PART_PLATE,
-			.param = (uint16_t)i,
-		};
-		entry.param = param;
-		snprintf(entry.name, sizeof(entry.name), "%s", param->name);
-		visit(context, &entry);
-		address += registers;
-	}
-}
-
 void db_table_visit(const struct db_scope *scope, db_visit_fn *visit, void *context)
 {
 	for (size_t i = 0; db_row_sets[i]; i++) {
@@ -174,8 +141,37 @@ void db_table_visit(const struct db_scope *scope, db_visit_fn *visit, void *cont
 			}
 		}
 	}
-	if (scope->view == DB_VIEW_DRIVE)
-		visit_params(scope, visit, context);
+	if (scope->view == DB_VIEW_DRIVE) {
+		const struct db_driver *driver = scope->driver;
+		unsigned address = db_param_first(driver);
+
+		for (size_t i = 0; i < driver->param_count; i++) {
+			const struct db_param *param = &driver->params[i];
+			unsigned registers = db_type_registers(param->type);
+			struct db_entry entry = { .table = DB_TABLE_HOLDING, .driver = driver };
+
+			if (registers > 1 && address % 2 != 0) {
+				entry.cell.address = (uint16_t)address++;
+				entry.cell.registers = 1;
+				entry.cell.type = DB_U16;
+				entry.cell.flags = DB_ROW_WRITABLE | DB_CELL_GAP;
+				visit(context, &entry);
+			}
+			entry.cell = (struct db_cell){
+				.address = (uint16_t)address,
+				.offset = param_offset(i),
+				.registers = (uint8_t)registers,
+				.type = (uint8_t)param->type,
+				.flags = DB_ROW_WRITABLE | DB_ROW_PARAM,
+				.part = DB_PART_PLATE,
+				.param = (uint16_t)i,
+			};
+			entry.param = param;
+			snprintf(entry.name, sizeof(entry.name), "%s", param->name);
+			visit(context, &entry);
+			address += registers;
+		}
+	}
 }
 
 /* --- looking up ------------------------------------------------------------------------------- */

@@ -3,32 +3,6 @@
 
 #include "drivebridge/audit.h"
 
-/* Of values before as far as the drive has told them. */
-static size_t list_values(const struct db_view_drive *drive, const struct db_request *request,
-                          struct db_audit_value values[DB_SETTINGS_MAX])
-{
-	const struct db_driver *driver = drive->driver;
-	struct db_nameplate_copy copy;
-	size_t count = 0;
-
-	db_axis_read_nameplate(drive->axis, &copy);
-	for (size_t i = 0; i < request->setting_count; i++) {
-		unsigned param = request->settings[i].param;
-
-		if (param >= driver->param_count)
-			continue;
-		values[count++] = (struct db_audit_value){
-			.name = driver->params[param].name,
-			.type = driver->params[param].type,
-			.old = copy.plate.values[param],
-			.new = request->settings[i].value,
-			.known = db_params_have(copy.plate.valid, param),
-			.secret = driver->params[param].traits &DB_PARAM_SECRET,
-		};
-	}
-	return count;
-}
-
 uint32_t db_record_request(void *context, const struct db_recorded *recorded)
 {
 	const struct db_view_drive *drive = context;
@@ -47,13 +21,30 @@ uint32_t db_record_request(void *context, const struct db_recorded *recorded)
 		.id = request->id,
 		.first = recorded->address,
 	};
+	const struct db_driver *driver = drive->driver;
+	struct db_nameplate_copy copy;
 
 	if (!registers->ops->audit)
 		return 0;
 	if (request->command != DB_CMD_NONE && request->args)
 		entry.args = *request->args;
 	if (request->setting_count > 0) {
-		entry.value_count = list_values(drive, request, values);
+		/* Values before as far as the drive has told them. */
+		db_axis_read_nameplate(drive->axis, &copy);
+		for (size_t i = 0; i < request->setting_count; i++) {
+			unsigned param = request->settings[i].param;
+
+			if (param >= driver->param_count)
+				continue;
+			values[entry.value_count++] = (struct db_audit_value){
+				.name = driver->params[param].name,
+				.type = driver->params[param].type,
+				.old = copy.plate.values[param],
+				.new = request->settings[i].value,
+				.known = db_params_have(copy.plate.valid, param),
+				.secret = driver->params[param].traits &DB_PARAM_SECRET,
+			};
+		}
 		entry.values = values;
 	}
 	if (!db_request_client(request) && request->cause != DB_STAND_FREE)

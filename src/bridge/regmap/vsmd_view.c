@@ -132,22 +132,6 @@ static uint32_t param_word(const struct db_nameplate *plate, unsigned param)
 	return db_params_have(plate->valid, param) ? plate->values[param].u : 0;
 }
 
-/* The first character in the low byte. */
-static void encode_version(const struct db_nameplate *plate, uint16_t *words)
-{
-	bool ended = false;
-
-	for (size_t i = 0; i < 2 * VSMD_VERSION_REGISTERS; i++) {
-		unsigned character = ended ? 0 : (unsigned char)plate->identity[i];
-
-		ended = character == 0;
-		if (i % 2 == 0)
-			words[i / 2] = (uint16_t)character;
-		else
-			words[i / 2] = (uint16_t)(words[i / 2] | character << 8);
-	}
-}
-
 static void encode_row(const struct db_vsmd_view *view, const struct vsmd_row *row,
                        const struct db_drive_image *image, uint16_t *words)
 {
@@ -156,6 +140,7 @@ static void encode_row(const struct db_vsmd_view *view, const struct vsmd_row *r
 	const struct db_nameplate *plate = &image->nameplate.plate;
 	union db_value value;
 	unsigned bits = 0;
+	bool ended = false;
 
 	switch (row->content) {
 	case VSMD_KEPT:
@@ -179,7 +164,16 @@ static void encode_row(const struct db_vsmd_view *view, const struct vsmd_row *r
 		                      param_word(plate, row->param + 1u));
 		break;
 	case VSMD_VERSION:
-		encode_version(plate, words);
+		/* The first character in the low byte. */
+		for (size_t i = 0; i < 2 * VSMD_VERSION_REGISTERS; i++) {
+			unsigned character = ended ? 0 : (unsigned char)plate->identity[i];
+
+			ended = character == 0;
+			if (i % 2 == 0)
+				words[i / 2] = (uint16_t)character;
+			else
+				words[i / 2] = (uint16_t)(words[i / 2] | character << 8);
+		}
 		break;
 	case VSMD_RESERVED:
 		words[0] = 0;

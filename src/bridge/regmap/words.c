@@ -4,27 +4,13 @@
 #include <math.h>
 #include <string.h>
 
-static void encode_text(const struct db_cell *cell, const unsigned char *text, uint16_t *words)
-{
-	bool ended = false;
-
-	for (unsigned i = 0; i < 2u * cell->registers; i++) {
-		unsigned character = ended ? 0 : text[i];
-
-		ended = character == 0;
-		if (i % 2 == 0)
-			words[i / 2] = (uint16_t)(character << 8);
-		else
-			words[i / 2] = (uint16_t)(words[i / 2] | character);
-	}
-}
-
 void db_words_encode(const struct db_cell *cell, const void *image, bool low_first, uint16_t *words)
 {
 	const unsigned char *member = (const unsigned char *)image + cell->offset;
 	union db_value value;
 	uint64_t wide;
 	uint16_t narrow;
+	bool ended = false;
 
 	if (cell->flags & DB_CELL_GAP) {
 		words[0] = 0;
@@ -32,7 +18,15 @@ void db_words_encode(const struct db_cell *cell, const void *image, bool low_fir
 	}
 	switch ((enum db_type)cell->type) {
 	case DB_TEXT:
-		encode_text(cell, member, words);
+		for (unsigned i = 0; i < 2u * cell->registers; i++) {
+			unsigned character = ended ? 0 : member[i];
+
+			ended = character == 0;
+			if (i % 2 == 0)
+				words[i / 2] = (uint16_t)(character << 8);
+			else
+				words[i / 2] = (uint16_t)(words[i / 2] | character);
+		}
 		return;
 	case DB_U64:
 		memcpy(&wide, member, sizeof(wide));
