@@ -607,21 +607,6 @@ static bool open_trail(struct db_audit *audit, struct db_trail_found *found, db_
 
 /* --- the thread ------------------------------------------------------------------------------- */
 
-/* A size that is less than before costs files, and the disk may take its time. */
-static void change_size(struct db_audit *audit)
-{
-	uint64_t bytes;
-	bool changed;
-
-	pthread_mutex_lock(&audit->lock);
-	changed = audit->changed;
-	bytes = (uint64_t)audit->state.mib * MIB;
-	audit->changed = false;
-	pthread_mutex_unlock(&audit->lock);
-	if (changed && audit->trail)
-		db_trail_set_bytes(audit->trail, bytes);
-}
-
 static bool next_record(struct db_audit *audit, struct db_audit_taken *taken, db_time *next,
                         bool *ending)
 {
@@ -651,6 +636,8 @@ static void *run(void *context)
 	struct db_trail_found found;
 	bool ending = false;
 	db_time next = 0;
+	uint64_t bytes;
+	bool changed;
 
 	while (!ending) {
 		struct timespec time;
@@ -665,7 +652,14 @@ static void *run(void *context)
 			sem_wait(&audit->wake);
 		else
 			sem_clockwait(&audit->wake, CLOCK_MONOTONIC, &time);
-		change_size(audit);
+		/* A size that is less than before costs files, and the disk may take its time. */
+		pthread_mutex_lock(&audit->lock);
+		changed = audit->changed;
+		bytes = (uint64_t)audit->state.mib * MIB;
+		audit->changed = false;
+		pthread_mutex_unlock(&audit->lock);
+		if (changed && audit->trail)
+			db_trail_set_bytes(audit->trail, bytes);
 		if (db_clock_now() >= audit->open_at && open_trail(audit, &found, db_clock_now()))
 			tell_damage(audit, &found, db_clock_now());
 		/* A reader waits for some records at most. */

@@ -462,33 +462,30 @@ void db_trail_read_tail(struct db_trail *trail, size_t bytes, db_lines_fn *take,
 	free(buffer);
 }
 
-/* The head of a segment. Null: it cannot be read. */
-static json_t *read_head(struct db_trail *trail, uint64_t segment)
-{
-	char bytes[512];
-	int fd = open_segment(trail, segment, O_RDONLY);
-	ssize_t got = fd < 0 ? -1 : pread(fd, bytes, sizeof(bytes), 0);
-	const char *end = got > 0 ? memchr(bytes, '\n', (size_t)got) : NULL;
-
-	if (fd >= 0)
-		close(fd);
-	return end ? json_loadb(bytes, (size_t)(end - bytes), 0, NULL) : NULL;
-}
-
 void db_trail_find(struct db_trail *trail, uint64_t number, uint64_t since_us,
                    struct db_trail_place *place)
 {
 	json_int_t before = 0;
+	char bytes[512];
 
 	*place = (struct db_trail_place){ .segment = trail->count > 0 ? trail->segments[0] : 0 };
 	db_lines_init(&place->lines, &trail->chain);
 	for (size_t i = 0; i < trail->count; i++) {
-		json_t *head = read_head(trail, trail->segments[i]);
-		json_int_t first = json_integer_value(json_object_get(head, "first"));
-		json_int_t time = json_integer_value(json_object_get(head, "time_us"));
+		int fd = open_segment(trail, trail->segments[i], O_RDONLY);
+		ssize_t got = fd < 0 ? -1 : pread(fd, bytes, sizeof(bytes), 0);
+		const char *end = got > 0 ? memchr(bytes, '\n', (size_t)got) : NULL;
+		json_t *head; /* of the segment; null: it cannot be read */
+		json_int_t first;
+		json_int_t time;
+		bool later;
+		if (fd >= 0)
+			close(fd);
+		head = end ? json_loadb(bytes, (size_t)(end - bytes), 0, NULL) : NULL;
+		first = json_integer_value(json_object_get(head, "first"));
+		time = json_integer_value(json_object_get(head, "time_us"));
 		/* When the clock was set back, an earlier file has later times than this one. */
-		bool later = !head || (since_us > 0 && time < before) ||
-		             ((uint64_t)first > number && (uint64_t)time > since_us);
+		later = !head || (since_us > 0 && time < before) ||
+		        ((uint64_t)first > number && (uint64_t)time > since_us);
 
 		json_decref(head);
 		if (i > 0 && later)

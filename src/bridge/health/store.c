@@ -232,11 +232,39 @@ static int move(struct db_store *store, const char *folder, const struct db_ring
 
 /* --- beginning and end ------------------------------------------------------------------------ */
 
-/* The numbers go on where those in the file end. */
-static void find_end(struct db_store *store)
+static void put_aside(const char *folder)
 {
-	uint32_t newest_run = 0;
+	int in = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
 
+	if (in < 0)
+		return;
+	(void)renameat(in, FILE_NAME, in, FILE_NAME DB_HEALTH_DAMAGED);
+	close(in);
+}
+
+/* False: there is none. One that cannot be used is kept under another name. */
+static bool open_file(struct db_store *store, bool *damaged)
+{
+	uint8_t head[DB_RING_HEAD_MAX];
+	struct stat status;
+	int fd = open_in(store->folder, FILE_NAME, "", O_RDWR);
+	ssize_t got;
+	uint32_t newest_run;
+
+	if (fd < 0)
+		return false;
+	got = pread(fd, head, sizeof(head), 0);
+	if (got < 0 || !db_ring_read_head(head, (size_t)got, &store->shape, store->columns) ||
+	    fstat(fd, &status) != 0 || status.st_size < (off_t)db_ring_file_bytes(&store->shape)) {
+		close(fd);
+		put_aside(store->folder);
+		*damaged = true;
+		return false;
+	}
+	store->fd = fd;
+	store->in_file = true;
+	/* The numbers go on where those in the file end. */
+	newest_run = 0;
 	for (unsigned ring = 0; ring < DB_RING_COUNT; ring++) {
 		uint32_t width = db_ring_widths[ring];
 
@@ -259,39 +287,6 @@ static void find_end(struct db_store *store)
 		}
 	}
 	store->run = newest_run + 1;
-}
-
-static void put_aside(const char *folder)
-{
-	int in = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-
-	if (in < 0)
-		return;
-	(void)renameat(in, FILE_NAME, in, FILE_NAME DB_HEALTH_DAMAGED);
-	close(in);
-}
-
-/* False: there is none. One that cannot be used is kept under another name. */
-static bool open_file(struct db_store *store, bool *damaged)
-{
-	uint8_t head[DB_RING_HEAD_MAX];
-	struct stat status;
-	int fd = open_in(store->folder, FILE_NAME, "", O_RDWR);
-	ssize_t got;
-
-	if (fd < 0)
-		return false;
-	got = pread(fd, head, sizeof(head), 0);
-	if (got < 0 || !db_ring_read_head(head, (size_t)got, &store->shape, store->columns) ||
-	    fstat(fd, &status) != 0 || status.st_size < (off_t)db_ring_file_bytes(&store->shape)) {
-		close(fd);
-		put_aside(store->folder);
-		*damaged = true;
-		return false;
-	}
-	store->fd = fd;
-	store->in_file = true;
-	find_end(store);
 	return true;
 }
 
