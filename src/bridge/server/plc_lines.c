@@ -225,8 +225,8 @@ static void handle_frame(struct line *line, const struct db_rtu_frame *frame)
 	}
 	/*
 	 * The same write again, while the first one is in work, or was done too late to be
-	 * answered: its PLC has had no answer, and repeats it. Long after that it is a new wish: its
-	 * PLC has given up.
+	 * answered: its PLC has had no answer, and repeats it. Long after that it is a new
+	 * wish: its PLC has given up.
 	 */
 	repeated = line->request.write_count > 0 && frame->length == line->frame.length &&
 	           memcmp(frame->bytes, line->frame.bytes, frame->length) == 0 &&

@@ -148,6 +148,7 @@ static void end_burst(struct db_rtu_port *port, bool patient, bool waits)
 		/* Only the last one of a burst can be a request that still waits for its answer; a
 		 * broadcast has none. */
 		bool last = waits && i + 1 == count;
+
 		pthread_mutex_lock(&port->lock);
 		port->figures.frames++;
 		port->figures.foreign += unit != 0 && !ours;
