@@ -11,9 +11,17 @@
 
 const struct db_built_in db_load_built_in = { db_drivers, db_transports };
 
-/* Who edits that file may change buses and drives, and not who may do that. */
-static void refuse_reserved(struct db_load *load)
+/* All steps from the texts to the configuration; mistakes are errors. */
+static void read_sources(struct db_load *load)
 {
+	static const struct db_reader_rules rules = {
+		.sections = "modbus, control, role NAME, bus NAME, drive NAME, modbus-rtu NAME or "
+			    "endpoint NAME",
+	};
+
+	if (!db_reader_read(&load->reader, &rules, &load->messages))
+		return;
+	/* Who edits that file may change buses and drives, and not who may do that. */
 	for (size_t i = 0; i < load->reader.section_count; i++) {
 		const struct db_reader_section *section = &load->reader.sections[i];
 		const struct db_source *source = db_messages_find_source(&load->messages,
@@ -30,19 +38,6 @@ static void refuse_reserved(struct db_load *load)
 				"edited over the page has sections bus and drive",
 				section->name);
 	}
-}
-
-/* All steps from the texts to the configuration; mistakes are errors. */
-static void read_sources(struct db_load *load)
-{
-	static const struct db_reader_rules rules = {
-		.sections = "modbus, control, role NAME, bus NAME, drive NAME, modbus-rtu NAME or "
-			    "endpoint NAME",
-	};
-
-	if (!db_reader_read(&load->reader, &rules, &load->messages))
-		return;
-	refuse_reserved(load);
 	db_names_check(load->built_in->drivers, &load->reader, &load->messages);
 	if (!db_profiles_read(load, &rules))
 		return;

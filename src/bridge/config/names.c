@@ -289,27 +289,6 @@ static bool check_section(const struct db_reader *reader, size_t index,
 	return true;
 }
 
-/* Keys of modbus and control in other files are looked up in the first section. */
-static void join_shared(struct db_reader *reader, const struct db_messages *messages)
-{
-	for (size_t i = 0; i < reader->key_count; i++) {
-		struct db_reader_key *key = &reader->keys[i];
-		const struct db_reader_section *section;
-
-		if (key->section == DB_READER_NO_SECTION)
-			continue;
-		section = &reader->sections[key->section];
-		for (size_t j = 0; is_shared(section) && j < key->section; j++) {
-			const struct db_reader_section *other = &reader->sections[j];
-
-			if (strcmp(other->name, section->name) == 0 &&
-			    db_messages_find_source(messages, other->line) !=
-			            db_messages_find_source(messages, section->line))
-				key->section = j;
-		}
-	}
-}
-
 /* True when the key may stay. Its section is a known one. */
 static bool check_key(const struct db_driver *const *drivers, const struct db_reader *reader,
                       size_t index, struct db_messages *messages)
@@ -367,7 +346,23 @@ void db_names_check(const struct db_driver *const *drivers, struct db_reader *re
 {
 	for (size_t i = 0; i < reader->section_count; i++)
 		reader->sections[i].refused = !check_section(reader, i, messages);
-	join_shared(reader, messages);
+	/* Keys of modbus and control in other files are looked up in the first section. */
+	for (size_t i = 0; i < reader->key_count; i++) {
+		struct db_reader_key *key = &reader->keys[i];
+		const struct db_reader_section *section;
+
+		if (key->section == DB_READER_NO_SECTION)
+			continue;
+		section = &reader->sections[key->section];
+		for (size_t j = 0; is_shared(section) && j < key->section; j++) {
+			const struct db_reader_section *other = &reader->sections[j];
+
+			if (strcmp(other->name, section->name) == 0 &&
+			    db_messages_find_source(messages, other->line) !=
+			            db_messages_find_source(messages, section->line))
+				key->section = j;
+		}
+	}
 	for (size_t i = 0; i < reader->key_count; i++) {
 		struct db_reader_key *key = &reader->keys[i];
 

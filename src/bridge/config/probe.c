@@ -98,30 +98,11 @@ static bool is_terminal(dev_t device)
 	return found;
 }
 
-static void warn_closed(const struct probe *probe, const struct db_bus_config *bus,
-                        const struct stat *about)
-{
-	struct group *group = getgrgid(about->st_gid);
-	char text[400];
-
-	if (group && about->st_gid != 0)
-		snprintf(
-			text, sizeof(text),
-			"may not be opened by %s; add it to the group of the port: sudo adduser %s "
-			"%s, and %s",
-			probe->user, probe->user, group->gr_name,
-			probe->uid == geteuid() ? "log in again" :
-						  "sudo systemctl restart drivebridge");
-	else
-		snprintf(text, sizeof(text),
-		         "may not be opened by %s; a udev rule can give it to the group dialout",
-		         probe->user);
-	add_warning(probe, bus, bus->device, text);
-}
-
 static void probe_port(struct probe *probe, const struct db_bus_config *bus)
 {
 	struct stat about;
+	struct group *group;
+	char advice[400];
 
 	if (stat(bus->device, &about) != 0) {
 		char text[160];
@@ -136,7 +117,20 @@ static void probe_port(struct probe *probe, const struct db_bus_config *bus)
 			probe, bus, bus->device,
 			"is no serial port; ls /dev/serial/by-id shows the names of USB adapters");
 	} else if (!may_open(probe, &about)) {
-		warn_closed(probe, bus, &about);
+		group = getgrgid(about.st_gid);
+		if (group && about.st_gid != 0)
+			snprintf(advice, sizeof(advice),
+			         "may not be opened by %s; add it to the group of the port: sudo "
+			         "adduser %s %s, and %s",
+			         probe->user, probe->user, group->gr_name,
+			         probe->uid == geteuid() ? "log in again" :
+			                                   "sudo systemctl restart drivebridge");
+		else
+			snprintf(advice, sizeof(advice),
+			         "may not be opened by %s; a udev rule can give it to the group "
+			         "dialout",
+			         probe->user);
+		add_warning(probe, bus, bus->device, advice);
 	} else {
 		add_good(probe, bus, bus->device);
 		fprintf(probe->out, "is a serial port, and %s may open it\n", probe->user);

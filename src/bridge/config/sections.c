@@ -315,47 +315,7 @@ static void refuse_wrong_port(const struct db_section *section, const struct db_
 			bus->device ? "" : " and give device = \"/dev/ttyACM0\"");
 }
 
-static void check_ports(const struct db_section *section, const struct db_bus_config *bus)
-{
-	struct db_messages *messages = &section->load->messages;
-	bool given = db_section_has(section, "device") || db_section_has(section, "interface");
-
-	if (bus->device && bus->device[0] != '/')
-		db_messages_add_error(messages, db_section_line(section, "device"),
-		                      "device = %s is no whole path; one that begins with /, such "
-		                      "as /dev/ttyUSB0",
-		                      bus->device);
-	if (bus->interface && !is_interface_name(bus->interface))
-		db_messages_add_error(messages, db_section_line(section, "interface"),
-		                      "interface = %s is no name of a network interface; 1 to 15 "
-		                      "characters without / : and spaces, such as can0",
-		                      bus->interface);
-	/* Without a transport there was a message already, and the required key depends on it. */
-	if (!given && (bus->transport || !bus->driver))
-		refuse_missing_port(section, bus);
-	else if (bus->transport)
-		refuse_wrong_port(section, bus);
-}
-
 /* --- bus: how fast, and its line -------------------------------------------------------------- */
-
-static void check_slcan_bitrate(const struct db_section *section, unsigned bitrate)
-{
-	char rates[LIST_MAX] = "";
-
-	if (slcan_bitrate_digit(bitrate) >= 0)
-		return;
-	for (unsigned digit = 0; slcan_bitrate(digit) > 0; digit++) {
-		char rate[16];
-
-		snprintf(rate, sizeof(rate), "%lu", (unsigned long)slcan_bitrate(digit));
-		add_to_list(rates, rate);
-	}
-	db_messages_add_error(&section->load->messages, db_section_line(section, "bitrate"),
-	                      "bitrate = %u is none that a CAN adapter with transport = slcan can "
-	                      "be set to; one of: %s",
-	                      bitrate, rates);
-}
 
 /* A misprint of a usual one looks like this; but a drive may have any. */
 static void warn_of_unusual_baud(const struct db_section *section, unsigned baud)
@@ -380,6 +340,8 @@ static void warn_of_unusual_baud(const struct db_section *section, unsigned baud
 static void fill_speed(const struct db_section *section, struct db_bus_config *bus)
 {
 	const struct db_transport *transport = bus->transport;
+	char rates[LIST_MAX] = "";
+	char rate[16];
 
 	if (!transport || db_section_misread(section, "baud") ||
 	    db_section_misread(section, "bitrate"))
@@ -400,8 +362,17 @@ static void fill_speed(const struct db_section *section, struct db_bus_config *b
 		bus->baud = SLCAN_BAUD;
 	if (bus->bitrate == 0)
 		bus->bitrate = bus->driver->default_baud;
-	if (strcmp(transport->name, "slcan") == 0)
-		check_slcan_bitrate(section, bus->bitrate);
+	if (strcmp(transport->name, "slcan") == 0 && slcan_bitrate_digit(bus->bitrate) < 0) {
+		for (unsigned digit = 0; slcan_bitrate(digit) > 0; digit++) {
+			snprintf(rate, sizeof(rate), "%lu", (unsigned long)slcan_bitrate(digit));
+			add_to_list(rates, rate);
+		}
+		db_messages_add_error(
+			&section->load->messages, db_section_line(section, "bitrate"),
+			"bitrate = %u is none that a CAN adapter with transport = slcan can "
+			"be set to; one of: %s",
+			bus->bitrate, rates);
+	}
 }
 
 static void check_direction(const struct db_section *section, const struct db_bus_config *bus)
@@ -435,6 +406,8 @@ static bool read_bus(struct db_load *load, size_t index, struct db_bus_config *b
 {
 	struct db_section section = db_section_open(load, index);
 	db_time characters;
+	struct db_messages *messages = &load->messages;
+	bool given;
 
 	/* gcc's analyzer takes it for lost: db_config_free() frees it. */
 	bus->name = strdup(section.title);
@@ -445,7 +418,22 @@ static bool read_bus(struct db_load *load, size_t index, struct db_bus_config *b
 	bus->queue = QUEUE;
 	bus->options = db_section_read_options(&section);
 	bus->transport = read_transport(&section);
-	check_ports(&section, bus);
+	given = db_section_has(&section, "device") || db_section_has(&section, "interface");
+	if (bus->device && bus->device[0] != '/')
+		db_messages_add_error(messages, db_section_line(&section, "device"),
+		                      "device = %s is no whole path; one that begins with /, such "
+		                      "as /dev/ttyUSB0",
+		                      bus->device);
+	if (bus->interface && !is_interface_name(bus->interface))
+		db_messages_add_error(messages, db_section_line(&section, "interface"),
+		                      "interface = %s is no name of a network interface; 1 to 15 "
+		                      "characters without / : and spaces, such as can0",
+		                      bus->interface);
+	/* Without a transport there was a message already, and the required key depends on it. */
+	if (!given && (bus->transport || !bus->driver))
+		refuse_missing_port(&section, bus);
+	else if (bus->transport)
+		refuse_wrong_port(&section, bus);
 	fill_speed(&section, bus);
 	check_direction(&section, bus);
 	if (bus->driver && bus->driver->medium == DB_MEDIUM_SERIAL && bus->baud != 0 &&
@@ -457,7 +445,7 @@ static bool read_bus(struct db_load *load, size_t index, struct db_bus_config *b
 	}
 	if (bus->starts_by_broadcast && bus->driver &&
 	    (!bus->driver->begin_all || bus->line == DB_LINE_RS232))
-		db_messages_add_error(&load->messages, db_section_line(&section, "group-start"),
+		db_messages_add_error(messages, db_section_line(&section, "group-start"),
 		                      "group-start = broadcast, but bus '%s' has no frame for all "
 		                      "drives; remove it",
 		                      section.title);

@@ -31,25 +31,19 @@ double db_times_in_ms(db_time time)
 	return (double)time / (double)DB_NS_PER_MS;
 }
 
-/* True if an earlier drive of the list is at the same address and polls for both. */
-static bool polled_with_another(const struct db_config *config, size_t index)
-{
-	const struct db_drive_config *drive = &config->drives[index];
-
-	for (size_t i = 0; i < index; i++) {
-		if (config->drives[i].bus == drive->bus &&
-		    config->drives[i].address == drive->address)
-			return true;
-	}
-	return false;
-}
-
 size_t db_times_nodes_on(const struct db_config *config, size_t bus)
 {
 	size_t count = 0;
 
-	for (size_t i = 0; i < config->drive_count; i++)
-		count += config->drives[i].bus == bus && !polled_with_another(config, i);
+	for (size_t i = 0; i < config->drive_count; i++) {
+		bool polled = false;
+
+		/* An earlier drive of the list at the same address polls for both. */
+		for (size_t k = 0; k < i; k++)
+			polled = polled || (config->drives[k].bus == bus &&
+			                    config->drives[k].address == config->drives[i].address);
+		count += config->drives[i].bus == bus && !polled;
+	}
 	return count;
 }
 
@@ -129,26 +123,21 @@ static void warn_confirm(struct db_load *load, size_t index)
 		db_times_in_ms(needed), whole_milliseconds(needed), speed_up(bus));
 }
 
-/* At least one drive's status; not more, or a drive that is added would change its whole bus. */
-static unsigned usual_cycle(const struct db_bus_config *bus)
-{
-	static const unsigned steps[] = { 20, 50, 100, 200, 500, 1000, 2000, 5000 };
-	unsigned needed = whole_milliseconds(bus->driver->poll_time(bus));
-
-	for (size_t i = 0; i < sizeof(steps) / sizeof(steps[0]); i++) {
-		if (needed <= steps[i])
-			return steps[i];
-	}
-	return 10000;
-}
-
 void db_times_fill(struct db_load *load)
 {
+	/* At least one drive's status; not more, or a drive that is added would change its whole
+	 * bus. */
+	static const unsigned steps[] = { 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000 };
+
 	for (size_t i = 0; i < load->config->bus_count; i++) {
 		struct db_bus_config *bus = &load->config->buses[i];
+		unsigned needed = whole_milliseconds(bus->driver->poll_time(bus));
+		size_t step = 0;
 
+		while (step + 1 < sizeof(steps) / sizeof(steps[0]) && needed > steps[step])
+			step++;
 		if (bus->cycle_ms == 0)
-			bus->cycle_ms = usual_cycle(bus);
+			bus->cycle_ms = steps[step];
 	}
 }
 
