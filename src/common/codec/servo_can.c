@@ -336,21 +336,6 @@ static bool find_kind(uint32_t id, const struct servo_can_layout *layout, enum s
 	return true;
 }
 
-static enum servo_can_error take_mode(const uint8_t *data, struct servo_can_message *message)
-{
-	unsigned word = take16(data);
-
-	message->u.mode.mode = (enum servo_can_mode)(word & MODE_MASK);
-	message->u.mode.torque_clockwise = (word & SERVO_CAN_MODE_TORQUE_CLOCKWISE) != 0;
-	message->u.mode.has_max_speed = data[2] == 1;
-	if (message->u.mode.has_max_speed)
-		message->u.mode.max_speed = take16(data + 3);
-	return (word & ~(MODE_MASK | SERVO_CAN_MODE_TORQUE_CLOCKWISE)) == 0 &&
-	                       (word & MODE_MASK) <= SERVO_CAN_MODE_CURRENT && data[2] <= 1 ?
-	               SERVO_CAN_OK :
-	               SERVO_CAN_ERR_RANGE;
-}
-
 static enum servo_can_error take_described(const struct db_can_frame *frame,
                                            const struct servo_can_layout *layout,
                                            struct servo_can_message *message)
@@ -403,13 +388,25 @@ static enum servo_can_error take_ack(const struct db_can_frame *frame,
 
 static enum servo_can_error take_host(const uint8_t *data, struct servo_can_message *message)
 {
+	unsigned word;
+
 	switch (message->kind) {
 	case SERVO_CAN_ENABLE:
 		message->u.enable = take16(data) == ENABLE_ON;
 		return message->u.enable || take16(data) == ENABLE_OFF ? SERVO_CAN_OK :
 		                                                         SERVO_CAN_ERR_RANGE;
 	case SERVO_CAN_MODE:
-		return take_mode(data, message);
+		word = take16(data);
+		message->u.mode.mode = (enum servo_can_mode)(word & MODE_MASK);
+		message->u.mode.torque_clockwise = (word & SERVO_CAN_MODE_TORQUE_CLOCKWISE) != 0;
+		message->u.mode.has_max_speed = data[2] == 1;
+		if (message->u.mode.has_max_speed)
+			message->u.mode.max_speed = take16(data + 3);
+		return (word & ~(MODE_MASK | SERVO_CAN_MODE_TORQUE_CLOCKWISE)) == 0 &&
+		                       (word & MODE_MASK) <= SERVO_CAN_MODE_CURRENT &&
+		                       data[2] <= 1 ?
+		               SERVO_CAN_OK :
+		               SERVO_CAN_ERR_RANGE;
 	case SERVO_CAN_SPEED:
 		if (data[0] == SERVO_CAN_SETPOINT_SPEED) {
 			message->u.speed = (int16_t)take16(data + 1);

@@ -462,24 +462,12 @@ static bool is_numbered(struct word word, const char *name, unsigned ports, uint
 	return true;
 }
 
-static enum vsmd_error read_plain(struct word verb, struct vsmd_command *command)
-{
-	static const enum vsmd_verb plain[] = { VSMD_DEV, VSMD_STS,  VSMD_ENA,
-		                                VSMD_OFF, VSMD_ECLR, VSMD_SAV };
-
-	for (size_t i = 0; i < sizeof(plain) / sizeof(plain[0]); i++) {
-		if (is(verb, fixed[plain[i]])) {
-			command->verb = plain[i];
-			return VSMD_OK;
-		}
-	}
-	return VSMD_ERR_SYNTAX;
-}
-
 static enum vsmd_error read_verb(struct reader *reader, struct vsmd_command *command,
                                  struct vsmd_setting *settings, size_t capacity)
 {
 	struct word verb;
+	static const enum vsmd_verb plain[] = { VSMD_DEV, VSMD_STS,  VSMD_ENA,
+		                                VSMD_OFF, VSMD_ECLR, VSMD_SAV };
 
 	if (!next_word(reader, &verb))
 		return VSMD_ERR_SYNTAX;
@@ -513,7 +501,13 @@ static enum vsmd_error read_verb(struct reader *reader, struct vsmd_command *com
 		command->verb = VSMD_NMOS;
 		return read_value(reader, command);
 	}
-	return read_plain(verb, command);
+	for (size_t i = 0; i < sizeof(plain) / sizeof(plain[0]); i++) {
+		if (is(verb, fixed[plain[i]])) {
+			command->verb = plain[i];
+			return VSMD_OK;
+		}
+	}
+	return VSMD_ERR_SYNTAX;
 }
 
 enum vsmd_error vsmd_serial_decode_command(const char *line, size_t length, bool rs485,
