@@ -287,23 +287,6 @@ out:
 	return result;
 }
 
-/* A configuration of one line that only replays a trace. */
-static int make_replay(const char *path, struct sim_config *config)
-{
-	*config = (struct sim_config){ .bus_count = 1 };
-	config->buses = calloc(1, sizeof(*config->buses));
-	if (!config->buses)
-		return -1;
-	config->buses[0] = (struct sim_bus_config){
-		.name = "replay",
-		.kind = SIM_BUS_VSMD_SERIAL,
-		.device = "pty",
-		.replay = path,
-		.serial.baud = 115200,
-	};
-	return 0;
-}
-
 int main(int argc, char **argv)
 {
 	struct options options = { .config = NULL };
@@ -313,9 +296,22 @@ int main(int argc, char **argv)
 
 	if (result != 0)
 		return result - 1;
-	if ((options.replay ? make_replay(options.replay, &config) :
-	                      sim_config_load(options.config, &config)) != 0)
+	if (options.replay) {
+		/* A configuration of one line that only replays a trace. */
+		config = (struct sim_config){ .bus_count = 1 };
+		config.buses = calloc(1, sizeof(*config.buses));
+		if (!config.buses)
+			return EXIT_FAILURE;
+		config.buses[0] = (struct sim_bus_config){
+			.name = "replay",
+			.kind = SIM_BUS_VSMD_SERIAL,
+			.device = "pty",
+			.replay = options.replay,
+			.serial.baud = 115200,
+		};
+	} else if (sim_config_load(options.config, &config) != 0) {
 		return EXIT_FAILURE;
+	}
 	result = apply_places(&config, &options);
 	if (result == 0 && options.trace) {
 		trace = fopen(options.trace, "we");

@@ -299,24 +299,6 @@ void sim_mechanics_shake(struct sim_vsmd *drive, const struct vsmd_command *comm
 	sim_mechanics_hold_limits(drive);
 }
 
-static void update_shake(struct sim_vsmd *drive)
-{
-	if (drive->shake == SIM_SHAKE_NONE || sim_motion_moving(&drive->motion))
-		return;
-	if (drive->shake == SIM_SHAKE_TO_START) {
-		/* A limit may have stopped it before the start: then there is no oscillation. */
-		drive->shake = drive->motion.position == drive->motion.target_position ?
-		                       SIM_SHAKE_RUN :
-		                       SIM_SHAKE_NONE;
-		if (drive->shake == SIM_SHAKE_RUN)
-			sim_motion_shake(&drive->motion, drive->shake_end,
-			                 (double)drive->shake_frequency, drive->shake_cycles);
-		return;
-	}
-	drive->shake = SIM_SHAKE_NONE;
-	drive->flags |= VSMD_ST_ACT;
-}
-
 static void sensor_event(struct sim_vsmd *drive, enum sensor_event event)
 {
 	double speed = fabs((double)drive->params[VSMD_SPD].f);
@@ -379,7 +361,20 @@ void sim_mechanics_sense(struct sim_vsmd *drive)
 		/* Reactions to the present position of the motor and state of the sensors. */
 		sim_mechanics_hold_limits(drive);
 		update_homing(drive);
-		update_shake(drive);
+		if (drive->shake == SIM_SHAKE_TO_START && !sim_motion_moving(&drive->motion)) {
+			/* A limit may have stopped it before the start: then there is no
+			 * oscillation. */
+			drive->shake = drive->motion.position == drive->motion.target_position ?
+			                       SIM_SHAKE_RUN :
+			                       SIM_SHAKE_NONE;
+			if (drive->shake == SIM_SHAKE_RUN)
+				sim_motion_shake(&drive->motion, drive->shake_end,
+				                 (double)drive->shake_frequency,
+				                 drive->shake_cycles);
+		} else if (drive->shake != SIM_SHAKE_NONE && !sim_motion_moving(&drive->motion)) {
+			drive->shake = SIM_SHAKE_NONE;
+			drive->flags |= VSMD_ST_ACT;
+		}
 		if (drive->origin_after_stop && !sim_motion_moving(&drive->motion)) {
 			drive->origin_after_stop = false;
 			sim_mechanics_set_position(drive, 0.0);
