@@ -46,30 +46,32 @@ static double shortest(float real)
 	return strtod(text, NULL);
 }
 
-/* Null for an unknown value. */
-static json_t *to_json(const struct db_named_value *value)
-{
-	switch (value->kind) {
-	case DB_NAMED_WHOLE:
-		return json_integer(value->whole);
-	case DB_NAMED_REAL:
-		return isfinite(value->real) ? json_real(shortest(value->real)) : json_null();
-	case DB_NAMED_TEXT:
-		return db_values_text(value->text);
-	case DB_NAMED_FLAG:
-		return json_boolean(value->whole);
-	case DB_NAMED_UNKNOWN:
-	case DB_NAMED_MISSING:
-	default:
-		return json_null();
-	}
-}
-
 void db_values_collect(void *context, const char *name, const struct db_entry *entry,
                        const struct db_named_value *value)
 {
+	json_t *json = json_null(); /* for an unknown value */
+
 	(void)entry;
-	json_object_set_new_nocheck(context, name, to_json(value));
+	switch (value->kind) {
+	case DB_NAMED_WHOLE:
+		json = json_integer(value->whole);
+		break;
+	case DB_NAMED_REAL:
+		if (isfinite(value->real))
+			json = json_real(shortest(value->real));
+		break;
+	case DB_NAMED_TEXT:
+		json = db_values_text(value->text);
+		break;
+	case DB_NAMED_FLAG:
+		json = json_boolean(value->whole);
+		break;
+	case DB_NAMED_UNKNOWN:
+	case DB_NAMED_MISSING:
+	default:
+		break;
+	}
+	json_object_set_new_nocheck(context, name, json);
 }
 
 /* False: the register has no limits here. */
