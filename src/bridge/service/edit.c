@@ -152,26 +152,6 @@ static char *read_text(const char *path, bool optional)
 	return text;
 }
 
-static void check_text(struct edit *edit)
-{
-	struct db_config_reading reading;
-	size_t size = 0;
-	FILE *errors = open_memstream(&edit->messages, &size);
-
-	if (!errors) {
-		fail(edit, ENOMEM);
-		return;
-	}
-	(void)db_config_read_edited(edit->service->path, edit->text, errors, &reading);
-	edit->config = reading.config;
-	reading.config = NULL;
-	db_config_reading_clear(&reading);
-	if (fclose(errors) != 0)
-		fail(edit, ENOMEM);
-	else if (!edit->config)
-		edit->end = DB_EDIT_WRONG;
-}
-
 /*
  * The present text gets a second name, that of a former one, before the new one takes its place: so
  * each has a name at any moment. 0 or an errno.
@@ -230,6 +210,9 @@ static void write_text(struct edit *edit)
 static void work(struct disk_job *job)
 {
 	struct edit *edit = (struct edit *)job;
+	struct db_config_reading reading;
+	size_t size = 0;
+	FILE *errors;
 
 	edit->version = db_config_signature(edit->service->path, NULL);
 	if (edit->kind == DB_EDIT_SET && edit->version != edit->given)
@@ -244,10 +227,22 @@ static void work(struct disk_job *job)
 		if (!edit->text)
 			fail(edit, errno);
 		free(path);
-	} else if (edit->writes)
+	} else if (edit->writes) {
 		write_text(edit);
-	else
-		check_text(edit);
+	} else {
+		errors = open_memstream(&edit->messages, &size);
+		if (errors) {
+			(void)db_config_read_edited(edit->service->path, edit->text, errors,
+			                            &reading);
+			edit->config = reading.config;
+			reading.config = NULL;
+			db_config_reading_clear(&reading);
+		}
+		if (!errors || fclose(errors) != 0)
+			fail(edit, ENOMEM);
+		else if (!edit->config)
+			edit->end = DB_EDIT_WRONG;
+	}
 }
 
 /* --- the answer ------------------------------------------------------------------------------- */

@@ -201,15 +201,6 @@ static bool look_at_drive(struct service *service, const struct plant_drive *dri
 	return entry->command != DB_CMD_NONE;
 }
 
-static bool has_drive_at(const struct plant *plant, const struct entry *entry)
-{
-	for (size_t i = 0; i < plant->drive_count; i++) {
-		if (is_at(entry, plant->drives[i]))
-			return true;
-	}
-	return false;
-}
-
 void must_stand_look(struct service *service)
 {
 	struct must_stand *known = service->must_stand;
@@ -230,9 +221,13 @@ void must_stand_look(struct service *service)
 	watched = count;
 	/* A drive that was removed may be added again. */
 	for (size_t i = 0; i < known->count; i++) {
+		size_t place = 0;
+
 		entry = known->entries[i];
 		entry.number = NO_DRIVE;
-		if (!has_drive_at(plant, &entry))
+		while (place < plant->drive_count && !is_at(&entry, plant->drives[place]))
+			place++;
+		if (place == plant->drive_count)
 			error |= add_entry(&entries, &count, &entry);
 	}
 	if (error != 0)
