@@ -233,20 +233,6 @@ static bool depends_on_unfinished(const struct db_connection *c,
 	return false;
 }
 
-/* Why a client may not write. */
-static enum db_refusal find_write_refusal(const struct db_connection *c)
-{
-	const struct db_modbus_config *config = c->shared->config;
-	uint32_t user;
-
-	if (db_acl_access(config, c->client.endpoint, c->peer->address) != DB_ACCESS_WRITE)
-		return DB_REFUSED_WRITE;
-	if (c->role)
-		return DB_REFUSED_ROLE;
-	return db_client_user_of_address(c->client.address, &user) ? DB_REFUSED_USER :
-	                                                             DB_REFUSED_INSECURE;
-}
-
 /* Refuses or dispatches a request: 0, an exception, or DB_WRITE_LATER. */
 static int start_request(struct db_connection *c, const struct db_modbus_request *request,
                          db_time now)
@@ -255,13 +241,23 @@ static int start_request(struct db_connection *c, const struct db_modbus_request
 	const struct db_executor *executor = &shared->executor;
 	struct db_write_token token = { c->client.id, c->sequence + c->queued };
 	uint8_t exception = executor->backend->unit(executor->context, &c->client, request->unit);
+	enum db_refusal refusal = DB_REFUSED_INSECURE;
+	uint32_t user;
 
 	if (!exception && c->client.role)
 		exception = executor->backend->role(executor->context, &c->client, request->unit);
 	if (exception || request->write_count == 0)
 		return exception;
 	if (!c->client.may_write) {
-		db_connection_count_refusal(c->shared, c->peer, find_write_refusal(c), now);
+		/* Why it may not. */
+		if (db_acl_access(shared->config, c->client.endpoint, c->peer->address) !=
+		    DB_ACCESS_WRITE)
+			refusal = DB_REFUSED_WRITE;
+		else if (c->role)
+			refusal = DB_REFUSED_ROLE;
+		else if (db_client_user_of_address(c->client.address, &user))
+			refusal = DB_REFUSED_USER;
+		db_connection_count_refusal(c->shared, c->peer, refusal, now);
 		if (executor->backend->denied)
 			executor->backend->denied(executor->context, &c->client, request->unit,
 			                          request->write_address);
