@@ -107,24 +107,19 @@ static bool make_room(struct db_alarms *alarms)
 	return true;
 }
 
-/* The newest alarm about this; null. */
-static struct db_alarm *find(const struct db_alarms *alarms, const struct db_alarm_seen *seen)
-{
-	for (size_t i = alarms->count; i-- > 0;) {
-		struct db_alarm *alarm = &alarms->list[i];
-
-		if (alarm->cause == seen->cause && alarm->kind == seen->kind &&
-		    strcmp(alarm->name, seen->name) == 0)
-			return alarm;
-	}
-	return NULL;
-}
-
 void db_alarms_see(struct db_alarms *alarms, const struct db_alarm_seen *seen)
 {
-	struct db_alarm *alarm = find(alarms, seen);
+	struct db_alarm *alarm = NULL;
 	char detail[DB_ALARM_DETAIL_MAX];
 
+	/* The newest alarm about this. */
+	for (size_t i = alarms->count; !alarm && i-- > 0;) {
+		struct db_alarm *one = &alarms->list[i];
+
+		if (one->cause == seen->cause && one->kind == seen->kind &&
+		    strcmp(one->name, seen->name) == 0)
+			alarm = one;
+	}
 	copy_text(detail, seen->detail, sizeof(detail));
 	if (alarm && alarm->gone == 0) {
 		if (strcmp(alarm->detail, detail) != 0) {

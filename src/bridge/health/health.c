@@ -104,24 +104,6 @@ static void write_given(struct db_health *health, const struct exchange *given)
 		       health->folder ? health->folder : "memory", strerror(-error));
 }
 
-static void serve_reader(struct db_health *health, const struct exchange *given)
-{
-	struct db_health_page page = { .known = false };
-
-	if (given->reading != READING_ASKED)
-		return;
-	if (health->store)
-		db_store_read(health->store, &given->query, given->clock_s, given->wall_us, &page);
-	pthread_mutex_lock(&health->lock);
-	/* Its owner may be gone. */
-	health->exchange.reading = health->exchange.reader != 0 ? READING_DONE : READING_NOTHING;
-	if (health->exchange.reader != 0)
-		health->page = page;
-	else
-		free(page.values);
-	pthread_mutex_unlock(&health->lock);
-}
-
 static void *run(void *context)
 {
 	struct db_health *health = context;
@@ -158,7 +140,22 @@ static void *run(void *context)
 		pthread_mutex_lock(&health->lock);
 		health->writing = false;
 		pthread_mutex_unlock(&health->lock);
-		serve_reader(health, &given);
+		if (given.reading == READING_ASKED) {
+			struct db_health_page page = { .known = false };
+
+			if (health->store)
+				db_store_read(health->store, &given.query, given.clock_s,
+				              given.wall_us, &page);
+			pthread_mutex_lock(&health->lock);
+			/* Its owner may be gone. */
+			health->exchange.reading = health->exchange.reader != 0 ? READING_DONE :
+			                                                          READING_NOTHING;
+			if (health->exchange.reader != 0)
+				health->page = page;
+			else
+				free(page.values);
+			pthread_mutex_unlock(&health->lock);
+		}
 	}
 	return NULL;
 }

@@ -232,16 +232,6 @@ static int move(struct db_store *store, const char *folder, const struct db_ring
 
 /* --- beginning and end ------------------------------------------------------------------------ */
 
-static void put_aside(const char *folder)
-{
-	int in = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-
-	if (in < 0)
-		return;
-	(void)renameat(in, FILE_NAME, in, FILE_NAME DB_HEALTH_DAMAGED);
-	close(in);
-}
-
 /* False: there is none. One that cannot be used is kept under another name. */
 static bool open_file(struct db_store *store, bool *damaged)
 {
@@ -250,6 +240,7 @@ static bool open_file(struct db_store *store, bool *damaged)
 	int fd = open_in(store->folder, FILE_NAME, "", O_RDWR);
 	ssize_t got;
 	uint32_t newest_run;
+	int there;
 
 	if (fd < 0)
 		return false;
@@ -257,7 +248,11 @@ static bool open_file(struct db_store *store, bool *damaged)
 	if (got < 0 || !db_ring_read_head(head, (size_t)got, &store->shape, store->columns) ||
 	    fstat(fd, &status) != 0 || status.st_size < (off_t)db_ring_file_bytes(&store->shape)) {
 		close(fd);
-		put_aside(store->folder);
+		there = open(store->folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+		if (there >= 0) {
+			(void)renameat(there, FILE_NAME, there, FILE_NAME DB_HEALTH_DAMAGED);
+			close(there);
+		}
 		*damaged = true;
 		return false;
 	}
