@@ -37,20 +37,6 @@ void db_names_list_families(const struct db_driver *const *drivers, const char *
 	}
 }
 
-static void families_of_key(const struct db_driver *const *drivers, const struct db_config_key *key,
-                            char text[DB_FAMILIES_TEXT_MAX])
-{
-	text[0] = '\0';
-	if (key->scope == DB_KEY_FOR_ALL) {
-		snprintf(text, DB_FAMILIES_TEXT_MAX, "all");
-		return;
-	}
-	for (; *drivers; drivers++) {
-		if (db_keys_fit(key, *drivers))
-			add_family(text, *drivers);
-	}
-}
-
 /* --- the walk -------------------------------------------------------------------------------- */
 
 /* True if a driver has an equal option. */
@@ -104,11 +90,16 @@ void db_names_each_key(const struct db_driver *const *drivers, db_names_visit_fn
 
 	for (size_t s = 0; s < SECTION_COUNT; s++) {
 		for (size_t i = 0; i < count; i++) {
-			char families[DB_FAMILIES_TEXT_MAX];
+			char families[DB_FAMILIES_TEXT_MAX] = "";
 
 			if (strcmp(keys[i].section, SECTIONS[s]) != 0)
 				continue;
-			families_of_key(drivers, &keys[i], families);
+			if (keys[i].scope == DB_KEY_FOR_ALL)
+				strcpy(families, "all");
+			for (size_t d = 0; keys[i].scope != DB_KEY_FOR_ALL && drivers[d]; d++) {
+				if (db_keys_fit(&keys[i], drivers[d]))
+					add_family(families, drivers[d]);
+			}
 			visit(context, &keys[i], families);
 		}
 		visit_options(drivers, SECTIONS[s], visit, context);
