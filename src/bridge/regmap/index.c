@@ -22,16 +22,6 @@ int db_row_param(const struct db_row *row, const struct db_driver *driver)
 	}
 }
 
-/* What the family does not have has no register. */
-static bool is_in_scope(const struct db_row *row, const struct db_scope *scope)
-{
-	if (row->measure && !(scope->driver->measures & row->measure))
-		return false;
-	if (row->alias && db_row_param(row, scope->driver) < 0)
-		return false;
-	return true;
-}
-
 static unsigned count_repeats(const struct db_row *row, const struct db_scope *scope)
 {
 	unsigned count = row->repeat ? row->repeat->count : 1;
@@ -132,7 +122,10 @@ void db_table_visit(const struct db_scope *scope, db_visit_fn *visit, void *cont
 
 		for (size_t j = 0; set->view == scope->view && j < set->count; j++) {
 			const struct db_row *row = &set->rows[j];
-			unsigned count = is_in_scope(row, scope) ? count_repeats(row, scope) : 0;
+			/* What the family does not have has no register. */
+			bool lacks = (row->measure && !(scope->driver->measures & row->measure)) ||
+			             (row->alias && db_row_param(row, scope->driver) < 0);
+			unsigned count = lacks ? 0 : count_repeats(row, scope);
 
 			for (unsigned index = 0; index < count; index++) {
 				struct db_entry entry = make_entry(row, set->table, scope, index);
