@@ -66,35 +66,31 @@ static void put(struct wire *wire, uint64_t value, unsigned count)
 	}
 }
 
-/* From the start of frame to the length; *count: number of these bits. */
-static uint64_t begin_of(const struct db_can_frame *frame, unsigned length, unsigned *count)
-{
-	uint64_t remote = frame->id & DB_CAN_REMOTE ? 1 : 0;
-
-	if (frame->id & DB_CAN_EXTENDED) {
-		uint64_t high = frame->id >> 18 & DB_CAN_STANDARD_MASK;
-
-		*count = 39;
-		/* 3: substitute remote request, identifier extension; after the remote bit two
-		 * reserved ones */
-		return high << 27 | UINT64_C(3) << 25 | (uint64_t)(frame->id & 0x3FFFF) << 7 |
-		       remote << 6 | length;
-	}
-	*count = 19;
-	/* after the remote bit: identifier extension, reserved bit */
-	return (uint64_t)(frame->id & DB_CAN_STANDARD_MASK) << 7 | remote << 6 | length;
-}
-
 unsigned db_can_frame_bits(const struct db_can_frame *frame)
 {
 	unsigned length = frame->length < DB_CAN_DATA_MAX ? frame->length : DB_CAN_DATA_MAX;
 	unsigned bytes = frame->id & DB_CAN_REMOTE ? 0 : length;
 	struct wire wire = { 0 };
-	unsigned count;
-	uint64_t begin = begin_of(frame, length, &count);
+	uint64_t remote = frame->id & DB_CAN_REMOTE ? 1 : 0;
+	uint64_t begin;
+	unsigned count; /* of these bits */
 	uint64_t data = 0;
 	unsigned crc;
 
+	/* From the start of frame to the length. */
+	if (frame->id & DB_CAN_EXTENDED) {
+		uint64_t high = frame->id >> 18 & DB_CAN_STANDARD_MASK;
+
+		/* 3: substitute remote request, identifier extension; after the remote bit two
+		 * reserved ones */
+		begin = high << 27 | UINT64_C(3) << 25 | (uint64_t)(frame->id & 0x3FFFF) << 7 |
+		        remote << 6 | length;
+		count = 39;
+	} else {
+		/* after the remote bit: identifier extension, reserved bit */
+		begin = (uint64_t)(frame->id & DB_CAN_STANDARD_MASK) << 7 | remote << 6 | length;
+		count = 19;
+	}
 	for (unsigned i = 0; i < bytes; i++)
 		data = data << 8 | frame->data[i];
 	crc = add_crc(add_crc(0, begin, (count + 3) / 4), data, 2 * bytes);

@@ -254,22 +254,6 @@ static enum xyza_error take_item(const struct xyza_frame *content, struct xyza_r
 	return XYZA_ERR_UNKNOWN;
 }
 
-static enum xyza_error take_data(const struct xyza_frame *content, struct xyza_request *request)
-{
-	switch (content->item_class) {
-	case XYZA_CLASS_POSITION:
-		return take_position(content, request);
-	case XYZA_CLASS_PORTS:
-		return take_ports(content, request);
-	case XYZA_CLASS_SPEED:
-	case XYZA_CLASS_MOTOR:
-	case XYZA_CLASS_SYSTEM:
-		return take_item(content, request);
-	default:
-		return XYZA_ERR_UNKNOWN;
-	}
-}
-
 static enum xyza_error take_motion(const struct xyza_frame *content, struct xyza_request *request)
 {
 	uint8_t target = content->target;
@@ -318,8 +302,20 @@ enum xyza_error xyza_decode_request(const uint8_t *frame, size_t length,
 		return XYZA_ERR_UNKNOWN;
 	if (content.object == 0)
 		return XYZA_ERR_RANGE;
-	if (content.order == XYZA_ORDER_DATA)
-		return take_data(&content, request);
+	if (content.order == XYZA_ORDER_DATA) {
+		switch (content.item_class) {
+		case XYZA_CLASS_POSITION:
+			return take_position(&content, request);
+		case XYZA_CLASS_PORTS:
+			return take_ports(&content, request);
+		case XYZA_CLASS_SPEED:
+		case XYZA_CLASS_MOTOR:
+		case XYZA_CLASS_SYSTEM:
+			return take_item(&content, request);
+		default:
+			return XYZA_ERR_UNKNOWN;
+		}
+	}
 	if (content.mark != XYZA_MARK_COMMAND)
 		return XYZA_ERR_UNKNOWN;
 	if (content.order != XYZA_ORDER_ONLINE)

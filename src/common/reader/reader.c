@@ -551,22 +551,6 @@ static bool read_section(struct scan *scan, char *name, unsigned line)
 	return read_keys(scan, index);
 }
 
-/* After the word `end`, which is the last one of a text. */
-static bool read_end(struct scan *scan, unsigned line)
-{
-	if (scan->token.type != TOKEN_END) {
-		if (scan->token.type != TOKEN_BAD)
-			db_messages_add_error(
-				scan->messages, line,
-				"end says that the file is complete, but more follows on %s; move "
-				"it to the last line",
-				db_messages_name_line(scan->messages, scan->token.line).text);
-		return false;
-	}
-	scan->source->ended = true;
-	return true;
-}
-
 /* Each text separately: none of them continues in the next one. */
 static bool read_source(struct scan *scan)
 {
@@ -590,8 +574,17 @@ static bool read_source(struct scan *scan)
 		if (scan->token.type == TOKEN_EQUALS || scan->token.type == TOKEN_APPEND) {
 			good = read_key(scan, name, line, DB_READER_NO_SECTION);
 		} else if (strcmp(name, "end") == 0) {
+			/* The last word of a text. */
 			free(name);
-			good = read_end(scan, line);
+			good = scan->token.type == TOKEN_END;
+			scan->source->ended = good;
+			if (!good && scan->token.type != TOKEN_BAD)
+				db_messages_add_error(
+					scan->messages, line,
+					"end says that the file is complete, but more follows on "
+					"%s; move it to the last line",
+					db_messages_name_line(scan->messages, scan->token.line)
+						.text);
 		} else {
 			good = read_section(scan, name, line);
 		}
