@@ -228,39 +228,6 @@ static void count_unkept(struct db_audit *audit)
 	pthread_mutex_unlock(&audit->lock);
 }
 
-/* Into the files; what these do not take is counted before the next one that they take. */
-static void keep(struct db_audit *audit, const struct db_audit_entry *entry, const json_t *object)
-{
-	struct db_audit_entry lost = {
-		.kind = DB_AUDIT_LOST,
-		.time_us = entry->time_us,
-		.number = entry->number - 1,
-		.count = audit->unkept,
-		.text = "the disk did not take them",
-	};
-	json_t *before = audit->unkept > 0 ? db_record_write(&lost) : NULL;
-	int error = 0;
-
-	/* It has the number of the last of them. */
-	if (audit->unkept > 0)
-		error = before ? db_trail_append(audit->trail, before, lost.number, lost.time_us) :
-		                 -ENOMEM;
-	json_decref(before);
-	if (error == 0) {
-		error = db_trail_append(audit->trail, object, entry->number, entry->time_us);
-		if (audit->unkept > 0 || error != 0)
-			note_trouble(audit, error);
-		audit->unkept = 0;
-		if (error != 0)
-			count_unkept(audit);
-	} else {
-		note_trouble(audit, error);
-		count_unkept(audit);
-	}
-	if (audit->sync_at == DB_TIME_NEVER)
-		audit->sync_at = db_clock_now() + SYNC_EVERY;
-}
-
 static void write_record(struct db_audit *audit, const struct db_audit_entry *entry)
 {
 	json_t *object = db_record_write(entry);
@@ -269,8 +236,39 @@ static void write_record(struct db_audit *audit, const struct db_audit_entry *en
 
 	if (!object)
 		return;
-	if (audit->trail && entry->number > audit->kept_above)
-		keep(audit, entry, object);
+	if (audit->trail && entry->number > audit->kept_above) {
+		struct db_audit_entry lost = {
+			.kind = DB_AUDIT_LOST,
+			.time_us = entry->time_us,
+			.number = entry->number - 1,
+			.count = audit->unkept,
+			.text = "the disk did not take them",
+		};
+		json_t *before = audit->unkept > 0 ? db_record_write(&lost) : NULL;
+		int error = 0;
+
+		/* What the files do not take is counted before the next record that they take, with
+		 * the number of the last of them. */
+		if (audit->unkept > 0)
+			error = before ? db_trail_append(audit->trail, before, lost.number,
+			                                 lost.time_us) :
+			                 -ENOMEM;
+		json_decref(before);
+		if (error == 0) {
+			error = db_trail_append(audit->trail, object, entry->number,
+			                        entry->time_us);
+			if (audit->unkept > 0 || error != 0)
+				note_trouble(audit, error);
+			audit->unkept = 0;
+			if (error != 0)
+				count_unkept(audit);
+		} else {
+			note_trouble(audit, error);
+			count_unkept(audit);
+		}
+		if (audit->sync_at == DB_TIME_NEVER)
+			audit->sync_at = db_clock_now() + SYNC_EVERY;
+	}
 	/* The end of what succeeded says nothing that the journal needs. */
 	if (entry->kind != DB_AUDIT_END || db_record_is_refused(object)) {
 		count = db_record_fields(entry, object, fields);

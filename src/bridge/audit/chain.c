@@ -49,32 +49,25 @@ void db_chain_seal(struct db_chain *chain, const char *body, size_t length,
 	memcpy(end + BEGIN_LENGTH + SEAL_DIGITS, seal_end, sizeof(seal_end));
 }
 
-/* The seal that a line has; null: it has none. */
-static const char *find_seal(const char *line, size_t length, size_t *body)
+enum db_chain_verdict db_chain_check(struct db_chain *chain, const char *line, size_t length)
 {
 	const size_t end = BEGIN_LENGTH + SEAL_DIGITS + END_LENGTH;
 	char digits[DB_SEAL_MAX] = "";
-	const char *seal;
-
-	if (length <= end)
-		return NULL;
-	*body = length - end;
-	seal = line + *body + BEGIN_LENGTH;
-	if (memcmp(line + *body, seal_begin, BEGIN_LENGTH) != 0 ||
-	    memcmp(seal + SEAL_DIGITS, seal_end, END_LENGTH) != 0)
-		return NULL;
-	memcpy(digits, seal, SEAL_DIGITS);
-	return strspn(digits, "0123456789abcdef") == SEAL_DIGITS ? seal : NULL;
-}
-
-enum db_chain_verdict db_chain_check(struct db_chain *chain, const char *line, size_t length)
-{
-	size_t body = 0;
-	const char *seal = find_seal(line, length, &body);
 	char right[DB_SEAL_MAX];
+	const char *seal;
+	size_t body;
 	bool fits;
 
-	if (!seal)
+	/* The seal at the end of a line. */
+	if (length <= end)
+		return DB_CHAIN_NO_LINE;
+	body = length - end;
+	seal = line + body + BEGIN_LENGTH;
+	if (memcmp(line + body, seal_begin, BEGIN_LENGTH) != 0 ||
+	    memcmp(seal + SEAL_DIGITS, seal_end, END_LENGTH) != 0)
+		return DB_CHAIN_NO_LINE;
+	memcpy(digits, seal, SEAL_DIGITS);
+	if (strspn(digits, "0123456789abcdef") != SEAL_DIGITS)
 		return DB_CHAIN_NO_LINE;
 	compute(chain, line, body, right);
 	fits = memeql_sec(right, seal, SEAL_DIGITS);
