@@ -69,13 +69,24 @@ static bool may_be_forgotten(const struct place *place, db_time now)
 	       (place->until < now && place->call.result != DB_RESULT_PENDING);
 }
 
-/* The block of a drive whose ids may all be forgotten, the one unused for longest; null: none. */
-static struct block *find_spent_block(const struct db_ids *ids, db_time now)
+/* The drive's block, a new one if necessary: its index, DB_IDS_DRIVES when there is none. */
+static size_t reserve_block(struct db_ids *ids, const char *drive, db_time now)
 {
+	size_t b = find_block(ids, drive);
 	struct block *spent = NULL;
 	uint64_t spent_order = 0;
 
-	for (size_t b = 0; b < DB_IDS_DRIVES; b++) {
+	if (b < DB_IDS_DRIVES) {
+		if (!ids->blocks[b]) {
+			ids->blocks[b] = calloc(1, sizeof(struct block));
+			if (!ids->blocks[b])
+				return DB_IDS_DRIVES;
+			memcpy(ids->blocks[b]->drive, drive, strlen(drive) + 1);
+		}
+		return b;
+	}
+	/* The one whose ids may all be forgotten, and that is unused for longest. */
+	for (b = 0; b < DB_IDS_DRIVES; b++) {
 		uint64_t order = 0;
 		bool busy = false;
 
@@ -90,25 +101,6 @@ static struct block *find_spent_block(const struct db_ids *ids, db_time now)
 		spent = ids->blocks[b];
 		spent_order = order;
 	}
-	return spent;
-}
-
-/* The drive's block, a new one if necessary: its index, DB_IDS_DRIVES when there is none. */
-static size_t reserve_block(struct db_ids *ids, const char *drive, db_time now)
-{
-	size_t b = find_block(ids, drive);
-	struct block *spent;
-
-	if (b < DB_IDS_DRIVES) {
-		if (!ids->blocks[b]) {
-			ids->blocks[b] = calloc(1, sizeof(struct block));
-			if (!ids->blocks[b])
-				return DB_IDS_DRIVES;
-			memcpy(ids->blocks[b]->drive, drive, strlen(drive) + 1);
-		}
-		return b;
-	}
-	spent = find_spent_block(ids, now);
 	if (!spent)
 		return DB_IDS_DRIVES;
 	*spent = (struct block){ .drive = "" };
