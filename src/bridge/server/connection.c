@@ -182,23 +182,6 @@ static struct db_connection_entry *entry_at(const struct db_connection *c, unsig
 	return &c->queue[(c->first + index) % c->room];
 }
 
-/* Answers the first request in the queue, if its turn has come. */
-static bool answer_queued(struct db_connection *c)
-{
-	struct db_connection_entry *entry = c->queued > 0 ? entry_at(c, 0) : NULL;
-
-	if (!entry || entry->unfinished)
-		return false;
-	add_answer(c, &entry->request, entry->exception);
-	c->first = (c->first + 1) % c->room;
-	c->sequence++;
-	if (--c->queued == 0) {
-		free(c->queue);
-		c->queue = NULL;
-	}
-	return true;
-}
-
 static bool ensure_queue(struct db_connection *c)
 {
 	if (c->queue)
@@ -362,8 +345,19 @@ static bool handle_requests(struct db_connection *c, size_t *offset, db_time now
 				return false;
 			continue;
 		}
-		if (answer_queued(c))
+		/* Answers the first request in the queue, if its turn has come. */
+		if (c->queued > 0 && !entry_at(c, 0)->unfinished) {
+			struct db_connection_entry *entry = entry_at(c, 0);
+
+			add_answer(c, &entry->request, entry->exception);
+			c->first = (c->first + 1) % c->room;
+			c->sequence++;
+			if (--c->queued == 0) {
+				free(c->queue);
+				c->queue = NULL;
+			}
 			continue;
+		}
 		taken = take_request(c, offset, now);
 	}
 	c->waiting = taken == MUST_WAIT;
