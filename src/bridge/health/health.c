@@ -265,7 +265,9 @@ int db_health_set_drives(struct db_health *health, const struct db_health_drive 
 	if (!meters)
 		return -ENOMEM;
 	for (size_t i = 0; i < count; i++) {
-		db_meter_init(&meters[i], &drives[i]);
+		meters[i] = (struct db_meter){ .unit = drives[i].unit, .number = drives[i].number };
+		strncpy(meters[i].name, drives[i].name, sizeof(meters[i].name) - 1);
+		db_meter_begin(&meters[i]);
 		for (size_t k = 0; k < health->meter_count; k++) {
 			const struct db_meter *before = &health->meters[k];
 

@@ -74,7 +74,6 @@ struct db_meter {
 	db_time offline;
 };
 
-void db_meter_init(struct db_meter *meter, const struct db_health_drive *drive);
 /* Another interval begins. */
 void db_meter_begin(struct db_meter *meter);
 void db_meter_sample(struct db_meter *meter, const struct db_snapshot *snapshot,

@@ -4,13 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-void db_meter_init(struct db_meter *meter, const struct db_health_drive *drive)
-{
-	*meter = (struct db_meter){ .unit = drive->unit, .number = drive->number };
-	strncpy(meter->name, drive->name, sizeof(meter->name) - 1);
-	db_meter_begin(meter);
-}
-
 void db_meter_begin(struct db_meter *meter)
 {
 	meter->value = (struct db_health_value){ .coldest = DB_HEALTH_NO_TEMPERATURE,

@@ -111,30 +111,25 @@ static int rename_new(const char *folder, const char *name, int fd)
 	return error;
 }
 
-/* 0 or a negative errno. A new folder outlives a loss of power, too. */
-static int make_folder(const char *folder)
+static int open_new(const char *folder, const char *name)
 {
 	const char *slash = strrchr(folder, '/');
 	char parent[PATH_MAX];
 	int error = 0;
 	int in;
 
-	if (mkdir(folder, S_IRWXU | S_IRGRP | S_IXGRP) != 0)
-		return errno == EEXIST ? 0 : -errno;
-	snprintf(parent, sizeof(parent), "%.*s", slash ? (int)(slash - folder + 1) : 1,
-	         slash ? folder : ".");
-	in = open(parent, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-	if (in < 0 || fsync(in) != 0)
+	/* A new folder outlives a loss of power, too. */
+	if (mkdir(folder, S_IRWXU | S_IRGRP | S_IXGRP) == 0) {
+		snprintf(parent, sizeof(parent), "%.*s", slash ? (int)(slash - folder + 1) : 1,
+		         slash ? folder : ".");
+		in = open(parent, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+		if (in < 0 || fsync(in) != 0)
+			error = -errno;
+		if (in >= 0)
+			close(in);
+	} else if (errno != EEXIST) {
 		error = -errno;
-	if (in >= 0)
-		close(in);
-	return error;
-}
-
-static int open_new(const char *folder, const char *name)
-{
-	int error = make_folder(folder);
-
+	}
 	if (error != 0)
 		return error;
 	return open_in(folder, name, NEW_SUFFIX, O_RDWR | O_CREAT | O_TRUNC);
