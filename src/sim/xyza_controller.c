@@ -417,33 +417,20 @@ static enum sim_xyza_kind kind_of(enum xyza_verb verb)
 	}
 }
 
-/* True if it does not answer this request. */
-static bool lacks(const struct sim_xyza *controller, const struct xyza_request *request)
-{
-	const struct sim_xyza_temper *temper = &controller->config.temper;
-
-	switch (request->verb) {
-	case XYZA_READ_ITEM:
-		return temper->lacks >> request->item & 1;
-	case XYZA_READ_PORTS:
-		return temper->lacks_ports;
-	case XYZA_PROGRAM_STATE:
-		return temper->lacks_program;
-	default:
-		return false;
-	}
-}
-
 bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *request,
                       enum xyza_error error, db_time now, struct xyza_reply *reply)
 {
 	const struct sim_xyza_temper *temper = &controller->config.temper;
 	bool ignored = temper->ignores >> kind_of(request->verb) & 1;
+	/* It does not answer this request. */
+	bool lacks = (request->verb == XYZA_READ_ITEM && (temper->lacks >> request->item & 1)) ||
+	             (request->verb == XYZA_READ_PORTS && temper->lacks_ports) ||
+	             (request->verb == XYZA_PROGRAM_STATE && temper->lacks_program);
 	bool done;
 
 	sim_xyza_advance(controller, now);
 	if (!controller->powered || controller->reset_done != DB_TIME_NEVER ||
-	    (error == XYZA_OK && lacks(controller, request)))
+	    (error == XYZA_OK && lacks))
 		return false;
 	*reply = (struct xyza_reply){
 		.kind = XYZA_REPLY_FAILED,

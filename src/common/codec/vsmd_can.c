@@ -444,28 +444,6 @@ static enum vsmd_error get_arguments(const uint8_t *data, unsigned length, uint8
 	}
 }
 
-static enum vsmd_error decode_command(const struct vsmd_can_style *style,
-                                      const struct db_can_frame *frame,
-                                      struct vsmd_can_message *message)
-{
-	struct vsmd_can_command *command = &message->command;
-	const struct shape *shape;
-	enum vsmd_error error;
-
-	command->code = (enum vsmd_can_code)message->id.reg;
-	if (!code_possible(message->id.reg, message->id.broadcast))
-		return VSMD_ERR_SYNTAX;
-	shape = &shapes[message->id.reg];
-	if (frame->length != shape->least && frame->length != shape->most)
-		return VSMD_ERR_SYNTAX;
-	error = get_arguments(frame->data, frame->length, style->output_base, command);
-	if (error != VSMD_OK)
-		return error;
-	return style->output_base <= 1 && command_possible(command, message->id.extended) ?
-	               VSMD_OK :
-	               VSMD_ERR_RANGE;
-}
-
 /* --- registers in frames ---------------------------------------------------------------------- */
 
 static void put_registers(const uint32_t *values, unsigned count, struct db_can_frame *frame)
@@ -478,15 +456,29 @@ static void put_registers(const uint32_t *values, unsigned count, struct db_can_
 enum vsmd_error vsmd_can_decode(const struct vsmd_can_style *style,
                                 const struct db_can_frame *frame, struct vsmd_can_message *message)
 {
+	struct vsmd_can_command *command = &message->command;
+	const struct shape *shape;
+	enum vsmd_error error;
 	unsigned count;
 
 	*message = (struct vsmd_can_message){ 0 };
 	if (vsmd_can_unpack_id(frame->id, &message->id) != VSMD_OK ||
 	    frame->length > DB_CAN_DATA_MAX)
 		return VSMD_ERR_SYNTAX;
-	if (message->id.control == VSMD_CAN_COMMAND)
-		return decode_command(style, frame, message);
-
+	if (message->id.control == VSMD_CAN_COMMAND) {
+		command->code = (enum vsmd_can_code)message->id.reg;
+		if (!code_possible(message->id.reg, message->id.broadcast))
+			return VSMD_ERR_SYNTAX;
+		shape = &shapes[message->id.reg];
+		if (frame->length != shape->least && frame->length != shape->most)
+			return VSMD_ERR_SYNTAX;
+		error = get_arguments(frame->data, frame->length, style->output_base, command);
+		if (error != VSMD_OK)
+			return error;
+		return style->output_base <= 1 && command_possible(command, message->id.extended) ?
+		               VSMD_OK :
+		               VSMD_ERR_RANGE;
+	}
 	count = frame->length / REG_BYTES;
 	if (count == 0 || frame->length % REG_BYTES != 0)
 		return VSMD_ERR_SYNTAX;

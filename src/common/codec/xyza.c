@@ -425,26 +425,6 @@ void xyza_fill_data(const struct xyza_request *request, uint32_t value,
 		reply->target++;
 }
 
-/* Checks the data of an answer to a read. */
-static bool data_fits(const struct xyza_request *request, const struct xyza_reply *reply)
-{
-	struct xyza_frame content = { .mark = XYZA_MARK_COMMAND };
-
-	if (put_request(request, &content) != XYZA_OK || reply->item_class != content.item_class)
-		return false;
-	switch (request->verb) {
-	case XYZA_READ_PORTS:
-		return true; /* no two places of the document agree on the target */
-	case XYZA_READ_SIGN:
-		return reply->target == content.target && reply->value <= 1;
-	case XYZA_READ_STANDING:
-		return (reply->target == content.target || reply->target == content.target + 1) &&
-		       reply->value <= 1;
-	default:
-		return reply->target == content.target;
-	}
-}
-
 static bool is_read(enum xyza_verb verb)
 {
 	return verb >= XYZA_READ_MAGNITUDE && verb <= XYZA_READ_ITEM;
@@ -459,6 +439,7 @@ static uint8_t order_of(enum xyza_verb verb)
 
 bool xyza_fits(const struct xyza_request *request, const struct xyza_reply *reply)
 {
+	struct xyza_frame content = { .mark = XYZA_MARK_COMMAND };
 	if ((unsigned)request->verb >= XYZA_VERB_COUNT || reply->object != request->object)
 		return false;
 	switch (reply->kind) {
@@ -471,7 +452,22 @@ bool xyza_fits(const struct xyza_request *request, const struct xyza_reply *repl
 		return request->verb == XYZA_PROGRAM_STATE;
 	case XYZA_REPLY_DATA:
 	default:
-		return is_read(request->verb) && data_fits(request, reply);
+		break;
+	}
+	/* The data of an answer to a read. */
+	if (!is_read(request->verb) || put_request(request, &content) != XYZA_OK ||
+	    reply->item_class != content.item_class)
+		return false;
+	switch (request->verb) {
+	case XYZA_READ_PORTS:
+		return true; /* no two places of the document agree on the target */
+	case XYZA_READ_SIGN:
+		return reply->target == content.target && reply->value <= 1;
+	case XYZA_READ_STANDING:
+		return (reply->target == content.target || reply->target == content.target + 1) &&
+		       reply->value <= 1;
+	default:
+		return reply->target == content.target;
 	}
 }
 

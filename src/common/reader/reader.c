@@ -494,31 +494,6 @@ static bool refuse_after_key(struct scan *scan, size_t section, const char *name
 	return false;
 }
 
-/* After '{'. */
-static bool read_keys(struct scan *scan, size_t section)
-{
-	while (scan->token.type != TOKEN_CLOSE) {
-		unsigned line = scan->token.line;
-		char *name;
-
-		if (!is_name(scan))
-			return refuse_token(scan, "a key, or } at the end of the section");
-		name = strdup(scan->text);
-		if (!name)
-			return false;
-		read_token(scan);
-		if (scan->token.type != TOKEN_EQUALS && scan->token.type != TOKEN_APPEND) {
-			refuse_after_key(scan, section, name, line);
-			free(name);
-			return false;
-		}
-		if (!read_key(scan, name, line, section))
-			return false;
-	}
-	read_token(scan);
-	return true;
-}
-
 /* After its name, which is taken over, at the title or '{'. */
 static bool read_section(struct scan *scan, char *name, unsigned line)
 {
@@ -548,7 +523,26 @@ static bool read_section(struct scan *scan, char *name, unsigned line)
 	if (scan->token.type != TOKEN_OPEN)
 		return refuse_token(scan, "{ at the start of a section, or = after a key");
 	read_token(scan);
-	return read_keys(scan, index);
+	while (scan->token.type != TOKEN_CLOSE) {
+		unsigned place = scan->token.line;
+		char *key;
+
+		if (!is_name(scan))
+			return refuse_token(scan, "a key, or } at the end of the section");
+		key = strdup(scan->text);
+		if (!key)
+			return false;
+		read_token(scan);
+		if (scan->token.type != TOKEN_EQUALS && scan->token.type != TOKEN_APPEND) {
+			refuse_after_key(scan, index, key, place);
+			free(key);
+			return false;
+		}
+		if (!read_key(scan, key, place, index))
+			return false;
+	}
+	read_token(scan);
+	return true;
 }
 
 /* Each text separately: none of them continues in the next one. */
