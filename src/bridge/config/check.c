@@ -98,24 +98,11 @@ static unsigned gateway_unit_of(const struct db_config *config, uint32_t endpoin
 	return db_modbus_endpoint_find(&config->modbus, endpoint, &found) ? found.gateway_unit : 0;
 }
 
-static bool is_there(const struct db_config *config, uint32_t endpoint, unsigned unit)
-{
-	if (unit == gateway_unit_of(config, endpoint))
-		return true;
-	for (size_t i = 0; i < config->drive_count; i++) {
-		const struct db_drive_config *drive = &config->drives[i];
-
-		if (drive->endpoint == endpoint &&
-		    (drive->unit == unit || drive->vendor_unit == unit))
-			return true;
-	}
-	return false;
-}
-
 /* Whether its PLC waits long enough, and its units are there. Needs times that are filled in. */
 static void check_line(struct db_load *load, const struct db_rtu_config *line)
 {
-	const struct db_modbus_config *modbus = &load->config->modbus;
+	const struct db_config *config = load->config;
+	const struct db_modbus_config *modbus = &config->modbus;
 	unsigned slowest = modbus->confirm_ms + (unsigned)(db_times_of_line(line) / DB_NS_PER_MS) +
 	                   1;
 
@@ -132,7 +119,15 @@ static void check_line(struct db_load *load, const struct db_rtu_config *line)
 		/* All of them, or those of drives. */
 		if (db_section_find_line(load, "modbus-rtu", line->name, 0, "units") == 0)
 			return;
-		if (!db_rtu_has_unit(line, unit) || is_there(load->config, line->endpoint, unit))
+		bool there = unit == gateway_unit_of(config, line->endpoint);
+
+		for (size_t i = 0; i < config->drive_count; i++) {
+			const struct db_drive_config *drive = &config->drives[i];
+
+			there = there || (drive->endpoint == line->endpoint &&
+			                  (drive->unit == unit || drive->vendor_unit == unit));
+		}
+		if (there || !db_rtu_has_unit(line, unit))
 			continue;
 		db_messages_add_warning(
 			&load->messages,

@@ -77,17 +77,6 @@ struct db_stops {
 	struct part parts[];
 };
 
-static json_t *describe(const struct part *part)
-{
-	if (part->drive == NO_DRIVE)
-		return json_pack("{s:s, s:s, s:o}", "drive", part->name, "result", "no_such_drive",
-		                 "reason", json_sprintf("no drive is called \"%s\"", part->name));
-	if (part->result == DB_RESULT_OK)
-		return json_pack("{s:s, s:s}", "drive", part->name, "result", "ok");
-	return json_pack("{s:s, s:s, s:s}", "drive", part->name, "result",
-	                 db_result_name(part->result), "reason", db_act_reason_of(part->result));
-}
-
 /* Reports the parts that ended since the last answer, if the caller wants to know before all
  * have. */
 static void report(struct db_session *session)
@@ -101,11 +90,22 @@ static void report(struct db_session *session)
 	list = json_array();
 	for (size_t i = 0; i < stops->count; i++) {
 		struct part *part = &stops->parts[i];
+		json_t *one;
 
 		if (!part->ended || part->told)
 			continue;
 		part->told = true;
-		(void)json_array_append_new(list, describe(part));
+		if (part->drive == NO_DRIVE)
+			one = json_pack("{s:s, s:s, s:o}", "drive", part->name, "result",
+			                "no_such_drive", "reason",
+			                json_sprintf("no drive is called \"%s\"", part->name));
+		else if (part->result == DB_RESULT_OK)
+			one = json_pack("{s:s, s:s}", "drive", part->name, "result", "ok");
+		else
+			one = json_pack("{s:s, s:s, s:s}", "drive", part->name, "result",
+			                db_result_name(part->result), "reason",
+			                db_act_reason_of(part->result));
+		(void)json_array_append_new(list, one);
 	}
 	if (last || json_array_size(list) > 0)
 		db_session_reply(session, json_pack("{s:o}", "stopped", list), !last);

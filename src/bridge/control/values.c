@@ -176,19 +176,6 @@ static void add_code(json_t *list, unsigned code, const char *name)
 	json_object_set_new(list, number, json_string(name));
 }
 
-static json_t *list_codes(const struct db_codes *codes, const struct db_driver *driver)
-{
-	json_t *list = json_object();
-
-	for (unsigned code = 0; code < codes->count; code++) {
-		if (strcmp(codes->name(code), "unknown") != 0)
-			add_code(list, code, codes->name(code));
-	}
-	for (size_t i = 0; codes->faults && driver && i < driver->fault_count; i++)
-		add_code(list, driver->faults[i].error, driver->faults[i].name);
-	return list;
-}
-
 json_t *db_values_register(const struct db_entry *entry, const char *unit)
 {
 	static const char *const tables[] = {
@@ -197,6 +184,8 @@ json_t *db_values_register(const struct db_entry *entry, const char *unit)
 		[DB_TABLE_HOLDING] = "holding",
 		[DB_TABLE_INPUT] = "input",
 	};
+	const struct db_codes *codes = codes_of(entry);
+	const struct db_driver *driver = entry->driver;
 	bool bit = entry->table != DB_TABLE_HOLDING;
 	json_t *json = json_pack("{s:s, s:s, s:b, s:s, s:b, s:s, s:i}", "name", entry->name, "type",
 	                         bit ? "bool" : db_type_name((enum db_type)entry->cell.type),
@@ -210,8 +199,17 @@ json_t *db_values_register(const struct db_entry *entry, const char *unit)
 		json_object_set_new(json, "min", json_real(min));
 		json_object_set_new(json, "max", json_real(max));
 	}
-	if (codes_of(entry))
-		json_object_set_new(json, "codes", list_codes(codes_of(entry), entry->driver));
+	if (codes) {
+		json_t *list = json_object();
+
+		for (unsigned code = 0; code < codes->count; code++) {
+			if (strcmp(codes->name(code), "unknown") != 0)
+				add_code(list, code, codes->name(code));
+		}
+		for (size_t i = 0; codes->faults && driver && i < driver->fault_count; i++)
+			add_code(list, driver->faults[i].error, driver->faults[i].name);
+		json_object_set_new(json, "codes", list);
+	}
 	json_object_set_new(json, "description", describe(entry));
 	if (!entry->row) {
 		json_t *traits = json_array();
