@@ -233,23 +233,6 @@ static void read_text(char *to, const uint8_t **at, size_t size)
 	*at += size;
 }
 
-static bool read_alarm(const uint8_t *at, struct db_alarm *alarm)
-{
-	uint64_t *const numbers[] = { &alarm->id,   &alarm->change, &alarm->since,
-		                      &alarm->came, &alarm->gone,   &alarm->acknowledged };
-
-	*alarm = (struct db_alarm){ .times = (uint32_t)db_bytes_get(at + 48, 4),
-		                    .kind = at[52],
-		                    .cause = at[53] };
-	for (size_t k = 0; k < sizeof(numbers) / sizeof(numbers[0]); k++)
-		*numbers[k] = db_bytes_get(at + 8 * k, 8);
-	at += NUMBERS;
-	read_text(alarm->name, &at, sizeof(alarm->name));
-	read_text(alarm->detail, &at, sizeof(alarm->detail));
-	read_text(alarm->by, &at, sizeof(alarm->by));
-	return alarm->kind < DB_ALARM_KIND_COUNT;
-}
-
 bool db_alarms_read(struct db_alarms *alarms, const uint8_t *bytes, size_t size)
 {
 	uint64_t count;
@@ -265,9 +248,20 @@ bool db_alarms_read(struct db_alarms *alarms, const uint8_t *bytes, size_t size)
 	alarms->last_id = db_bytes_get(bytes + 20, 8);
 	alarms->last_change = db_bytes_get(bytes + 28, 8);
 	for (size_t i = 0; i < count; i++) {
-		struct db_alarm alarm;
+		const uint8_t *at = bytes + HEAD + i * RECORD;
+		struct db_alarm alarm = { .times = (uint32_t)db_bytes_get(at + 48, 4),
+			                  .kind = at[52],
+			                  .cause = at[53] };
+		uint64_t *const numbers[] = { &alarm.id,   &alarm.change, &alarm.since,
+			                      &alarm.came, &alarm.gone,   &alarm.acknowledged };
 
-		if (!read_alarm(bytes + HEAD + i * RECORD, &alarm) || alarm.id <= last ||
+		for (size_t k = 0; k < sizeof(numbers) / sizeof(numbers[0]); k++)
+			*numbers[k] = db_bytes_get(at + 8 * k, 8);
+		at += NUMBERS;
+		read_text(alarm.name, &at, sizeof(alarm.name));
+		read_text(alarm.detail, &at, sizeof(alarm.detail));
+		read_text(alarm.by, &at, sizeof(alarm.by));
+		if (alarm.kind >= DB_ALARM_KIND_COUNT || alarm.id <= last ||
 		    alarm.id > alarms->last_id || alarm.change > alarms->last_change ||
 		    !make_room(alarms)) {
 			db_alarms_clear(alarms);

@@ -53,19 +53,6 @@ static uint16_t param_offset(size_t param)
 	                  param * sizeof(union db_value));
 }
 
-/* The family defines the bits and their vendor's names. */
-static void name_bit(struct db_entry *entry, const struct db_drive_bit *bit)
-{
-	const char *name = entry->row->name;
-
-	entry->bit = bit;
-	entry->cell.address = (uint16_t)(entry->row->address + bit->bit);
-	entry->cell.bit = bit->bit;
-	entry->number = 0;
-	snprintf(entry->name, sizeof(entry->name), "%.*s%s", (int)strcspn(name, "#"), name,
-	         bit->name);
-}
-
 static struct db_entry make_entry(const struct db_row *row, enum db_table table,
                                   const struct db_scope *scope, unsigned index)
 {
@@ -110,8 +97,15 @@ static struct db_entry make_entry(const struct db_row *row, enum db_table table,
 		         index + 1, mark + 1);
 	else
 		snprintf(entry.name, DB_ROW_NAME_MAX, "%s", name);
-	if (repeat && repeat->of == DB_REPEAT_STATUS_BITS)
-		name_bit(&entry, &scope->driver->status_bits[index]);
+	/* The family defines the bits and their vendor's names. */
+	if (repeat && repeat->of == DB_REPEAT_STATUS_BITS) {
+		entry.bit = &scope->driver->status_bits[index];
+		entry.cell.address = (uint16_t)(row->address + entry.bit->bit);
+		entry.cell.bit = entry.bit->bit;
+		entry.number = 0;
+		snprintf(entry.name, sizeof(entry.name), "%.*s%s", (int)strcspn(row->name, "#"),
+		         row->name, entry.bit->name);
+	}
 	return entry;
 }
 

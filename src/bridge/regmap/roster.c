@@ -89,25 +89,6 @@ struct db_view_space *db_view_space_of(const struct db_registers *registers,
 	return NULL;
 }
 
-/* The gateway's own unit of an endpoint, which stays when a reload takes the endpoint out. Null
- * when out of memory. */
-static struct db_gateway_unit *own_unit(struct db_registers *registers, uint32_t endpoint)
-{
-	struct db_gateway_unit *unit = registers->units;
-
-	while (unit && unit->endpoint != endpoint)
-		unit = unit->next;
-	if (unit)
-		return unit;
-	unit = calloc(1, sizeof(*unit));
-	if (unit) {
-		unit->endpoint = endpoint;
-		unit->next = registers->units;
-		registers->units = unit;
-	}
-	return unit;
-}
-
 static void assign_unit(struct db_view_space *space, unsigned unit, uint16_t drive, bool vendor)
 {
 	space->units[unit & 0xFF] = drive;
@@ -157,7 +138,19 @@ static int make_spaces(struct db_registers *registers, struct db_view_roster *ro
 		if (roster->space_count < endpoints)
 			space->endpoint =
 				db_modbus_endpoint_at(roster->modbus, roster->space_count).number;
-		space->own = own_unit(registers, space->endpoint);
+		/* The gateway's own unit of an endpoint stays when a reload takes the endpoint
+		 * out. */
+		space->own = registers->units;
+		while (space->own && space->own->endpoint != space->endpoint)
+			space->own = space->own->next;
+		if (!space->own) {
+			space->own = calloc(1, sizeof(*space->own));
+			if (space->own) {
+				space->own->endpoint = space->endpoint;
+				space->own->next = registers->units;
+				registers->units = space->own;
+			}
+		}
 		/* One more than needed, so that no allocation has size 0. The roster is released
 		 * with what it has, which gcc's analyzer does not see. */
 		space->drives = calloc(roster->drive_count + 1, sizeof(struct db_view_drive *));

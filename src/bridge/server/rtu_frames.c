@@ -122,17 +122,6 @@ size_t db_rtu_burst_cut(const struct db_rtu_burst *burst,
 
 /* --- echoes ----------------------------------------------------------------------------------- */
 
-/* True if a PLC may send these bytes as a request, too. */
-static bool may_be_request(const uint8_t *bytes, size_t length)
-{
-	uint8_t function = bytes[1];
-
-	return length >= DB_RTU_FRAME_MIN && (function & EXCEPTION_FLAG) == 0 &&
-	       (function == MODBUS_FC_WRITE_SINGLE_COIL ||
-	        function == MODBUS_FC_WRITE_SINGLE_REGISTER ||
-	        function == MODBUS_FC_MASK_WRITE_REGISTER || function == 0x08);
-}
-
 void db_rtu_echo_sent(struct db_rtu_echo *echo, const uint8_t *bytes, size_t length, db_time wire,
                       db_time now)
 {
@@ -147,7 +136,13 @@ bool db_rtu_echo_take(struct db_rtu_echo *echo, const uint8_t *bytes, size_t len
 {
 	bool expected = echo->expected;
 	bool same = length == echo->length && memcmp(bytes, echo->sent, length) == 0;
-	bool ambiguous = expected && may_be_request(echo->sent, echo->length);
+	uint8_t function = echo->sent[1];
+	/* A PLC may send the same bytes as a request, too. */
+	bool ambiguous = expected && echo->length >= DB_RTU_FRAME_MIN &&
+	                 (function & EXCEPTION_FLAG) == 0 &&
+	                 (function == MODBUS_FC_WRITE_SINGLE_COIL ||
+	                  function == MODBUS_FC_WRITE_SINGLE_REGISTER ||
+	                  function == MODBUS_FC_MASK_WRITE_REGISTER || function == 0x08);
 
 	echo->expected = false;
 	if (!expected)
