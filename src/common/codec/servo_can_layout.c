@@ -67,18 +67,6 @@ static bool is_documented(uint32_t first, uint32_t last)
 
 /* --- the frames that the user describes ------------------------------------------------------- */
 
-/* Two ids of other frames are among the acknowledgements as printed, and have to be accepted. */
-static bool ack_base_possible(uint32_t base)
-{
-	for (uint32_t id = base + 1; id <= base + SERVO_CAN_NODE_MAX; id++) {
-		if (id > DB_CAN_STANDARD_MASK ||
-		    (is_documented(id, id) && id != SERVO_CAN_ID_SYNC &&
-		     id != SERVO_CAN_BASE_ENABLE))
-			return false;
-	}
-	return true;
-}
-
 static bool in_word(unsigned at, unsigned byte)
 {
 	return byte == at || byte == at + 1;
@@ -277,7 +265,16 @@ enum servo_can_error servo_can_layout_check(const struct servo_can_layout *layou
 
 	*which = SERVO_CAN_DESCRIBED_ACK;
 	reason[0] = '\0';
-	if (!ack_base_possible(layout->ack_base))
+	/* Two ids of other frames are among the acknowledgements as printed, and have to be
+	 * accepted. */
+	for (uint32_t node = 1; node <= SERVO_CAN_NODE_MAX; node++) {
+		uint32_t id = layout->ack_base + node;
+
+		good = good && id <= DB_CAN_STANDARD_MASK &&
+		       (!is_documented(id, id) || id == SERVO_CAN_ID_SYNC ||
+		        id == SERVO_CAN_BASE_ENABLE);
+	}
+	if (!good)
 		good = refuse_layout(reason,
 		                     "the acknowledgements' ids belong to a documented frame, "
 		                     "or leave no room for 31 nodes in 11 bits");

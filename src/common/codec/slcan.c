@@ -319,19 +319,6 @@ int slcan_encode_reply(const struct slcan_reply *reply, char *line, size_t size)
 	}
 }
 
-static enum slcan_error read_received(const char *text, const char *end, struct slcan_reply *reply)
-{
-	enum slcan_error error = take_frame(&text, end, &reply->frame);
-	uint32_t timestamp;
-
-	if (error != SLCAN_OK || text == end)
-		return error;
-	error = read_number(text, end, TIMESTAMP_DIGITS, &timestamp);
-	reply->has_timestamp = error == SLCAN_OK;
-	reply->timestamp = (uint16_t)timestamp;
-	return error;
-}
-
 enum slcan_error slcan_decode_reply(const char *line, size_t length, struct slcan_reply *reply)
 {
 	enum slcan_error error;
@@ -352,7 +339,13 @@ enum slcan_error slcan_decode_reply(const char *line, size_t length, struct slca
 	case 'r':
 	case 'R':
 		reply->kind = SLCAN_REPLY_FRAME;
-		return read_received(line, end, reply);
+		error = take_frame(&line, end, &reply->frame);
+		if (error != SLCAN_OK || line == end)
+			return error;
+		error = read_number(line, end, TIMESTAMP_DIGITS, &value);
+		reply->has_timestamp = error == SLCAN_OK;
+		reply->timestamp = (uint16_t)value;
+		return error;
 	case 'z':
 	case 'Z':
 		reply->kind = SLCAN_REPLY_SENT;

@@ -319,16 +319,6 @@ static enum vsmd_error read_value(struct reader *reader, struct vsmd_command *co
 	return error;
 }
 
-static enum vsmd_error read_switch(struct reader *reader, struct vsmd_command *command)
-{
-	struct word word;
-
-	if (!next_word(reader, &word) || !(is(word, "on") || is(word, "off")))
-		return VSMD_ERR_SYNTAX;
-	command->value = is(word, "on");
-	return VSMD_OK;
-}
-
 enum shake_word { SHAKE_SPOS = 1, SHAKE_EPOS = 2, SHAKE_FREQ = 4, SHAKE_LIMIT = 8, SHAKE_ALL = 15 };
 
 static enum vsmd_error read_shake_word(struct word word, struct vsmd_command *command, int *seen)
@@ -396,16 +386,6 @@ static enum vsmd_error read_shake(struct reader *reader, struct vsmd_command *co
 	return seen == SHAKE_ALL ? VSMD_OK : VSMD_ERR_SYNTAX;
 }
 
-static enum vsmd_error read_zero(struct reader *reader, struct vsmd_command *command)
-{
-	struct word word;
-
-	if (!next_word(reader, &word) || !(is(word, "start") || is(word, "stop")))
-		return VSMD_ERR_SYNTAX;
-	command->verb = is(word, "start") ? VSMD_ZERO_START : VSMD_ZERO_STOP;
-	return VSMD_OK;
-}
-
 static enum vsmd_error read_setting(struct word word, struct vsmd_setting *setting)
 {
 	const char *equals = memchr(word.text, '=', word.length);
@@ -466,6 +446,7 @@ static enum vsmd_error read_verb(struct reader *reader, struct vsmd_command *com
                                  struct vsmd_setting *settings, size_t capacity)
 {
 	struct word verb;
+	struct word word;
 	static const enum vsmd_verb plain[] = { VSMD_DEV, VSMD_STS,  VSMD_ENA,
 		                                VSMD_OFF, VSMD_ECLR, VSMD_SAV };
 
@@ -485,13 +466,20 @@ static enum vsmd_error read_verb(struct reader *reader, struct vsmd_command *com
 		command->verb = is(verb, "stp") ? VSMD_STP : VSMD_ORG;
 		return read_value(reader, command);
 	}
-	if (is(verb, "zero"))
-		return read_zero(reader, command);
+	if (is(verb, "zero")) {
+		if (!next_word(reader, &word) || !(is(word, "start") || is(word, "stop")))
+			return VSMD_ERR_SYNTAX;
+		command->verb = is(word, "start") ? VSMD_ZERO_START : VSMD_ZERO_STOP;
+		return VSMD_OK;
+	}
 	if (is(verb, "shake"))
 		return read_shake(reader, command);
 	if (is_numbered(verb, "s", 6, &command->port)) {
 		command->verb = VSMD_SENSOR_OUT;
-		return read_switch(reader, command);
+		if (!next_word(reader, &word) || !(is(word, "on") || is(word, "off")))
+			return VSMD_ERR_SYNTAX;
+		command->value = is(word, "on");
+		return VSMD_OK;
 	}
 	if (is_numbered(verb, "sv", 3, &command->port)) {
 		command->verb = VSMD_SV;
