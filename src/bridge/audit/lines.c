@@ -50,52 +50,48 @@ static const char *take_record(struct db_lines *lines, const json_t *record)
 	return "records before this one are missing";
 }
 
-static void take_line(struct db_lines *lines, const char *text, size_t length, db_lines_fn *take,
-                      void *context)
-{
-	json_t *object = length <= DB_TRAIL_LINE_MAX ?
-	                         json_loadb(text, length, JSON_REJECT_DUPLICATES, NULL) :
-	                         NULL;
-	bool head = json_is_string(json_object_get(object, "audit"));
-	const char *why = NULL;
-
-	lines->line++;
-	if (head)
-		why = take_head(lines, object);
-	switch (db_chain_check(&lines->chain, text, length)) {
-	case DB_CHAIN_GOOD:
-		lines->begun = true;
-		break;
-	case DB_CHAIN_WRONG:
-		/* Without its head the first line of what is left cannot be judged. */
-		if (lines->begun || head)
-			why = "its seal does not fit: it was changed, or a line before it was";
-		lines->begun = true;
-		break;
-	case DB_CHAIN_NO_LINE:
-	default:
-		why = "this is no record";
-		break;
-	}
-	if (!object)
-		why = "this is no record";
-	else if (!head && !why)
-		why = take_record(lines, object);
-	else if (!head && number_of(object, "number") != 0)
-		lines->number = number_of(object, "number");
-	take(context, lines, head ? NULL : object, text, length, why);
-	json_decref(object);
-}
-
 size_t db_lines_read(struct db_lines *lines, const char *bytes, size_t length, db_lines_fn *take,
                      void *context)
 {
-	const char *at = bytes;
+	const char *text = bytes;
 	const char *end;
 
-	while ((end = memchr(at, '\n', (size_t)(bytes + length - at))) != NULL) {
-		take_line(lines, at, (size_t)(end - at), take, context);
-		at = end + 1;
+	for (; (end = memchr(text, '\n', (size_t)(bytes + length - text))) != NULL;
+	     text = end + 1) {
+		size_t size = (size_t)(end - text);
+		json_t *object = size <= DB_TRAIL_LINE_MAX ?
+		                         json_loadb(text, size, JSON_REJECT_DUPLICATES, NULL) :
+		                         NULL;
+		bool head = json_is_string(json_object_get(object, "audit"));
+		const char *why = NULL;
+
+		lines->line++;
+		if (head)
+			why = take_head(lines, object);
+		switch (db_chain_check(&lines->chain, text, size)) {
+		case DB_CHAIN_GOOD:
+			lines->begun = true;
+			break;
+		case DB_CHAIN_WRONG:
+			/* Without its head the first line of what is left cannot be judged. */
+			if (lines->begun || head)
+				why = "its seal does not fit: it was changed, or a line before it "
+				      "was";
+			lines->begun = true;
+			break;
+		case DB_CHAIN_NO_LINE:
+		default:
+			why = "this is no record";
+			break;
+		}
+		if (!object)
+			why = "this is no record";
+		else if (!head && !why)
+			why = take_record(lines, object);
+		else if (!head && number_of(object, "number") != 0)
+			lines->number = number_of(object, "number");
+		take(context, lines, head ? NULL : object, text, size, why);
+		json_decref(object);
 	}
-	return (size_t)(at - bytes);
+	return (size_t)(text - bytes);
 }
