@@ -52,17 +52,21 @@ static json_t *describe(const struct db_alarm *alarm)
 		(json_int_t)alarm->acknowledged, "acknowledged_by", db_values_text(alarm->by));
 }
 
-/* Those that changed first after this change, in that order; returns their number. */
-static size_t pick(const struct db_health *health, uint64_t after,
-                   const struct db_alarm *picked[AT_ONCE])
+/* What has changed after wait->after, which is moved on. */
+static void send_changes(struct db_session *session, struct wait *wait)
 {
+	const struct db_alarm *picked[AT_ONCE];
+	struct db_health *health = health_of(session);
 	size_t count = 0;
+	json_t *alarms = json_array();
+	struct db_health_state state;
 
+	/* Those that changed first after this change, in that order. */
 	for (size_t i = 0; i < db_health_alarm_count(health); i++) {
 		const struct db_alarm *alarm = db_health_alarm(health, i);
 		size_t place = count;
 
-		if (alarm->change <= after)
+		if (alarm->change <= wait->after)
 			continue;
 		while (place > 0 && picked[place - 1]->change > alarm->change)
 			place--;
@@ -73,17 +77,6 @@ static size_t pick(const struct db_health *health, uint64_t after,
 			picked[k] = picked[k - 1];
 		picked[place] = alarm;
 	}
-	return count;
-}
-
-/* What has changed after wait->after, which is moved on. */
-static void send_changes(struct db_session *session, struct wait *wait)
-{
-	const struct db_alarm *picked[AT_ONCE];
-	struct db_health *health = health_of(session);
-	size_t count = pick(health, wait->after, picked);
-	json_t *alarms = json_array();
-	struct db_health_state state;
 
 	for (size_t i = 0; i < count; i++) {
 		json_array_append_new(alarms, describe(picked[i]));

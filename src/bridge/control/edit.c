@@ -124,21 +124,6 @@ static json_t *version_of(const struct db_edit_answer *answer)
 	return json_sprintf("%016" PRIx64, answer->version);
 }
 
-static json_t *describe_effects(const struct db_edit_answer *answer)
-{
-	json_t *effects = json_array();
-
-	for (size_t i = 0; i < answer->effect_count; i++) {
-		const struct db_edit_effect *effect = &answer->effects[i];
-
-		json_array_append_new(effects,
-		                      json_pack("{s:s, s:s?, s:s, s:b}", "bus", effect->bus,
-		                                "drive", effect->drive, "text", effect->text,
-		                                "moves", effect->moves));
-	}
-	return effects;
-}
-
 static void answer_read(struct db_session *session, const struct db_edit_answer *answer)
 {
 	json_t *text = json_string(answer->text);
@@ -183,10 +168,21 @@ void db_edit_answered(struct db_session *session, const struct db_edit_answer *a
 		     json_sprintf("%s: %s", answer->path, strerror(answer->error)));
 	else if (answer->kind == DB_EDIT_READ)
 		answer_read(session, answer);
-	else
+	else {
+		json_t *effects = json_array();
+
+		for (size_t i = 0; i < answer->effect_count; i++) {
+			const struct db_edit_effect *effect = &answer->effects[i];
+
+			json_array_append_new(effects,
+			                      json_pack("{s:s, s:s?, s:s, s:b}", "bus", effect->bus,
+			                                "drive", effect->drive, "text",
+			                                effect->text, "moves", effect->moves));
+		}
 		db_session_reply(session,
 		                 json_pack("{s:b, s:o, s:o, s:o}", "good", good, "messages",
 		                           db_message_lines(answer->messages), "version",
-		                           version_of(answer), "effects", describe_effects(answer)),
+		                           version_of(answer), "effects", effects),
 		                 false);
+	}
 }
