@@ -246,29 +246,10 @@ static void free_parts(struct disk *disk)
 	free(disk);
 }
 
-static int start_thread(struct disk *disk)
-{
-	pthread_condattr_t clock;
-	int error;
-
-	pthread_condattr_init(&clock);
-	pthread_condattr_setclock(&clock, CLOCK_MONOTONIC);
-	pthread_cond_init(&disk->wake, &clock);
-	pthread_condattr_destroy(&clock);
-	pthread_mutex_init(&disk->lock, NULL);
-	error = pthread_create(&disk->thread, NULL, run, disk);
-	if (error == 0) {
-		pthread_setname_np(disk->thread, "disk");
-		return 0;
-	}
-	pthread_mutex_destroy(&disk->lock);
-	pthread_cond_destroy(&disk->wake);
-	return -error;
-}
-
 int disk_new(const char *path, const char *copy, uint64_t signature, struct disk **disk)
 {
 	struct disk *made = calloc(1, sizeof(*made));
+	pthread_condattr_t clock;
 	int error;
 
 	if (!made)
@@ -285,11 +266,22 @@ int disk_new(const char *path, const char *copy, uint64_t signature, struct disk
 	}
 	if (error == 0 && (!made->path || (copy && (!made->copy_path || !made->written_to))))
 		error = -ENOMEM;
-	if (error == 0)
-		error = start_thread(made);
-	if (error == 0)
+	if (error == 0) {
+		pthread_condattr_init(&clock);
+		pthread_condattr_setclock(&clock, CLOCK_MONOTONIC);
+		pthread_cond_init(&made->wake, &clock);
+		pthread_condattr_destroy(&clock);
+		pthread_mutex_init(&made->lock, NULL);
+		error = -pthread_create(&made->thread, NULL, run, made);
+		if (error != 0) {
+			pthread_mutex_destroy(&made->lock);
+			pthread_cond_destroy(&made->wake);
+		}
+	}
+	if (error == 0) {
+		pthread_setname_np(made->thread, "disk");
 		*disk = made;
-	else
+	} else
 		free_parts(made);
 	return error;
 }
