@@ -215,31 +215,11 @@ static const struct sim_family_command *find_own(const struct sim_family *family
 	return NULL;
 }
 
-/* A command that only some families have. */
-static const char *run_own(struct request *request, const char *name)
-{
-	const struct sim_family_command *own = NULL;
-	const char *error;
-
-	for (size_t i = 0; i < SIM_BUS_KINDS && !own; i++)
-		own = find_own(sim_families[i], name);
-	if (!own)
-		return "no such command; there are fault, power, address, identity, flash, stall, "
-		       "sensor, bits, param, params, faults, health, inputs, reports, input, item, "
-		       "place, "
-		       "baud, get, log, "
-		       "list";
-	error = find_target(request, TARGET_DRIVE);
-	if (error)
-		return error;
-	own = find_own(request->node->family, name);
-	return own ? own->run(request->node, request->rest, request->now) : NOT_OF_FAMILY;
-}
-
 void sim_command(struct sim_world *world, char *line, db_time now, FILE *out)
 {
 	struct request request = { .world = world, .now = now, .out = out };
 	const char *name = cut_word(line, &request.rest);
+	const struct sim_family_command *own = NULL;
 	const char *error;
 	size_t i = 0;
 
@@ -250,7 +230,21 @@ void sim_command(struct sim_world *world, char *line, db_time now, FILE *out)
 		if (!error)
 			error = commands[i].run(&request);
 	} else {
-		error = run_own(&request, name);
+		/* A command that only some families have. */
+		for (size_t k = 0; k < SIM_BUS_KINDS && !own; k++)
+			own = find_own(sim_families[k], name);
+		error = own ? find_target(&request, TARGET_DRIVE) :
+		              "no such command; there are fault, power, address, identity, flash, "
+		              "stall, "
+		              "sensor, bits, param, params, faults, health, inputs, reports, "
+		              "input, item, "
+		              "place, "
+		              "baud, get, log, "
+		              "list";
+		if (!error) {
+			own = find_own(request.node->family, name);
+			error = own ? own->run(request.node, request.rest, now) : NOT_OF_FAMILY;
+		}
 	}
 	if (!error)
 		fputs("ok\n", out);

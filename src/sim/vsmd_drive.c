@@ -404,27 +404,6 @@ static bool is_read(enum vsmd_verb verb)
 	return verb == VSMD_STS || verb == VSMD_DEV || verb == VSMD_CFG_READ;
 }
 
-/* Carries it out, or stores it for later if this drive delays motions. */
-static bool obey(struct sim_vsmd *drive, const struct vsmd_command *command, db_time now)
-{
-	db_time delay = drive->config.temper.motion_delay;
-
-	/* Any other command for the motor precedes a motion that has not begun. */
-	if (!is_read(command->verb) && command->verb != VSMD_ORG &&
-	    command->verb != VSMD_CFG_WRITE && command->verb != VSMD_SENSOR_OUT)
-		drive->waits = false;
-	if (delay == 0 ||
-	    !(command->verb == VSMD_MOV || command->verb == VSMD_POS || command->verb == VSMD_RMV ||
-	      command->verb == VSMD_ZERO_START || command->verb == VSMD_SHAKE_CYCLES ||
-	      command->verb == VSMD_SHAKE_TIME) ||
-	    !is_enabled(drive))
-		return !handlers[command->verb] || handlers[command->verb](drive, command);
-	drive->waits = true;
-	drive->waiting = *command;
-	drive->begins_at = now + delay;
-	return true;
-}
-
 enum sim_refusal sim_vsmd_refusal(const struct sim_vsmd *drive)
 {
 	if (drive->config.temper.refusal != SIM_REFUSAL_OF_BUS)
@@ -435,10 +414,29 @@ enum sim_refusal sim_vsmd_refusal(const struct sim_vsmd *drive)
 enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_command *command,
                                       db_time now)
 {
+	bool hidden = sim_vsmd_hides_params(drive) && command->verb == VSMD_CFG_READ;
+	bool begins = command->verb == VSMD_MOV || command->verb == VSMD_POS ||
+	              command->verb == VSMD_RMV || command->verb == VSMD_ZERO_START ||
+	              command->verb == VSMD_SHAKE_CYCLES || command->verb == VSMD_SHAKE_TIME;
+	bool good = true;
+
 	sim_vsmd_advance(drive, now);
 	sim_vsmd_note_request(drive, command->verb == VSMD_DEV, now);
-	if ((sim_vsmd_hides_params(drive) && command->verb == VSMD_CFG_READ) ||
-	    !obey(drive, command, now)) {
+	if (hidden) {
+		good = false;
+	} else if (drive->config.temper.motion_delay == 0 || !begins || !is_enabled(drive)) {
+		/* Any other command for the motor precedes a motion that has not begun. */
+		if (!is_read(command->verb) && command->verb != VSMD_ORG &&
+		    command->verb != VSMD_CFG_WRITE && command->verb != VSMD_SENSOR_OUT)
+			drive->waits = false;
+		good = !handlers[command->verb] || handlers[command->verb](drive, command);
+	} else {
+		/* This drive delays motions. */
+		drive->waits = true;
+		drive->waiting = *command;
+		drive->begins_at = now + drive->config.temper.motion_delay;
+	}
+	if (!good) {
 		sim_vsmd_refuse(drive, now);
 		return VSMD_REPLY_STATUS;
 	}
