@@ -18,24 +18,6 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-/* The socket's name, and its length. */
-static socklen_t name_of(const char *path, struct sockaddr_un *name)
-{
-	uint64_t hash = UINT64_C(14695981039346656037);
-	char real[PATH_MAX];
-	int length;
-
-	if (!realpath(path, real))
-		snprintf(real, sizeof(real), "%s", path);
-	/* FNV-1a. A socket's name has no room for every path. */
-	for (const char *at = real; *at; at++)
-		hash = (hash ^ (uint8_t)*at) * UINT64_C(1099511628211);
-	*name = (struct sockaddr_un){ .sun_family = AF_UNIX };
-	length = snprintf(name->sun_path + 1, sizeof(name->sun_path) - 1, "drivebridge-%016" PRIx64,
-	                  hash);
-	return (socklen_t)(offsetof(struct sockaddr_un, sun_path) + 1 + (size_t)length);
-}
-
 /* Finds the process that has the name. False when it is another user's: any user can take a name,
  * and must not be able to prevent the service from starting with it. */
 static bool is_drivebridge(const struct sockaddr_un *name, socklen_t length, pid_t *holder)
@@ -56,13 +38,22 @@ static bool is_drivebridge(const struct sockaddr_un *name, socklen_t length, pid
 
 int alone_take(const char *path, pid_t *holder)
 {
-	struct sockaddr_un name;
-	socklen_t length = name_of(path, &name);
+	struct sockaddr_un name = { .sun_family = AF_UNIX };
+	uint64_t hash = UINT64_C(14695981039346656037);
+	char real[PATH_MAX];
+	socklen_t length = offsetof(struct sockaddr_un, sun_path) + 1;
 	int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
 	int error;
 
 	if (fd < 0)
 		return -errno;
+	if (!realpath(path, real))
+		snprintf(real, sizeof(real), "%s", path);
+	/* FNV-1a. A socket's name has no room for every path. */
+	for (const char *at = real; *at; at++)
+		hash = (hash ^ (uint8_t)*at) * UINT64_C(1099511628211);
+	length += (socklen_t)snprintf(name.sun_path + 1, sizeof(name.sun_path) - 1,
+	                              "drivebridge-%016" PRIx64, hash);
 	if (bind(fd, (const struct sockaddr *)&name, length) == 0 && listen(fd, 1) == 0)
 		return fd;
 	error = errno;

@@ -152,35 +152,12 @@ static char *read_text(const char *path, bool optional)
 	return text;
 }
 
-/*
- * The present text gets a second name, that of a former one, before the new one takes its place: so
- * each has a name at any moment. 0 or an errno.
- */
-static int keep_present(struct edit *edit)
-{
-	uint32_t number = edit->former_count > 0 ? edit->numbers[0] + 1 : 1;
-	char *kept = former_path(edit, number);
-	int error = kept ? 0 : ENOMEM;
-	int fd;
-
-	if (error == 0 && link(edit->path, kept) != 0)
-		error = errno;
-	/* Before the first one there was none: to go back to that is to have an empty one. */
-	if (kept && error == ENOENT) {
-		fd = open(kept, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC,
-		          S_IRUSR | S_IWUSR | S_IRGRP);
-		error = fd < 0 ? errno : 0;
-		if (fd >= 0)
-			close(fd);
-	}
-	free(kept);
-	return error;
-}
-
 static void write_text(struct edit *edit)
 {
 	char *written_to;
+	char *kept;
 	int error;
+	int fd;
 
 	/* The package makes it, with its owner. */
 	if (mkdir(edit->folder, S_IRWXU | S_IRGRP | S_IXGRP) != 0 && errno != EEXIST) {
@@ -197,7 +174,21 @@ static void write_text(struct edit *edit)
 		return;
 	}
 	list_formers(edit, false);
-	error = keep_present(edit);
+	/* The present text gets a second name, that of a former one, before the new one takes its
+	 * place: so each has a name at any moment. */
+	kept = former_path(edit, edit->former_count > 0 ? edit->numbers[0] + 1 : 1);
+	error = kept ? 0 : ENOMEM;
+	if (error == 0 && link(edit->path, kept) != 0)
+		error = errno;
+	/* Before the first one there was none: to go back to that is to have an empty one. */
+	if (kept && error == ENOENT) {
+		fd = open(kept, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC,
+		          S_IRUSR | S_IWUSR | S_IRGRP);
+		error = fd < 0 ? errno : 0;
+		if (fd >= 0)
+			close(fd);
+	}
+	free(kept);
 	if (error == 0)
 		error = disk_replace_file(edit->path, written_to, edit->text);
 	free(written_to);

@@ -8,26 +8,6 @@
  * file. */
 #define REPLACED " (deleted)"
 
-/* The path in a line of maps, without the mark of a replaced file; null: it is no code, or not
- * replaced. */
-static char *replaced_path(char *line)
-{
-	char permissions[5] = "";
-	size_t length = strcspn(line, "\n");
-	int path = 0;
-
-	line[length] = '\0';
-	if (sscanf(line, "%*s %4s %*s %*s %*s %n", permissions, &path) != 1 || path == 0 ||
-	    permissions[2] != 'x' || line[path] != '/' ||
-	    strncmp(line + path, "/memfd:", strlen("/memfd:")) == 0)
-		return NULL;
-	if (length < (size_t)path + strlen(REPLACED) ||
-	    strcmp(line + length - strlen(REPLACED), REPLACED) != 0)
-		return NULL;
-	line[length - strlen(REPLACED)] = '\0';
-	return line + path;
-}
-
 char *newer_find(FILE *maps)
 {
 	char *line = NULL;
@@ -35,10 +15,22 @@ char *newer_find(FILE *maps)
 	char *found = NULL;
 
 	while (!found && getline(&line, &size, maps) > 0) {
-		const char *path = replaced_path(line);
+		char permissions[5] = "";
+		size_t length = strcspn(line, "\n");
+		int path = 0;
 
-		if (path)
-			found = strdup(path);
+		/* Code, from a file and not from memory. */
+		line[length] = '\0';
+		if (sscanf(line, "%*s %4s %*s %*s %*s %n", permissions, &path) != 1 || path == 0 ||
+		    permissions[2] != 'x' || line[path] != '/' ||
+		    strncmp(line + path, "/memfd:", strlen("/memfd:")) == 0)
+			continue;
+		/* The mark of a replaced file stands behind its path. */
+		if (length < (size_t)path + strlen(REPLACED) ||
+		    strcmp(line + length - strlen(REPLACED), REPLACED) != 0)
+			continue;
+		line[length - strlen(REPLACED)] = '\0';
+		found = strdup(line + path);
 	}
 	free(line);
 	return found;
