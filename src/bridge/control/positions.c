@@ -197,32 +197,12 @@ static void put(const struct db_call *call, const struct db_position *position, 
 	                 json_pack("{s:o}", "position", describe(position, now, unit)), false);
 }
 
-/* A person confirms that the drive counts from where it did when the position was taught. */
-static void keep(const struct db_call *call, const char *drive, const char *name,
-                 const struct db_position_drive *now, const char *unit)
-{
-	const struct db_position *former = find_position(call, drive, name);
-	struct db_position position;
-	enum db_position_flaw flaw;
-
-	if (!former)
-		return;
-	flaw = db_position_judge(former, now);
-	if (flaw != DB_POSITION_GOOD && flaw != DB_POSITION_OTHER_ORIGIN) {
-		refuse_flaw(call, flaw);
-		return;
-	}
-	position = *former;
-	position.homed = now->homed;
-	memcpy(position.origin, now->origin, sizeof(position.origin));
-	note_teacher(call, &position);
-	put(call, &position, "kept", now, unit);
-}
-
 void db_positions_teach(const struct db_call *call)
 {
 	struct db_session *session = call->session;
 	struct db_position position = { .taught_us = 0 };
+	const struct db_position *former;
+	enum db_position_flaw flaw;
 	struct db_named_drive drive;
 	struct db_position_drive now;
 	const char *drive_name;
@@ -242,18 +222,28 @@ void db_positions_teach(const struct db_call *call)
 	if (!see_drive(call, &drive, &now, &unit) || !may_teach(call, &now))
 		return;
 	if (keeps) {
-		keep(call, drive_name, name, &now, unit);
-		return;
+		/* A person confirms that the drive counts from where it did when the position was
+		 * taught. */
+		former = find_position(call, drive_name, name);
+		if (!former)
+			return;
+		flaw = db_position_judge(former, &now);
+		if (flaw != DB_POSITION_GOOD && flaw != DB_POSITION_OTHER_ORIGIN) {
+			refuse_flaw(call, flaw);
+			return;
+		}
+		position = *former;
+	} else {
+		position.counts = now.position;
+		position.counts_per_unit = now.counts_per_unit;
+		snprintf(position.drive, sizeof(position.drive), "%s", drive_name);
+		snprintf(position.name, sizeof(position.name), "%s", name);
+		memcpy(position.identity, now.identity, sizeof(position.identity));
 	}
-	position.counts = now.position;
-	position.counts_per_unit = now.counts_per_unit;
 	position.homed = now.homed;
-	snprintf(position.drive, sizeof(position.drive), "%s", drive_name);
-	snprintf(position.name, sizeof(position.name), "%s", name);
-	memcpy(position.identity, now.identity, sizeof(position.identity));
 	memcpy(position.origin, now.origin, sizeof(position.origin));
 	note_teacher(call, &position);
-	put(call, &position, "taught", &now, unit);
+	put(call, &position, keeps ? "kept" : "taught", &now, unit);
 }
 
 void db_positions_forget(const struct db_call *call)

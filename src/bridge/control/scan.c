@@ -396,42 +396,35 @@ void db_scan_call(const struct db_call *call)
 		begin(call, bus, &plan);
 }
 
-/* What to set in a drive, and whether its family can be set so. */
-static bool take_task(const struct db_call *call, const struct db_bus_config *bus,
-                      struct db_scan_plan *plan)
-{
-	const char *what;
-
-	if (!db_call_text(call, "what", &what))
-		return false;
-	if (strcmp(what, "address") == 0)
-		plan->set_up = DB_INQUIRY_SET_ADDRESS;
-	else if (strcmp(what, "speed") == 0)
-		plan->set_up = DB_INQUIRY_SET_SPEED;
-	else if (strcmp(what, "save") == 0)
-		plan->set_up = DB_INQUIRY_SAVE;
-	else
-		db_session_fail_parameter(call->session, "what");
-	if ((plan->set_up == DB_INQUIRY_SET_ADDRESS &&
-	     bus->driver->address_effect == DB_TAKES_EFFECT_NEVER) ||
-	    (plan->set_up == DB_INQUIRY_SET_SPEED &&
-	     bus->driver->speed_effect == DB_TAKES_EFFECT_NEVER)) {
-		fail(call->session, "refused", json_string(bus->driver->set_up_elsewhere));
-		return false;
-	}
-	return plan->set_up != DB_INQUIRY_THERE;
-}
-
 void db_scan_set_up(const struct db_call *call)
 {
 	struct db_scan_plan plan = { .set_up = DB_INQUIRY_THERE };
 	const struct db_bus_config *bus;
+	const char *what;
 	int64_t address;
 
 	if (!db_act_is_allowed(call->session))
 		return;
 	bus = find_bus(call);
-	if (!bus || !take_task(call, bus, &plan) ||
+	if (!bus || !db_call_text(call, "what", &what))
+		return;
+	/* What to set in a drive, and whether its family can be set so. */
+	if (strcmp(what, "address") == 0)
+		plan.set_up = DB_INQUIRY_SET_ADDRESS;
+	else if (strcmp(what, "speed") == 0)
+		plan.set_up = DB_INQUIRY_SET_SPEED;
+	else if (strcmp(what, "save") == 0)
+		plan.set_up = DB_INQUIRY_SAVE;
+	else
+		db_session_fail_parameter(call->session, "what");
+	if ((plan.set_up == DB_INQUIRY_SET_ADDRESS &&
+	     bus->driver->address_effect == DB_TAKES_EFFECT_NEVER) ||
+	    (plan.set_up == DB_INQUIRY_SET_SPEED &&
+	     bus->driver->speed_effect == DB_TAKES_EFFECT_NEVER)) {
+		fail(call->session, "refused", json_string(bus->driver->set_up_elsewhere));
+		return;
+	}
+	if (plan.set_up == DB_INQUIRY_THERE ||
 	    !db_call_number(call, "address", 0, UINT16_MAX, &address) ||
 	    !take_number(call, "value", SPEED_MAX, &plan.value) || !take_speeds(call, bus, &plan))
 		return;
