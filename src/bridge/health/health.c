@@ -408,15 +408,23 @@ const struct db_alarm *db_health_acknowledge(struct db_health *health, uint64_t 
 	return db_alarms_acknowledge(&health->alarms, id, by, wall_us, fresh);
 }
 
-/* 0, or a negative errno: there is none, or it cannot be read. */
-static int read_alarms(struct db_health *health, const char *path)
+static void load_alarms(struct db_health *health, db_time now)
 {
-	int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
-	uint8_t *bytes = fd < 0 ? NULL : malloc(ALARMS_BYTES_MAX);
+	char path[PATH_MAX];
+	char aside[PATH_MAX + sizeof(DB_HEALTH_DAMAGED)];
+	uint8_t *bytes;
 	size_t used = 0;
 	ssize_t got = 1;
-	int error = fd < 0 ? -errno : bytes ? 0 : -ENOMEM;
+	int error;
+	int fd;
 
+	if (health->loaded || !health->folder ||
+	    snprintf(path, sizeof(path), "%s/" ALARMS_NAME, health->folder) >= (int)sizeof(path))
+		return;
+	health->loaded = true;
+	fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+	bytes = fd < 0 ? NULL : malloc(ALARMS_BYTES_MAX);
+	error = fd < 0 ? -errno : bytes ? 0 : -ENOMEM;
 	while (error == 0 && got > 0 && used < ALARMS_BYTES_MAX) {
 		got = read(fd, bytes + used, ALARMS_BYTES_MAX - used);
 		used += got > 0 ? (size_t)got : 0;
@@ -428,20 +436,6 @@ static int read_alarms(struct db_health *health, const char *path)
 	free(bytes);
 	if (fd >= 0)
 		close(fd);
-	return error;
-}
-
-static void load_alarms(struct db_health *health, db_time now)
-{
-	char path[PATH_MAX];
-	char aside[PATH_MAX + sizeof(DB_HEALTH_DAMAGED)];
-	int error;
-
-	if (health->loaded || !health->folder ||
-	    snprintf(path, sizeof(path), "%s/" ALARMS_NAME, health->folder) >= (int)sizeof(path))
-		return;
-	health->loaded = true;
-	error = read_alarms(health, path);
 	if (error == 0 || error == -ENOENT)
 		return;
 	db_log(&health->log, now, DB_EVENT_HEALTH_UNKEPT, NULL,

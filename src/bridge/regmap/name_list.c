@@ -48,37 +48,12 @@ static int by_name(const void *a, const void *b, void *context)
 	return order != 0 ? order : (left > right) - (left < right);
 }
 
-/* A neutral name takes precedence over a vendor's parameter of the same name. */
-static void drop_doubles(struct db_name_list *names)
-{
-	size_t kept = 0;
-
-	for (size_t i = 0; i < names->count; i++) {
-		const char *name = names->entries[names->by_name[i]].name;
-
-		if (kept == 0 || strcmp(names->entries[names->by_name[kept - 1]].name, name) != 0)
-			names->by_name[kept++] = names->by_name[i];
-		else
-			names->entries[names->by_name[i]].name[0] = '\0';
-	}
-	if (kept == names->count)
-		return;
-	kept = 0;
-	for (size_t i = 0; i < names->count; i++) {
-		if (names->entries[i].name[0] != '\0')
-			names->entries[kept++] = names->entries[i];
-	}
-	names->count = kept;
-	for (size_t i = 0; i < kept; i++)
-		names->by_name[i] = (uint16_t)i;
-	qsort_r(names->by_name, kept, sizeof(names->by_name[0]), by_name, names->entries);
-}
-
 struct db_name_list *db_name_list_new(const struct db_scope *scope,
                                       bool (*wanted)(const struct db_entry *entry))
 {
 	struct db_name_list *names = calloc(1, sizeof(*names));
 	struct filling filling = { .wanted = wanted };
+	size_t kept = 0;
 
 	if (!names)
 		return NULL;
@@ -96,7 +71,26 @@ struct db_name_list *db_name_list_new(const struct db_scope *scope,
 	for (size_t i = 0; i < names->count; i++)
 		names->by_name[i] = (uint16_t)i;
 	qsort_r(names->by_name, names->count, sizeof(names->by_name[0]), by_name, names->entries);
-	drop_doubles(names);
+	/* A neutral name takes precedence over a vendor's parameter of the same name. */
+	for (size_t i = 0; i < names->count; i++) {
+		const char *name = names->entries[names->by_name[i]].name;
+
+		if (kept == 0 || strcmp(names->entries[names->by_name[kept - 1]].name, name) != 0)
+			names->by_name[kept++] = names->by_name[i];
+		else
+			names->entries[names->by_name[i]].name[0] = '\0';
+	}
+	if (kept == names->count)
+		return names;
+	kept = 0;
+	for (size_t i = 0; i < names->count; i++) {
+		if (names->entries[i].name[0] != '\0')
+			names->entries[kept++] = names->entries[i];
+	}
+	names->count = kept;
+	for (size_t i = 0; i < kept; i++)
+		names->by_name[i] = (uint16_t)i;
+	qsort_r(names->by_name, kept, sizeof(names->by_name[0]), by_name, names->entries);
 	return names;
 }
 

@@ -252,30 +252,6 @@ static int start_request(struct db_connection *c, const struct db_modbus_request
 	return db_execute_write(executor, &c->client, request, token);
 }
 
-/* Answers a request at once or queues it after the unfinished ones. */
-static bool queue_or_answer(struct db_connection *c, const struct db_modbus_request *request,
-                            int result)
-{
-	struct db_connection_entry *entry;
-
-	if (result == DB_WRITE_LATER || c->queued > 0) {
-		if (!ensure_queue(c))
-			return false;
-		entry = entry_at(c, c->queued++);
-		entry->request = *request;
-		entry->request.data = NULL;
-		entry->unfinished = result == DB_WRITE_LATER;
-		entry->exception = entry->unfinished ? 0 : (uint8_t)result;
-		c->unfinished += entry->unfinished;
-		return true;
-	}
-	add_answer(c, request, (uint8_t)result);
-	c->sequence++;
-	free(c->queue);
-	c->queue = NULL;
-	return true;
-}
-
 /*
  * True if the next request may be taken now: its address does not exceed its rate. Otherwise the
  * request waits here, and later ones wait in the kernel and then at the client.
@@ -302,6 +278,7 @@ static bool take_turn(struct db_connection *c, db_time now)
 /* Takes the request at `*offset` of the input buffer. */
 static enum taken take_request(struct db_connection *c, size_t *offset, db_time now)
 {
+	struct db_connection_entry *entry;
 	struct db_modbus_request request;
 	const uint8_t *adu = c->in + *offset;
 	int length = db_pdu_cut(adu, c->in_used - *offset);
@@ -331,7 +308,23 @@ static enum taken take_request(struct db_connection *c, size_t *offset, db_time 
 	db_diagnostics_add(&c->diagnostics, DB_DIAGNOSTIC_MESSAGES, 1);
 	if (result == 0)
 		result = start_request(c, &request, now);
-	return queue_or_answer(c, &request, result) ? TAKEN : BROKEN;
+	if (result != DB_WRITE_LATER && c->queued == 0) {
+		add_answer(c, &request, (uint8_t)result);
+		c->sequence++;
+		free(c->queue);
+		c->queue = NULL;
+		return TAKEN;
+	}
+	/* It is answered after the unfinished ones. */
+	if (!ensure_queue(c))
+		return BROKEN;
+	entry = entry_at(c, c->queued++);
+	entry->request = request;
+	entry->request.data = NULL;
+	entry->unfinished = result == DB_WRITE_LATER;
+	entry->exception = entry->unfinished ? 0 : (uint8_t)result;
+	c->unfinished += entry->unfinished;
+	return TAKEN;
 }
 
 /* Answers and takes requests until there is nothing more to do or the socket is full. */

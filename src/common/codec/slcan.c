@@ -207,49 +207,13 @@ int slcan_encode_command(const struct slcan_command *command, char *line, size_t
 	return finish_line(&writer, SLCAN_CR);
 }
 
-static enum slcan_verb verb_of(char letter)
-{
-	if (strchr("tTrR", letter))
-		return SLCAN_SEND;
-	for (unsigned verb = 0; verb < SLCAN_VERB_COUNT; verb++) {
-		if (VERBS[verb] == letter)
-			return (enum slcan_verb)verb;
-	}
-	return SLCAN_VERB_COUNT;
-}
-
-/* The rest of a command after its letter, except frames. */
-static enum slcan_error read_argument(const char *text, const char *end,
-                                      struct slcan_command *command)
-{
-	enum slcan_error error;
-	uint32_t value;
-
-	switch (command->verb) {
-	case SLCAN_SET_RATE:
-	case SLCAN_TIMESTAMPS:
-		error = read_number(text, end, 1, &value);
-		command->digit = (uint8_t)value;
-		if (error != SLCAN_OK)
-			return error;
-		return value < (command->verb == SLCAN_TIMESTAMPS ? 2 : BITRATE_COUNT) ?
-		               SLCAN_OK :
-		               SLCAN_ERR_RANGE;
-	case SLCAN_SET_BTR:
-		error = read_number(text, end, BTR_DIGITS, &value);
-		command->btr = (uint16_t)value;
-		return error;
-	default:
-		return text == end ? SLCAN_OK : SLCAN_ERR_SYNTAX;
-	}
-}
-
 enum slcan_error slcan_decode_command(const char *line, size_t length,
                                       struct slcan_command *command)
 {
 	const char *text = line;
 	enum slcan_error error;
 	const char *end;
+	uint32_t value;
 
 	*command = (struct slcan_command){ .verb = SLCAN_NOTHING };
 	if (length == 0 || line[length - 1] != SLCAN_CR)
@@ -260,13 +224,35 @@ enum slcan_error slcan_decode_command(const char *line, size_t length,
 	/* strchr() also finds the zero at the end of its string. */
 	if (!is_printable((uint8_t)*text))
 		return SLCAN_ERR_SYNTAX;
-	command->verb = verb_of(*text);
-	if (command->verb == SLCAN_VERB_COUNT)
+	command->verb = strchr("tTrR", *text) ? SLCAN_SEND : SLCAN_VERB_COUNT;
+	for (unsigned verb = 0; command->verb == SLCAN_VERB_COUNT && verb < SLCAN_VERB_COUNT;
+	     verb++) {
+		if (VERBS[verb] == *text)
+			command->verb = (enum slcan_verb)verb;
+	}
+	/* What is behind the letter. */
+	switch (command->verb) {
+	case SLCAN_VERB_COUNT:
 		return SLCAN_ERR_SYNTAX;
-	if (command->verb != SLCAN_SEND)
-		return read_argument(text + 1, end, command);
-	error = take_frame(&text, end, &command->frame);
-	return error == SLCAN_OK && text != end ? SLCAN_ERR_SYNTAX : error;
+	case SLCAN_SEND:
+		error = take_frame(&text, end, &command->frame);
+		return error == SLCAN_OK && text != end ? SLCAN_ERR_SYNTAX : error;
+	case SLCAN_SET_RATE:
+	case SLCAN_TIMESTAMPS:
+		error = read_number(text + 1, end, 1, &value);
+		command->digit = (uint8_t)value;
+		if (error != SLCAN_OK)
+			return error;
+		return value < (command->verb == SLCAN_TIMESTAMPS ? 2 : BITRATE_COUNT) ?
+		               SLCAN_OK :
+		               SLCAN_ERR_RANGE;
+	case SLCAN_SET_BTR:
+		error = read_number(text + 1, end, BTR_DIGITS, &value);
+		command->btr = (uint16_t)value;
+		return error;
+	default:
+		return text + 1 == end ? SLCAN_OK : SLCAN_ERR_SYNTAX;
+	}
 }
 
 /* --- adapter to host -------------------------------------------------------------------------- */
