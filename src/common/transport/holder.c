@@ -49,14 +49,14 @@ static pid_t read_lock_file(const char *device)
 	return (pid_t)process;
 }
 
-pid_t db_port_holder(const char *device)
+pid_t db_port_holder(const struct db_bus_config *bus)
 {
 	char path[PATH_MAX];
 	struct stat about;
 	pid_t process = 0;
 	FILE *locks;
 
-	if (!realpath(device, path) || stat(path, &about) != 0)
+	if (!realpath(bus->device, path) || stat(path, &about) != 0)
 		return 0;
 	locks = fopen("/proc/locks", "re");
 	if (locks) {

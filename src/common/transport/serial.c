@@ -299,17 +299,12 @@ static db_time port_wire_time(const struct db_bus_config *bus, const uint8_t *re
 	return db_serial_wire_time(bus, request_length + answer_length);
 }
 
-static pid_t port_holder(const struct db_bus_config *bus)
-{
-	return db_port_holder(bus->device);
-}
-
 const struct db_transport db_transport_serial = {
 	.name = "serial",
 	.medium = DB_MEDIUM_SERIAL,
 	.open = port_open,
 	.close = port_close,
-	.holder = port_holder,
+	.holder = db_port_holder,
 	.fd = port_fd,
 	.read = port_read,
 	.write = port_write,

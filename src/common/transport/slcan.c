@@ -264,27 +264,6 @@ static void one_answered(struct db_port *port)
 		port->before_status--;
 }
 
-/* A refusal does not show what was refused: answers arrive in order. */
-static void something_refused(struct db_port *port, db_time now)
-{
-	if (port->status_asked && (port->before_status == 0 || !port->acknowledges)) {
-		/* Refused: the channel is not open any more, or the adapter has no such command. */
-		status_answered(port, now);
-		if (port->status_known || port->refused_in_a_row >= REFUSED_IN_A_ROW)
-			go_down(port, EPROTO, now);
-		else
-			port->status_useless = true;
-		return;
-	}
-	port->health.refused++;
-	port->refused_in_a_row++;
-	one_answered(port);
-	if (port->refused_in_a_row == REFUSED_IN_A_ROW && !port->status_asked) {
-		port->status_useless = false;
-		port->status_at = now;
-	}
-}
-
 /* True when it is a frame to be returned. */
 static bool ready_reply(struct db_port *port, const struct slcan_reply *reply, db_time now)
 {
@@ -299,7 +278,24 @@ static bool ready_reply(struct db_port *port, const struct slcan_reply *reply, d
 		one_answered(port);
 		return false;
 	case SLCAN_REPLY_REFUSED:
-		something_refused(port, now);
+		/* It does not show what was refused: answers arrive in order. */
+		if (!port->status_asked || (port->before_status > 0 && port->acknowledges)) {
+			port->health.refused++;
+			port->refused_in_a_row++;
+			one_answered(port);
+			if (port->refused_in_a_row == REFUSED_IN_A_ROW && !port->status_asked) {
+				port->status_useless = false;
+				port->status_at = now;
+			}
+			return false;
+		}
+		/* The status: the channel is not open any more, or the adapter has no such
+		 * command. */
+		status_answered(port, now);
+		if (port->status_known || port->refused_in_a_row >= REFUSED_IN_A_ROW)
+			go_down(port, EPROTO, now);
+		else
+			port->status_useless = true;
 		return false;
 	case SLCAN_REPLY_FLAGS:
 		note_flags(port, reply->flags, now);
@@ -521,18 +517,13 @@ static db_time port_wire_time(const struct db_bus_config *bus, const uint8_t *re
 	return wire > up ? wire : up;
 }
 
-static pid_t port_holder(const struct db_bus_config *bus)
-{
-	return db_port_holder(bus->device);
-}
-
 const struct db_transport db_transport_slcan = {
 	.name = "slcan",
 	.medium = DB_MEDIUM_CAN,
 	.open = port_open,
 	.pass = port_pass,
 	.close = port_close,
-	.holder = port_holder,
+	.holder = db_port_holder,
 	.fd = port_fd,
 	.read = port_read,
 	.write = port_write,

@@ -79,7 +79,7 @@ int db_serial_set_direction(int fd, const struct db_bus_config *config,
 
 /* The process that has the device locked: according to the kernel (/proc/locks), or to a lock file
  * in /run/lock, which terminal programs write. 0: not known. */
-pid_t db_port_holder(const char *device);
+pid_t db_port_holder(const struct db_bus_config *bus);
 
 /* From a file in the form of /proc/locks: the process that has this inode locked; 0: none. */
 pid_t db_port_holder_in(FILE *locks, dev_t device, ino_t inode);
