@@ -44,27 +44,6 @@ char *db_copy_write(const struct db_source *sources, size_t count)
 	return copy;
 }
 
-/* Reads the part at *at, which is moved to the next one. */
-static bool read_part(const char **at, struct db_source *source)
-{
-	const char *end = strchr(*at, '\n');
-	size_t length = 0;
-	int path = 0;
-
-	source->profile = **at == '+';
-	if (!end ||
-	    sscanf(*at, source->profile ? "+++ %zu bytes of %n" : "--- %zu bytes of %n", &length,
-	           &path) != 1 ||
-	    path == 0 || *at + path >= end || strnlen(end + 1, length + 1) != length + 1 ||
-	    end[1 + length] != '\n')
-		return false;
-	/* gcc's analyzer takes them for lost: db_sources_free() frees them. */
-	source->path = strndup(*at + path, (size_t)(end - *at - path));
-	source->text = strndup(end + 1, length);
-	*at = end + 1 + length + 1;
-	return source->path && source->text;
-}
-
 bool db_copy_read(const char *text, struct db_source **sources, size_t *count)
 {
 	char head[HEAD_LENGTH + 1];
@@ -80,13 +59,31 @@ bool db_copy_read(const char *text, struct db_source **sources, size_t *count)
 		return false;
 	while (*at) {
 		struct db_source *more = realloc(*sources, (*count + 1) * sizeof(*more));
+		struct db_source *part;
+		const char *end;
+		size_t length;
+		int path;
 
 		if (!more)
 			return false;
 		*sources = more;
-		more[*count] = (struct db_source){ 0 };
-		if (!read_part(&at, &more[(*count)++]))
+		part = &more[(*count)++];
+		*part = (struct db_source){ .profile = *at == '+' };
+		end = strchr(at, '\n');
+		length = 0;
+		path = 0;
+		if (!end ||
+		    sscanf(at, part->profile ? "+++ %zu bytes of %n" : "--- %zu bytes of %n",
+		           &length, &path) != 1 ||
+		    path == 0 || at + path >= end || strnlen(end + 1, length + 1) != length + 1 ||
+		    end[1 + length] != '\n')
 			return false;
+		/* gcc's analyzer takes them for lost: db_sources_free() frees them. */
+		part->path = strndup(at + path, (size_t)(end - at - path));
+		part->text = strndup(end + 1, length);
+		if (!part->path || !part->text)
+			return false;
+		at = end + 1 + length + 1;
 	}
 	return true;
 }

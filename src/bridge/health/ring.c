@@ -100,18 +100,6 @@ void db_ring_write_head(const struct db_ring_shape *shape, const struct db_ring_
 	db_bytes_put(bytes + CHECKSUM_AT, db_bytes_crc(bytes, size), 4);
 }
 
-/* Nothing but what the service gives to drives may get into a text. */
-static bool is_name(const uint8_t *text)
-{
-	if (memchr(text, '\0', DB_HEALTH_NAME_MAX) == NULL)
-		return false;
-	for (; *text != '\0'; text++) {
-		if (*text <= ' ' || *text > '~' || *text == '"' || *text == '\\')
-			return false;
-	}
-	return true;
-}
-
 bool db_ring_read_head(const uint8_t *bytes, size_t size, struct db_ring_shape *shape,
                        struct db_ring_column columns[DB_RING_COLUMNS_MAX])
 {
@@ -141,8 +129,13 @@ bool db_ring_read_head(const uint8_t *bytes, size_t size, struct db_ring_shape *
 	for (size_t i = 0; i < shape->columns; i++) {
 		const uint8_t *at = bytes + HEAD + i * COLUMN;
 
-		if (!is_name(at))
+		/* Nothing but what the service gives to drives may get into a text. */
+		if (memchr(at, '\0', DB_HEALTH_NAME_MAX) == NULL)
 			return false;
+		for (const uint8_t *text = at; *text != '\0'; text++) {
+			if (*text <= ' ' || *text > '~' || *text == '"' || *text == '\\')
+				return false;
+		}
 		memcpy(columns[i].name, at, DB_HEALTH_NAME_MAX);
 		columns[i].unit = (uint16_t)db_bytes_get(at + 32, 2);
 		columns[i].since = (uint32_t)db_bytes_get(at + 36, 4);

@@ -611,15 +611,6 @@ struct reading {
 	} * cells;
 };
 
-static struct cell cell_of(const struct db_health_value *value)
-{
-	struct cell cell = { .known = value->known, .offline_ms = value->offline_ms };
-
-	if (value->exchanges > 0)
-		cell.lost_ppm = (uint32_t)((uint64_t)value->losses * 1000000 / value->exchanges);
-	return cell;
-}
-
 /* A slot, with values[] of each column. */
 static void take_slot(struct reading *reading, enum db_ring ring, const struct db_ring_slot *slot,
                       const struct db_health_value *values)
@@ -636,10 +627,16 @@ static void take_slot(struct reading *reading, enum db_ring ring, const struct d
 		/* A column that had another drive before. */
 		if ((uint64_t)(slot->number + 1) * db_ring_widths[ring] <= store->columns[i].since)
 			continue;
-		if (reading->cells)
-			reading->cells[reading->count * store->shape.columns + i] = cell_of(
-				&values[i]);
-		else if (reading->column == SIZE_MAX)
+		if (reading->cells) {
+			struct cell *cell =
+				&reading->cells[reading->count * store->shape.columns + i];
+
+			*cell = (struct cell){ .known = values[i].known,
+				               .offline_ms = values[i].offline_ms };
+			if (values[i].exchanges > 0)
+				cell->lost_ppm = (uint32_t)((uint64_t)values[i].losses * 1000000 /
+				                            values[i].exchanges);
+		} else if (reading->column == SIZE_MAX)
 			db_health_value_add(&reading->sums[i], &values[i]);
 		else if (reading->column == i && values[i].known)
 			reading->rows[reading->count++] = (struct row){ .end_us = end_us,

@@ -5,32 +5,28 @@
 
 #define PERIOD (DB_REPEAT_PERIOD_S * DB_NS_PER_S)
 
-/* The subject's entry, else a free one, else the oldest. */
-static struct db_repeat *find_entry(struct db_repeats *repeats, uint64_t subject)
-{
-	struct db_repeat *oldest = &repeats->entries[0];
-
-	for (size_t i = 0; i < DB_REPEATS_MAX; i++) {
-		struct db_repeat *entry = &repeats->entries[i];
-
-		if (entry->since != 0 && entry->subject == subject)
-			return entry;
-		if (entry->since < oldest->since)
-			oldest = entry;
-	}
-	*oldest = (struct db_repeat){ .subject = subject };
-	return oldest;
-}
-
 enum db_repeat_verdict db_repeats_pass(struct db_repeats *repeats,
                                        const struct db_log_record *record, db_time now)
 {
 	const struct db_event_kind *kind = db_event_kind(record->event);
-	struct db_repeat *entry;
+	struct db_repeat *entry = NULL;
+	struct db_repeat *oldest = &repeats->entries[0];
 
 	if (kind->most == 0)
 		return DB_REPEAT_LOGGED;
-	entry = find_entry(repeats, record->subject);
+	/* The subject's entry, else a free one, else the oldest. */
+	for (size_t i = 0; i < DB_REPEATS_MAX && !entry; i++) {
+		struct db_repeat *one = &repeats->entries[i];
+
+		if (one->since != 0 && one->subject == record->subject)
+			entry = one;
+		if (one->since < oldest->since)
+			oldest = one;
+	}
+	if (!entry) {
+		entry = oldest;
+		*entry = (struct db_repeat){ .subject = record->subject };
+	}
 	if (entry->since == 0 || (now >= entry->since + PERIOD && entry->withheld == 0)) {
 		entry->since = now;
 		entry->logged = entry->kept = 0;
