@@ -142,46 +142,6 @@ static double wanted_current(struct sim_servo *drive)
 	return torque / config->torque_constant;
 }
 
-static void step(struct sim_servo *drive)
-{
-	const struct sim_servo_config *config = &drive->config;
-	bool driven = drive->enabled && drive->faults == 0; /* the power stage is on */
-	double wanted = 0;
-	double torque, before, free_rpm, brake;
-	/* Calculates the reference at full speed. */
-	double most = drive->max_speed / SECONDS_PER_MINUTE * config->counts_per_turn;
-
-	drive->planned += clamp_to(drive->target - drive->planned, most * STEP_S);
-	if (driven && drive->time >= drive->idle_until)
-		wanted = wanted_current(drive);
-	else
-		drive->profile = drive->rpm;
-	drive->amperes = clamp_to(wanted, config->max_current);
-	drive->limited = drive->amperes != wanted;
-	/* The shaft turns. Friction slows down, but never reverses a motor, and holds a standing
-	 * one. */
-	torque = drive->amperes * config->torque_constant - config->load;
-	before = drive->rpm;
-	free_rpm = before + torque / config->inertia * RPM_PER_RAD_S * STEP_S;
-	brake = config->friction / config->inertia * RPM_PER_RAD_S * STEP_S;
-	drive->rpm = fabs(free_rpm) <= brake ? 0 : free_rpm - copysign(brake, free_rpm);
-	if (drive->blocked)
-		drive->rpm = 0;
-	drive->position += (before + drive->rpm) / 2.0 / SECONDS_PER_MINUTE *
-	                   config->counts_per_turn * STEP_S;
-	if (drive->mode == SERVO_CAN_MODE_POSITION && driven &&
-	    fabs(drive->target - drive->position) <= AT_REST_COUNTS &&
-	    fabs(drive->rpm) <= AT_REST_RPM) {
-		drive->position = drive->target;
-		drive->rpm = 0;
-		drive->profile = 0;
-	}
-	drive->time += STEP;
-	if (drive->shown_enabled != drive->enabled &&
-	    drive->time - drive->enabled_at >= config->power_time)
-		drive->shown_enabled = drive->enabled;
-}
-
 bool sim_servo_settled(const struct sim_servo *drive)
 {
 	if (drive->rpm != 0 || drive->shown_enabled != drive->enabled ||
@@ -202,12 +162,48 @@ bool sim_servo_settled(const struct sim_servo *drive)
 
 void sim_servo_advance(struct sim_servo *drive, db_time now)
 {
+	const struct sim_servo_config *config = &drive->config;
+
 	while (now - drive->time >= STEP) {
+		bool driven = drive->enabled && drive->faults == 0; /* the power stage is on */
+		double wanted = 0;
+		double torque, before, free_rpm, brake;
+		/* Calculates the reference at full speed. */
+		double most = drive->max_speed / SECONDS_PER_MINUTE * config->counts_per_turn;
+
 		if (sim_servo_settled(drive)) {
 			drive->time += (now - drive->time) / STEP * STEP;
 			return;
 		}
-		step(drive);
+		drive->planned += clamp_to(drive->target - drive->planned, most * STEP_S);
+		if (driven && drive->time >= drive->idle_until)
+			wanted = wanted_current(drive);
+		else
+			drive->profile = drive->rpm;
+		drive->amperes = clamp_to(wanted, config->max_current);
+		drive->limited = drive->amperes != wanted;
+		/* The shaft turns. Friction slows down, but never reverses a motor, and holds a
+		 * standing one. */
+		torque = drive->amperes * config->torque_constant - config->load;
+		before = drive->rpm;
+		free_rpm = before + torque / config->inertia * RPM_PER_RAD_S * STEP_S;
+		brake = config->friction / config->inertia * RPM_PER_RAD_S * STEP_S;
+		drive->rpm = fabs(free_rpm) <= brake ? 0 : free_rpm - copysign(brake, free_rpm);
+		if (drive->blocked)
+			drive->rpm = 0;
+		drive->position += (before + drive->rpm) / 2.0 / SECONDS_PER_MINUTE *
+		                   config->counts_per_turn * STEP_S;
+		if (drive->mode == SERVO_CAN_MODE_POSITION && driven &&
+		    fabs(drive->target - drive->position) <= AT_REST_COUNTS &&
+		    fabs(drive->rpm) <= AT_REST_RPM) {
+			drive->position = drive->target;
+			drive->rpm = 0;
+			drive->profile = 0;
+		}
+		drive->time += STEP;
+		if (drive->shown_enabled != drive->enabled &&
+		    drive->time - drive->enabled_at >= config->power_time)
+			drive->shown_enabled = drive->enabled;
 	}
 }
 

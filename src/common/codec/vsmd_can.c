@@ -490,20 +490,6 @@ enum vsmd_error vsmd_can_decode(const struct vsmd_can_style *style,
 	return VSMD_OK;
 }
 
-/* True if a whole register, given raw, holds a possible value of its only parameter. */
-static bool raw_possible(unsigned reg, uint32_t raw)
-{
-	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
-	union db_value value;
-	uint32_t again = raw;
-
-	if (vsmd_can_reg_packed(reg) || vsmd_can_params_of(reg, params) == 0)
-		return true;
-	/* A bit rate has one documented code and others that mean the same. */
-	return vsmd_can_extract(params[0], raw, &value) == VSMD_OK &&
-	       vsmd_can_insert(params[0], value, &again) == VSMD_OK && again == raw;
-}
-
 enum vsmd_error vsmd_can_encode_write(const struct vsmd_can_style *style, unsigned drive,
                                       unsigned first, const uint32_t *values, unsigned count,
                                       struct db_can_frame *frame)
@@ -515,9 +501,18 @@ enum vsmd_error vsmd_can_encode_write(const struct vsmd_can_style *style, unsign
 	    vsmd_can_pack_id(&id, &built.id) != VSMD_OK)
 		return VSMD_ERR_RANGE;
 	for (unsigned i = 0; i < count; i++) {
+		enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
+		union db_value value;
+		uint32_t again = values[i];
+
 		if (!vsmd_can_reg_known(first + i))
 			return VSMD_ERR_NAME;
-		if (!raw_possible(first + i, values[i]))
+		/* A whole register, given raw, holds a possible value of its only parameter. A bit
+		 * rate has one documented code and others that mean the same. */
+		(void)vsmd_can_params_of(first + i, params);
+		if (!vsmd_can_reg_packed(first + i) &&
+		    (vsmd_can_extract(params[0], values[i], &value) != VSMD_OK ||
+		     vsmd_can_insert(params[0], value, &again) != VSMD_OK || again != values[i]))
 			return VSMD_ERR_RANGE;
 	}
 	put_registers(values, count, &built);

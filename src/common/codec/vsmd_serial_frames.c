@@ -85,19 +85,6 @@ static void put_groups(uint32_t value, uint8_t *groups)
 		groups[i] = value >> (28 - 7 * i) & 0x7F;
 }
 
-static bool decode_status(const uint8_t *data, size_t length, struct vsmd_status *status)
-{
-	uint32_t speed;
-	uint32_t position;
-
-	if (length != 15 || !take_groups(data, &speed) || !take_groups(data + 5, &position) ||
-	    !take_groups(data + 10, &status->status))
-		return false;
-	memcpy(&status->velocity, &speed, sizeof(speed));
-	memcpy(&status->position, &position, sizeof(position));
-	return true;
-}
-
 static bool is_text(const uint8_t *data, size_t length)
 {
 	for (size_t i = 0; i < length; i++) {
@@ -112,6 +99,8 @@ enum vsmd_error vsmd_serial_decode_reply(const uint8_t *frame, size_t length,
 {
 	const uint8_t *data;
 	size_t data_length;
+	uint32_t speed;
+	uint32_t position;
 
 	*reply = (struct vsmd_reply){ 0 };
 	if (length < FRAME_LEAST || frame[0] != FRAME_START || frame[length - 1] != FRAME_END)
@@ -125,7 +114,13 @@ enum vsmd_error vsmd_serial_decode_reply(const uint8_t *frame, size_t length,
 	switch (frame[2]) {
 	case VSMD_REPLY_STATUS:
 		reply->code = VSMD_REPLY_STATUS;
-		return decode_status(data, data_length, &reply->status) ? VSMD_OK : VSMD_ERR_SYNTAX;
+		if (data_length != 15 || !take_groups(data, &speed) ||
+		    !take_groups(data + 5, &position) ||
+		    !take_groups(data + 10, &reply->status.status))
+			return VSMD_ERR_SYNTAX;
+		memcpy(&reply->status.velocity, &speed, sizeof(speed));
+		memcpy(&reply->status.position, &position, sizeof(position));
+		return VSMD_OK;
 	case VSMD_REPLY_IDENTITY:
 	case VSMD_REPLY_PARAMS:
 		reply->code = (enum vsmd_reply_code)frame[2];
