@@ -21,11 +21,11 @@ bool db_clients_are_permitted(const struct db_view_drive *drive, const struct db
 	       (what != DB_MAY_CLAIM || role->control);
 }
 
-void db_clients_count_role_refusal(const struct db_registers *registers,
-                                   const struct db_client *client)
+void db_clients_count_refusal(const struct db_registers *registers, const struct db_client *client,
+                              enum db_refusal kind)
 {
 	if (registers->ops->refused)
-		registers->ops->refused(registers->context, client, DB_REFUSED_ROLE);
+		registers->ops->refused(registers->context, client, kind);
 }
 
 bool db_clients_permit(const struct db_view_drive *drive, const struct db_client *client,
@@ -33,7 +33,7 @@ bool db_clients_permit(const struct db_view_drive *drive, const struct db_client
 {
 	if (db_clients_are_permitted(drive, client, what))
 		return true;
-	db_clients_count_role_refusal(drive->registers, client);
+	db_clients_count_refusal(drive->registers, client, DB_REFUSED_ROLE);
 	if (what != DB_MAY_READ)
 		db_record_denied(drive->registers, drive, client, (uint8_t)drive->config->unit,
 		                 address, "its role does not allow it");
@@ -45,7 +45,7 @@ bool db_clients_permit_gateway(const struct db_registers *registers, const struc
 	bool permitted = !client->role || client->role->control;
 
 	if (!permitted)
-		db_clients_count_role_refusal(registers, client);
+		db_clients_count_refusal(registers, client, DB_REFUSED_ROLE);
 	return permitted;
 }
 
@@ -53,14 +53,6 @@ bool db_clients_permit_gateway(const struct db_registers *registers, const struc
 static bool may_act(const struct db_view_drive *drive, const struct db_client *client)
 {
 	return client->may_write && db_clients_are_permitted(drive, client, DB_MAY_COMMAND);
-}
-
-void db_clients_count_refusal(const struct db_view_drive *drive, const struct db_client *client)
-{
-	const struct db_registers *registers = drive->registers;
-
-	if (registers->ops->refused)
-		registers->ops->refused(registers->context, client, DB_REFUSED_CONTROL);
 }
 
 bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *client, bool stop)
@@ -76,7 +68,7 @@ bool db_clients_may_write(struct db_view_drive *drive, const struct db_client *c
 			db_record_control(drive, client, true);
 		return true;
 	}
-	db_clients_count_refusal(drive, client);
+	db_clients_count_refusal(registers, client, DB_REFUSED_CONTROL);
 	return false;
 }
 

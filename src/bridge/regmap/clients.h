@@ -8,6 +8,7 @@
 
 #include "drivebridge/client.h"
 #include "drivebridge/config.h"
+#include "drivebridge/server.h"
 
 struct db_registers;
 struct db_view_drive;
@@ -32,11 +33,9 @@ bool db_clients_permit(const struct db_view_drive *drive, const struct db_client
 /* The same for the gateway's own registers, which every client may read; nothing is recorded. */
 bool db_clients_permit_gateway(const struct db_registers *registers,
                                const struct db_client *client);
-void db_clients_count_role_refusal(const struct db_registers *registers,
-                                   const struct db_client *client);
-
-/* Another client has control: the server counts what it refuses for that. */
-void db_clients_count_refusal(const struct db_view_drive *drive, const struct db_client *client);
+/* For a role, or because another client has control: the server counts what it refuses for that. */
+void db_clients_count_refusal(const struct db_registers *registers, const struct db_client *client,
+                              enum db_refusal kind);
 
 /* A client addressed a drive, with whatever result: it is alive, and does not lose its control by
  * silence. */

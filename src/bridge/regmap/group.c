@@ -188,7 +188,7 @@ int db_group_start(struct db_registers *registers, const struct db_view_space *s
 			continue;
 		any = true;
 		if (!db_clients_are_permitted(drive, client, DB_MAY_COMMAND)) {
-			db_clients_count_role_refusal(registers, client);
+			db_clients_count_refusal(registers, client, DB_REFUSED_ROLE);
 			return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
 		}
 		if (!db_clients_may_write(drive, client, false))

@@ -99,7 +99,7 @@ static bool is_permitted_for_bus(const struct write *write)
 		    (here && db_clients_are_permitted(other, write->client, DB_MAY_COMMAND)))
 			continue;
 		if (here)
-			db_clients_count_role_refusal(registers, write->client);
+			db_clients_count_refusal(registers, write->client, DB_REFUSED_ROLE);
 		db_record_denied(registers, drive, write->client, (uint8_t)drive->config->unit,
 		                 write->address,
 		                 here ? "its role does not allow it for every drive of the bus" :
@@ -305,7 +305,7 @@ static int write_control(const struct write *write)
 		db_clients_feed(write->drive, write->client, DB_FEED_WRITES);
 		return 0;
 	}
-	db_clients_count_refusal(write->drive, write->client);
+	db_clients_count_refusal(write->drive->registers, write->client, DB_REFUSED_CONTROL);
 	return refuse_write(write, DB_RESULT_NOT_IN_CONTROL, 0);
 }
 
