@@ -36,33 +36,15 @@ static int watch_client(struct sim_control *control, int fd, struct client *clie
 	return epoll_ctl(control->poll, EPOLL_CTL_ADD, fd, &event) != 0 ? -errno : 0;
 }
 
-static int start_client(struct sim_control *control)
-{
-	struct stat status;
-
-	control->poll = epoll_create1(EPOLL_CLOEXEC);
-	if (control->poll < 0)
-		return -errno;
-	control->listener = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
-	if (control->listener < 0)
-		return -errno;
-	if (stat(control->address.sun_path, &status) == 0 && S_ISSOCK(status.st_mode))
-		(void)unlink(control->address.sun_path);
-	if (bind(control->listener, (const struct sockaddr *)&control->address,
-	         sizeof(control->address)) != 0 ||
-	    listen(control->listener, SIM_CONTROL_CLIENTS) != 0) {
-		/* An existing file there is not ours to remove. */
-		control->address.sun_path[0] = '\0';
-		return -errno;
-	}
-	return watch_client(control, control->listener, NULL);
-}
-
 int sim_control_open(const char *path, struct sim_world *world, struct sim_control **control)
 {
-	struct sim_control *made = calloc(1, sizeof(*made));
-	int result;
+	struct sim_control *made;
+	struct stat status;
+	int result = 0;
 
+	if (strlen(path) >= sizeof(made->address.sun_path))
+		return -ENAMETOOLONG;
+	made = calloc(1, sizeof(*made));
 	if (!made)
 		return -ENOMEM;
 	made->world = world;
@@ -70,11 +52,21 @@ int sim_control_open(const char *path, struct sim_world *world, struct sim_contr
 	made->address.sun_family = AF_UNIX;
 	for (size_t i = 0; i < SIM_CONTROL_CLIENTS; i++)
 		made->clients[i].fd = -1;
-	result = strlen(path) < sizeof(made->address.sun_path) ? 0 : -ENAMETOOLONG;
-	if (result == 0) {
-		strcpy(made->address.sun_path, path);
-		result = start_client(made);
+	strcpy(made->address.sun_path, path);
+	if (stat(path, &status) == 0 && S_ISSOCK(status.st_mode))
+		(void)unlink(path);
+	made->poll = epoll_create1(EPOLL_CLOEXEC);
+	made->listener = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+	if (made->poll < 0 || made->listener < 0 ||
+	    bind(made->listener, (const struct sockaddr *)&made->address, sizeof(made->address)) !=
+	            0 ||
+	    listen(made->listener, SIM_CONTROL_CLIENTS) != 0) {
+		/* An existing file there is not ours to remove. */
+		made->address.sun_path[0] = '\0';
+		result = -errno;
 	}
+	if (result == 0)
+		result = watch_client(made, made->listener, NULL);
 	if (result != 0) {
 		sim_control_close(made);
 		return result;

@@ -357,30 +357,13 @@ static void *run_thread(void *context)
 
 /* --- the network thread ----------------------------------------------------------------------- */
 
-static int start_thread(struct db_rtu_port *port)
+int db_rtu_port_new(const struct db_rtu_config *config, struct db_rtu_port **port)
 {
+	struct db_rtu_port *made = calloc(1, sizeof(*made));
 	pthread_attr_t attributes;
 	pthread_t thread;
 	sigset_t all;
 	sigset_t before;
-	int error = pthread_attr_init(&attributes);
-
-	if (error != 0)
-		return -error;
-	(void)pthread_attr_setstacksize(&attributes, STACK_SIZE);
-	(void)pthread_attr_setdetachstate(&attributes, PTHREAD_CREATE_DETACHED);
-	/* Signals are the network thread's. */
-	sigfillset(&all);
-	pthread_sigmask(SIG_SETMASK, &all, &before);
-	error = pthread_create(&thread, &attributes, run_thread, port);
-	pthread_sigmask(SIG_SETMASK, &before, NULL);
-	pthread_attr_destroy(&attributes);
-	return -error;
-}
-
-int db_rtu_port_new(const struct db_rtu_config *config, struct db_rtu_port **port)
-{
-	struct db_rtu_port *made = calloc(1, sizeof(*made));
 	int error = -ENOMEM;
 
 	if (!made)
@@ -397,7 +380,17 @@ int db_rtu_port_new(const struct db_rtu_config *config, struct db_rtu_port **por
 	if (made->wake_fd < 0 || made->notify_fd < 0)
 		error = -errno;
 	else if (made->config.name && made->config.device)
-		error = start_thread(made);
+		error = -pthread_attr_init(&attributes);
+	if (error == 0) {
+		(void)pthread_attr_setstacksize(&attributes, STACK_SIZE);
+		(void)pthread_attr_setdetachstate(&attributes, PTHREAD_CREATE_DETACHED);
+		/* Signals are the network thread's. */
+		sigfillset(&all);
+		pthread_sigmask(SIG_SETMASK, &all, &before);
+		error = -pthread_create(&thread, &attributes, run_thread, made);
+		pthread_sigmask(SIG_SETMASK, &before, NULL);
+		pthread_attr_destroy(&attributes);
+	}
 	if (error != 0) {
 		free_port(made);
 		return error;

@@ -119,34 +119,16 @@ static void give_news(struct disk *disk, const struct disk_news *news)
 	(void)eventfd_write(disk->fd, 1);
 }
 
-/* The signature of the files read; 0: they changed meanwhile. */
-static uint64_t read_files(struct disk *disk, struct disk_news *news)
-{
-	struct db_config_reading reading;
-	size_t size = 0;
-	FILE *errors = open_memstream(&news->messages, &size);
-
-	if (!errors)
-		return 0;
-	news->read = true;
-	(void)db_config_read(disk->path, errors, &reading);
-	fclose(errors);
-	news->config = reading.config;
-	free(reading.copy);
-	free(disk->profiles);
-	disk->profiles = reading.profiles;
-	return db_config_signature(disk->path, disk->profiles) == reading.signature ?
-	               reading.signature :
-	               0;
-}
-
 /* The lock is held before and after. Files that change between two checks may still be being
  * written. */
 static void look_at_files(struct disk *disk)
 {
 	struct disk_news news = { 0 };
+	struct db_config_reading reading;
 	unsigned turn = disk->turn;
 	uint64_t signature;
+	size_t size = 0;
+	FILE *errors;
 	bool same;
 
 	pthread_mutex_unlock(&disk->lock);
@@ -157,7 +139,20 @@ static void look_at_files(struct disk *disk)
 	if (!same || signature == disk->expected || disk->turn != turn)
 		return;
 	pthread_mutex_unlock(&disk->lock);
-	signature = read_files(disk, &news);
+	/* The signature of the files read; 0: they changed meanwhile. */
+	signature = 0;
+	errors = open_memstream(&news.messages, &size);
+	if (errors) {
+		news.read = true;
+		(void)db_config_read(disk->path, errors, &reading);
+		fclose(errors);
+		news.config = reading.config;
+		free(reading.copy);
+		free(disk->profiles);
+		disk->profiles = reading.profiles;
+		if (db_config_signature(disk->path, disk->profiles) == reading.signature)
+			signature = reading.signature;
+	}
 	pthread_mutex_lock(&disk->lock);
 	/* From now on a change of the profiles is seen. */
 	if (signature != 0)

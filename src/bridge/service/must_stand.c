@@ -115,29 +115,6 @@ static int add_entry(struct entry **entries, size_t *count, const struct entry *
 	return 0;
 }
 
-static int read_file(struct service *service)
-{
-	struct must_stand *known = service->must_stand;
-	char line[LINE_MAX_LENGTH];
-	struct entry entry;
-	int error = 0;
-	FILE *file = known->path ? fopen(known->path, "re") : NULL;
-
-	if (!file) {
-		if (known->path && errno != ENOENT)
-			log_failure(service, "read", errno);
-		return 0;
-	}
-	while (error == 0 && fgets(line, sizeof(line), file)) {
-		if (parse_line(line, &entry))
-			error = add_entry(&known->entries, &known->count, &entry);
-		else
-			log_failure(service, "understand a line of", EINVAL);
-	}
-	fclose(file);
-	return error;
-}
-
 /* --- the drives ------------------------------------------------------------------------------- */
 
 static void look_in(struct service *service, uint64_t us)
@@ -277,6 +254,9 @@ int must_stand_begin(struct service *service)
 {
 	const char *socket = service->plant->edition->config->control.socket;
 	struct must_stand *known = calloc(1, sizeof(*known));
+	char line[LINE_MAX_LENGTH];
+	struct entry entry;
+	FILE *file = NULL;
 	int error = 0;
 
 	if (!known)
@@ -289,8 +269,18 @@ int must_stand_begin(struct service *service)
 			known->written_to = NULL;
 		error = known->path && known->written_to ? 0 : -ENOMEM;
 	}
-	if (error == 0)
-		error = read_file(service);
+	if (error == 0 && known->path)
+		file = fopen(known->path, "re");
+	if (error == 0 && known->path && !file && errno != ENOENT)
+		log_failure(service, "read", errno);
+	while (error == 0 && file && fgets(line, sizeof(line), file)) {
+		if (parse_line(line, &entry))
+			error = add_entry(&known->entries, &known->count, &entry);
+		else
+			log_failure(service, "understand a line of", EINVAL);
+	}
+	if (file)
+		fclose(file);
 	if (error == 0)
 		error = sd_event_add_time(service->loop, &known->timer, CLOCK_MONOTONIC, UINT64_MAX,
 		                          0, on_due, service);
