@@ -99,26 +99,6 @@ static json_t *arguments_of(const struct db_audit_entry *entry)
 	return arguments;
 }
 
-/* Each parameter with its value before, null where that is not known, and the new one. */
-static json_t *values_of(const struct db_audit_entry *entry)
-{
-	json_t *values = json_object();
-
-	for (size_t i = 0; i < entry->value_count; i++) {
-		const struct db_audit_value *value = &entry->values[i];
-		json_t *pair = json_array();
-
-		(void)json_array_append_new(pair, value->known && !value->secret ?
-		                                          value_of(value->type, value->old) :
-		                                          json_null());
-		(void)json_array_append_new(pair, value->secret ?
-		                                          json_string("secret") :
-		                                          value_of(value->type, value->new));
-		(void)json_object_set_new(values, value->name, pair);
-	}
-	return values;
-}
-
 /* In words for people; and what finds the same client again. */
 static void set_who(json_t *object, const struct db_audit_entry *entry)
 {
@@ -165,9 +145,12 @@ static void set_who(json_t *object, const struct db_audit_entry *entry)
 json_t *db_record_write(const struct db_audit_entry *entry)
 {
 	json_t *object = json_object();
+	json_t *values = json_object();
 
-	if (!object)
+	if (!object) {
+		json_decref(values);
 		return NULL;
+	}
 	set_number(object, "number", entry->number);
 	set_number(object, "time_us", entry->time_us);
 	set_text(object, "kind", db_audit_kind_name(entry->kind));
@@ -183,7 +166,20 @@ json_t *db_record_write(const struct db_audit_entry *entry)
 	         entry->command != DB_CMD_NONE ? db_command_name(entry->command) : entry->what);
 	if (entry->kind == DB_AUDIT_COMMAND)
 		set_members(object, "arguments", arguments_of(entry));
-	set_members(object, "values", values_of(entry));
+	/* Each parameter with its value before, null where that is not known, and the new one. */
+	for (size_t i = 0; i < entry->value_count; i++) {
+		const struct db_audit_value *value = &entry->values[i];
+		json_t *pair = json_array();
+
+		(void)json_array_append_new(pair, value->known && !value->secret ?
+		                                          value_of(value->type, value->old) :
+		                                          json_null());
+		(void)json_array_append_new(pair, value->secret ?
+		                                          json_string("secret") :
+		                                          value_of(value->type, value->new));
+		(void)json_object_set_new(values, value->name, pair);
+	}
+	set_members(object, "values", values);
 	set_number(object, "register", entry->first);
 	set_number(object, "id", entry->id);
 	set_text(object, "text", entry->text);

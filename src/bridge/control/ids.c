@@ -108,10 +108,21 @@ static size_t reserve_block(struct db_ids *ids, const char *drive, db_time now)
 	return find_block(ids, drive);
 }
 
-/* A free place of the block, or that of the oldest id that may be forgotten; DB_IDS_EACH: none. */
-static size_t choose_place(const struct block *block, db_time now)
+/* A free place of the block, or that of the oldest id that may be forgotten; DB_IDS_EACH: none, or
+ * this user has its share. */
+static size_t choose_place(const struct block *block, const struct db_id_key *key, db_time now)
 {
 	size_t chosen = DB_IDS_EACH;
+	size_t count = 0;
+
+	for (size_t i = 0; i < DB_IDS_EACH; i++) {
+		const struct place *place = &block->places[i];
+
+		count += !may_be_forgotten(place, now) && place->user == key->user &&
+		         strcmp(place->named, key->named) == 0;
+	}
+	if (count >= DB_IDS_OF_USER)
+		return DB_IDS_EACH;
 
 	for (size_t i = 0; i < DB_IDS_EACH; i++) {
 		const struct place *place = &block->places[i];
@@ -125,28 +136,13 @@ static size_t choose_place(const struct block *block, db_time now)
 	return chosen;
 }
 
-static bool has_its_share(const struct block *block, const struct db_id_key *key, db_time now)
-{
-	size_t count = 0;
-
-	for (size_t i = 0; i < DB_IDS_EACH; i++) {
-		const struct place *place = &block->places[i];
-
-		count += !may_be_forgotten(place, now) && place->user == key->user &&
-		         strcmp(place->named, key->named) == 0;
-	}
-	return count >= DB_IDS_OF_USER;
-}
-
 struct db_id_call *db_ids_add(struct db_ids *ids, const struct db_id_key *key, db_time until,
                               db_time now)
 {
 	bool fits = strlen(key->drive) < DRIVE_NAME_MAX && strlen(key->id) <= DB_ID_MAX &&
 	            strlen(key->named) < DB_CLIENT_USER_MAX;
 	size_t b = fits ? reserve_block(ids, key->drive, now) : DB_IDS_DRIVES;
-	size_t i = b < DB_IDS_DRIVES && !has_its_share(ids->blocks[b], key, now) ?
-	                   choose_place(ids->blocks[b], now) :
-	                   DB_IDS_EACH;
+	size_t i = b < DB_IDS_DRIVES ? choose_place(ids->blocks[b], key, now) : DB_IDS_EACH;
 	struct place *place;
 
 	if (i == DB_IDS_EACH)

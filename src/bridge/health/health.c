@@ -162,19 +162,27 @@ static void *run(void *context)
 
 /* --- handing over ----------------------------------------------------------------------------- */
 
-/* All meters as they are; null: no memory. */
-static struct db_store_interval *make_interval(const struct db_health *health, db_time now,
-                                               uint64_t wall_us)
+/* Ends the interval. While the disk holds up the thread, or without memory, it goes on. */
+static void post_interval(struct db_health *health, db_time now, uint64_t wall_us)
 {
-	struct db_store_interval *interval = malloc(sizeof(*interval));
-	struct db_store_entry *entries = calloc(health->meter_count + 1, sizeof(*entries));
+	struct db_store_interval *interval;
+	struct db_store_entry *entries;
 	db_time span = (now - health->began + DB_NS_PER_S / 2) / DB_NS_PER_S;
+	bool busy;
 
+	pthread_mutex_lock(&health->lock);
+	busy = health->writing || health->exchange.interval;
+	pthread_mutex_unlock(&health->lock);
+	if (busy || health->meter_count == 0)
+		return;
+	interval = malloc(sizeof(*interval));
+	entries = calloc(health->meter_count + 1, sizeof(*entries));
 	if (!interval || !entries) {
 		free(interval);
 		free(entries);
-		return NULL;
+		return;
 	}
+	/* All meters as they are. */
 	for (size_t i = 0; i < health->meter_count; i++) {
 		const struct db_meter *meter = &health->meters[i];
 		struct db_health_value value;
@@ -191,21 +199,6 @@ static struct db_store_interval *make_interval(const struct db_health *health, d
 		.entries = entries,
 		.count = health->meter_count,
 	};
-	return interval;
-}
-
-/* Ends the interval. While the disk holds up the thread, or without memory, it goes on. */
-static void post_interval(struct db_health *health, db_time now, uint64_t wall_us)
-{
-	struct db_store_interval *interval;
-	bool busy;
-
-	pthread_mutex_lock(&health->lock);
-	busy = health->writing || health->exchange.interval;
-	pthread_mutex_unlock(&health->lock);
-	interval = busy || health->meter_count == 0 ? NULL : make_interval(health, now, wall_us);
-	if (!interval)
-		return;
 	pthread_mutex_lock(&health->lock);
 	health->exchange.interval = interval;
 	pthread_mutex_unlock(&health->lock);

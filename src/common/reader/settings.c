@@ -60,27 +60,6 @@ void db_settings_check_certificate(struct db_settings *settings, const char *sec
 
 /* --- names ------------------------------------------------------------------------------------ */
 
-static void check_section(struct db_settings *settings, size_t index)
-{
-	struct db_reader_section *section = &settings->reader.sections[index];
-
-	if (!find_row(settings, section->name, NULL))
-		db_messages_add_error(settings->messages, section->line,
-		                      "unknown section '%s'; there are %s", section->name,
-		                      settings->form->sections);
-	else if (section->title[0] != '\0')
-		db_messages_add_error(settings->messages, section->line,
-		                      "section %s has no name, but '%s' was given; write %s {",
-		                      section->name, section->title, section->name);
-	else if (db_reader_find_section(&settings->reader, section->name, "") != index)
-		db_messages_add_error(settings->messages, section->line,
-		                      "there is a section %s already; write all its keys there",
-		                      section->name);
-	else
-		return;
-	section->refused = true;
-}
-
 static void check_name(struct db_settings *settings, struct db_reader_key *key)
 {
 	const struct db_reader_section *section = key->section == DB_READER_NO_SECTION ?
@@ -252,8 +231,27 @@ bool db_settings_parse(const struct db_settings_form *form, const char *text, co
 		return false;
 	}
 	if (db_reader_read(&settings.reader, &rules, &messages)) {
-		for (size_t i = 0; i < settings.reader.section_count; i++)
-			check_section(&settings, i);
+		for (size_t i = 0; i < settings.reader.section_count; i++) {
+			struct db_reader_section *section = &settings.reader.sections[i];
+
+			before = messages.errors;
+			if (!find_row(&settings, section->name, NULL))
+				db_messages_add_error(&messages, section->line,
+				                      "unknown section '%s'; there are %s",
+				                      section->name, form->sections);
+			else if (section->title[0] != '\0')
+				db_messages_add_error(&messages, section->line,
+				                      "section %s has no name, but '%s' was given; "
+				                      "write %s {",
+				                      section->name, section->title, section->name);
+			else if (db_reader_find_section(&settings.reader, section->name, "") != i)
+				db_messages_add_error(
+					&messages, section->line,
+					"there is a section %s already; write all its "
+					"keys there",
+					section->name);
+			section->refused = messages.errors != before;
+		}
 		for (size_t i = 0; i < settings.reader.key_count; i++)
 			check_name(&settings, &settings.reader.keys[i]);
 		before = messages.errors;
