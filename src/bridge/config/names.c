@@ -133,7 +133,7 @@ static bool is_known_key(const struct db_driver *const *drivers, const char *sec
 /* Levenshtein's distance: letters to insert, delete or replace. */
 static unsigned edit_distance(const char *a, const char *b)
 {
-	unsigned row[NAME_MAX_COMPARED + 1];
+	unsigned row[NAME_MAX_COMPARED + 1] = { 0 };
 	size_t length = strnlen(b, NAME_MAX_COMPARED);
 
 	for (unsigned j = 0; j <= length; j++)

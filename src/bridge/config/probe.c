@@ -102,11 +102,9 @@ static void probe_port(struct probe *probe, const struct db_bus_config *bus)
 {
 	struct stat about;
 	struct group *group;
-	char advice[400];
+	char text[400];
 
 	if (stat(bus->device, &about) != 0) {
-		char text[160];
-
 		snprintf(text, sizeof(text),
 		         "%s; is it plugged in? ls /dev/serial/by-id shows the names of USB "
 		         "adapters",
@@ -119,18 +117,18 @@ static void probe_port(struct probe *probe, const struct db_bus_config *bus)
 	} else if (!may_open(probe, &about)) {
 		group = getgrgid(about.st_gid);
 		if (group && about.st_gid != 0)
-			snprintf(advice, sizeof(advice),
+			snprintf(text, sizeof(text),
 			         "may not be opened by %s; add it to the group of the port: sudo "
 			         "adduser %s %s, and %s",
 			         probe->user, probe->user, group->gr_name,
 			         probe->uid == geteuid() ? "log in again" :
 			                                   "sudo systemctl restart drivebridge");
 		else
-			snprintf(advice, sizeof(advice),
+			snprintf(text, sizeof(text),
 			         "may not be opened by %s; a udev rule can give it to the group "
 			         "dialout",
 			         probe->user);
-		add_warning(probe, bus, bus->device, advice);
+		add_warning(probe, bus, bus->device, text);
 	} else {
 		add_good(probe, bus, bus->device);
 		fprintf(probe->out, "is a serial port, and %s may open it\n", probe->user);

@@ -121,6 +121,15 @@ static uint32_t find_endpoint(const struct db_section *section, const char *name
 
 /* --- control ---------------------------------------------------------------------------------- */
 
+static void read_control(struct db_load *load)
+{
+	struct db_control_config *control = &load->config->control;
+	struct db_section section = db_section_open_only(load, "control");
+
+	db_section_read(&section, control);
+	check_socket_path(&section, "socket", control->socket, "/run/drivebridge/control");
+}
+
 /* --- roles ------------------------------------------------------------------------------------ */
 
 static void check_drive_names(const struct db_section *section, const char *key,
@@ -559,9 +568,6 @@ bool db_sections_read(struct db_load *load)
 	size_t roles = 0;
 	size_t lines = 0;
 	size_t endpoints = 0;
-	struct db_control_config *control;
-	struct db_section section;
-
 	for (size_t i = 0; i < count; i++) {
 		buses += is_section(load, i, "bus");
 		drives += is_section(load, i, "drive");
@@ -579,10 +585,7 @@ bool db_sections_read(struct db_load *load)
 	    !config->modbus.endpoints)
 		return false;
 	read_modbus(load);
-	control = &load->config->control;
-	section = db_section_open_only(load, "control");
-	db_section_read(&section, control);
-	check_socket_path(&section, "socket", control->socket, "/run/drivebridge/control");
+	read_control(load);
 	for (size_t i = 0; i < count; i++) {
 		if (is_section(load, i, "endpoint") &&
 		    !read_endpoint(load, i,

@@ -335,17 +335,28 @@ static void record(struct db_session *session, const struct db_bus_config *bus,
 				   });
 }
 
+/* Its user, as reported by the kernel, for whom that acts, and its program. */
+static void write_whose(const struct db_session *session, char text[DB_SCAN_WHOSE_MAX])
+{
+	char user[DB_CLIENT_TEXT_MAX];
+	char program[DB_PROCESS_WORDS_MAX] = "";
+	struct db_client_words words;
+	struct ucred peer = { .pid = 0 };
+	socklen_t length = sizeof(peer);
+
+	db_actors_words(&session->control->actors, session->client.address, &words);
+	db_client_words_join(&words, user);
+	if (getsockopt(session->fd, SOL_SOCKET, SO_PEERCRED, &peer, &length) == 0 && peer.pid > 0)
+		db_process_words(peer.pid, program);
+	snprintf(text, DB_SCAN_WHOSE_MAX, "%s%s%s", user, program[0] ? ", " : "", program);
+}
+
 static void begin(const struct db_call *call, const struct db_bus_config *bus,
                   struct db_scan_plan *plan)
 {
 	struct db_session *session = call->session;
 	struct db_control_socket *control = session->control;
 	struct wait *wait = calloc(1, sizeof(*wait));
-	char user[DB_CLIENT_TEXT_MAX];
-	char program[DB_PROCESS_WORDS_MAX] = "";
-	struct db_client_words words;
-	struct ucred peer = { .pid = 0 };
-	socklen_t length = sizeof(peer);
 	int error = -ENOMEM;
 
 	/* Freed with the answer in any case. */
@@ -354,14 +365,7 @@ static void begin(const struct db_call *call, const struct db_bus_config *bus,
 		return;
 	if (wait) {
 		snprintf(wait->bus, sizeof(wait->bus), "%s", bus->name);
-		/* Its user, as reported by the kernel, for whom that acts, and its program. */
-		db_actors_words(&control->actors, session->client.address, &words);
-		db_client_words_join(&words, user);
-		if (getsockopt(session->fd, SOL_SOCKET, SO_PEERCRED, &peer, &length) == 0 &&
-		    peer.pid > 0)
-			db_process_words(peer.pid, program);
-		snprintf(wait->whose, sizeof(wait->whose), "%s%s%s", user, program[0] ? ", " : "",
-		         program);
+		write_whose(session, wait->whose);
 		memcpy(plan->whose, wait->whose, sizeof(plan->whose));
 		wait->sets_up = plan->set_up != DB_INQUIRY_THERE;
 		error = control->setup.ops->scan(control->setup.context, bus->name, plan,

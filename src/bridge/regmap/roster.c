@@ -146,6 +146,7 @@ static int make_spaces(struct db_registers *registers, struct db_view_roster *ro
 		if (!space->own) {
 			space->own = calloc(1, sizeof(*space->own));
 			if (space->own) {
+				/* Kept in the list, which gcc's analyzer does not see. */
 				space->own->endpoint = space->endpoint;
 				space->own->next = registers->units;
 				registers->units = space->own;
