@@ -94,6 +94,38 @@ static void read_servo_layout(const struct sim_section *section, struct servo_ca
 		sim_section_refuse(section, "command-word-base", "frames cannot be so: %s", reason);
 }
 
+static void read_can(const struct sim_section *section, struct sim_bus_config *bus)
+{
+	bool adapter = sim_section_word(section, "transport") == 0;
+	long bitrate = sim_section_whole(section, "bitrate");
+
+	if (adapter && slcan_bitrate_digit((uint32_t)bitrate) < 0)
+		sim_section_refuse(section, "bitrate",
+		                   "bitrate = %ld cannot be set on a serial adapter; one of these "
+		                   "is right: 10000, 20000, 50000, 100000, 125000, 250000, 500000, "
+		                   "800000, 1000000",
+		                   bitrate);
+	else if (bus->kind == SIM_BUS_VSMD_CAN && vsmd_can_rate_code((uint32_t)bitrate) == 0)
+		sim_section_refuse(section, "bitrate",
+		                   "bitrate = %ld is none these drives have; 100000, 125000, "
+		                   "250000, 500000 and 1000000, for instance, are right",
+		                   bitrate);
+	if (!adapter)
+		bus->interface = sim_section_text(section, "interface");
+	if (!adapter && !bus->interface)
+		sim_section_refuse(section, "transport",
+		                   "transport = socketcan needs interface = NAME, such as vcan0");
+	bus->can = (struct sim_can_config){
+		.bitrate = (unsigned)bitrate,
+		.adapter = adapter,
+		.latency = bus->serial.latency,
+	};
+	bus->style = (struct vsmd_can_style){
+		.extended = sim_section_word(section, "frames") == 0,
+		.output_base = (uint8_t)sim_section_whole(section, "output-base"),
+	};
+}
+
 static void read_bus(const struct sim_section *section, struct sim_bus_config *bus)
 {
 	bus->name = section->title;
@@ -114,40 +146,8 @@ static void read_bus(const struct sim_section *section, struct sim_bus_config *b
 		.turnaround = read_us(section, "turnaround-us"),
 		.line_hold = read_us(section, "line-hold-us"),
 	};
-	if (bus->kind == SIM_BUS_VSMD_CAN || bus->kind == SIM_BUS_SERVO_CAN) {
-		bool adapter = sim_section_word(section, "transport") == 0;
-		long bitrate = sim_section_whole(section, "bitrate");
-
-		if (adapter && slcan_bitrate_digit((uint32_t)bitrate) < 0)
-			sim_section_refuse(
-				section, "bitrate",
-				"bitrate = %ld cannot be set on a serial adapter; one of these "
-				"is right: 10000, 20000, 50000, 100000, 125000, 250000, 500000, "
-				"800000, 1000000",
-				bitrate);
-		else if (bus->kind == SIM_BUS_VSMD_CAN &&
-		         vsmd_can_rate_code((uint32_t)bitrate) == 0)
-			sim_section_refuse(
-				section, "bitrate",
-				"bitrate = %ld is none these drives have; 100000, 125000, "
-				"250000, 500000 and 1000000, for instance, are right",
-				bitrate);
-		if (!adapter)
-			bus->interface = sim_section_text(section, "interface");
-		if (!adapter && !bus->interface)
-			sim_section_refuse(
-				section, "transport",
-				"transport = socketcan needs interface = NAME, such as vcan0");
-		bus->can = (struct sim_can_config){
-			.bitrate = (unsigned)bitrate,
-			.adapter = adapter,
-			.latency = bus->serial.latency,
-		};
-		bus->style = (struct vsmd_can_style){
-			.extended = sim_section_word(section, "frames") == 0,
-			.output_base = (uint8_t)sim_section_whole(section, "output-base"),
-		};
-	}
+	if (bus->kind == SIM_BUS_VSMD_CAN || bus->kind == SIM_BUS_SERVO_CAN)
+		read_can(section, bus);
 	if (bus->kind == SIM_BUS_SERVO_CAN)
 		read_servo_layout(section, &bus->layout);
 	read_faults(section, bus->faults, &bus->fault_count);

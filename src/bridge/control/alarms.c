@@ -146,6 +146,27 @@ static bool is_of_drive(const struct db_health *health, uint64_t id, const char 
 	return false;
 }
 
+static void record(struct db_session *session, const struct db_alarm *alarm, const char *comment)
+{
+	bool of_bus = alarm->kind == DB_ALARM_BUS;
+	bool of_drive = alarm->kind == DB_ALARM_DRIVE;
+	char text[64 + COMMENT_MAX];
+
+	snprintf(text, sizeof(text), "alarm %llu: %s%s%s", (unsigned long long)alarm->id,
+	         of_bus || of_drive ?
+	                 db_trouble_name(alarm->cause) :
+	                 db_troubles_of_configuration((enum db_configuration_state)alarm->cause),
+	         comment[0] ? ": " : "", comment);
+	db_session_record(session, &(struct db_audit_entry){
+					   .kind = DB_AUDIT_ALARM,
+					   .what = "acknowledged",
+					   .drive = of_drive ? alarm->name : NULL,
+					   .bus = of_bus ? alarm->name : NULL,
+					   .text = text,
+					   .result = DB_RESULT_OK,
+				   });
+}
+
 void db_alarms_acknowledge_call(const struct db_call *call)
 {
 	struct db_session *session = call->session;
@@ -177,24 +198,7 @@ void db_alarms_acknowledge_call(const struct db_call *call)
 		                json_pack("{s:I}", "id", (json_int_t)id));
 		return;
 	}
-	if (fresh) {
-		bool of_bus = alarm->kind == DB_ALARM_BUS;
-		bool of_drive = alarm->kind == DB_ALARM_DRIVE;
-		char text[64 + COMMENT_MAX];
-
-		snprintf(text, sizeof(text), "alarm %llu: %s%s%s", (unsigned long long)alarm->id,
-		         of_bus || of_drive ? db_trouble_name(alarm->cause) :
-		                              db_troubles_of_configuration(
-						      (enum db_configuration_state)alarm->cause),
-		         comment[0] ? ": " : "", comment);
-		db_session_record(session, &(struct db_audit_entry){
-						   .kind = DB_AUDIT_ALARM,
-						   .what = "acknowledged",
-						   .drive = of_drive ? alarm->name : NULL,
-						   .bus = of_bus ? alarm->name : NULL,
-						   .text = text,
-						   .result = DB_RESULT_OK,
-					   });
-	}
+	if (fresh)
+		record(session, alarm, comment);
 	db_session_reply(session, json_pack("{s:o}", "alarm", describe(alarm)), false);
 }
