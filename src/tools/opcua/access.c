@@ -299,14 +299,6 @@ void db_opcua_access_begin(struct db_opcua_access *access)
 	db_opcua_logins_begin(access->logins);
 }
 
-static bool may_stay(const struct db_opcua_session *session, const struct db_users *users)
-{
-	const struct db_user *user = db_users_find(users, session->user);
-
-	return session->number == 0 || session->user[0] == '\0' ||
-	       (user && db_users_digest(user) == session->digest);
-}
-
 void db_opcua_access_review(struct db_opcua_access *access)
 {
 	struct db_users users = { .list = NULL };
@@ -325,8 +317,10 @@ void db_opcua_access_review(struct db_opcua_access *access)
 	(void)db_users_load(&users, access->config->users, &db_opcua_keeper, stderr);
 	for (size_t i = 0; i < access->places; i++) {
 		const struct db_opcua_session *session = &access->sessions[i];
+		const struct db_user *user = db_users_find(&users, session->user);
 
-		if (may_stay(session, &users))
+		if (session->number == 0 || session->user[0] == '\0' ||
+		    (user && db_users_digest(user) == session->digest))
 			continue;
 		db_client_log(DB_CLIENT_NOTICE, "%s: closed, for the file of users has changed",
 		              session->label);

@@ -180,15 +180,6 @@ static const char *words_of(const struct db_opcua_outcome *outcome)
 	return outcome->reason[0] ? outcome->reason : outcome->result[0] ? outcome->result : "done";
 }
 
-/* The call was sent, and no answer has arrived or will: it is unknown whether it was carried
- * out. */
-static bool leaves_open(const struct db_client_error *error)
-{
-	return strcmp(error->name, DB_CLIENT_LOST) == 0 ||
-	       strcmp(error->name, DB_CLIENT_BAD_ANSWER) == 0 ||
-	       strcmp(error->name, DB_CLIENT_NO_MEMORY) == 0;
-}
-
 /* Precedes its name in the log. */
 static const char *kind_of(const char *drive)
 {
@@ -201,6 +192,11 @@ static void on_result(void *data, json_t *parameters, const struct db_client_err
 	struct call *call = data;
 	const char *result = json_string_value(json_object_get(parameters, "result"));
 	struct db_opcua_outcome *outcome = &call->outcome;
+	/* The call was sent, and no answer has arrived or will: it is unknown whether it was carried
+	 * out. */
+	bool open = error && (strcmp(error->name, DB_CLIENT_LOST) == 0 ||
+	                      strcmp(error->name, DB_CLIENT_BAD_ANSWER) == 0 ||
+	                      strcmp(error->name, DB_CLIENT_NO_MEMORY) == 0);
 
 	(void)more;
 	if (call->lane)
@@ -211,7 +207,7 @@ static void on_result(void *data, json_t *parameters, const struct db_client_err
 		result = "pending";
 		outcome->pending = true;
 		(void)snprintf(outcome->reason, sizeof(outcome->reason), "%.255s", error->text);
-	} else if (error && leaves_open(error)) {
+	} else if (open) {
 		result = "indeterminate";
 		(void)snprintf(outcome->reason, sizeof(outcome->reason),
 		               "%.180s; whether the drive has done it is not known", error->text);

@@ -50,35 +50,9 @@ static struct db_opcua_alarm *find_or_add(struct db_opcua_alarms *alarms, const 
 	return alarm;
 }
 
-/* "no_answer" is "no answer". */
-static void describe(struct db_opcua_alarm *alarm, const char *detail)
-{
-	char cause[32];
-
-	(void)snprintf(cause, sizeof(cause), "%s", alarm->cause);
-	for (char *at = cause; *at; at++)
-		*at = *at == '_' ? ' ' : *at;
-	(void)snprintf(alarm->detail, sizeof(alarm->detail), "%s", detail);
-	(void)snprintf(alarm->text, sizeof(alarm->text), "%s: %s%s%s",
-	               alarm->name[0] ? alarm->name : alarm->kind, cause, detail[0] ? ": " : "",
-	               alarm->detail);
-}
-
 static int64_t number_of(const json_t *told, const char *name)
 {
 	return json_integer_value(json_object_get(told, name));
-}
-
-static void set_severity(struct db_opcua_alarm *alarm, const json_t *told, int64_t us)
-{
-	bool act = strcmp(db_client_text(told, "need"), "look") != 0;
-	unsigned severity = act ? SEVERITY_ACT : SEVERITY_LOOK;
-
-	if (severity == alarm->severity)
-		return;
-	alarm->severity_before = alarm->severity ? alarm->severity : severity;
-	alarm->severity = severity;
-	alarm->severity_us = us;
 }
 
 /* True if that is news. */
@@ -89,6 +63,10 @@ static bool take_one(struct db_opcua_alarm *alarm, const json_t *told, int64_t u
 	bool another = number != alarm->number;
 	int64_t came_us = number_of(told, "came_us");
 	int64_t gone_us = number_of(told, "gone_us");
+	const char *detail = db_client_text(told, "detail");
+	bool act = strcmp(db_client_text(told, "need"), "look") != 0;
+	unsigned severity = act ? SEVERITY_ACT : SEVERITY_LOOK;
+	char cause[32];
 
 	alarm->listed = true;
 	/* An older alarm about the same. */
@@ -106,8 +84,19 @@ static bool take_one(struct db_opcua_alarm *alarm, const json_t *told, int64_t u
 	alarm->acknowledged_us = number_of(told, "acknowledged_us");
 	alarm->received_us = us;
 	(void)snprintf(alarm->by, sizeof(alarm->by), "%s", db_client_text(told, "acknowledged_by"));
-	describe(alarm, db_client_text(told, "detail"));
-	set_severity(alarm, told, us);
+	/* "no_answer" is "no answer". */
+	(void)snprintf(cause, sizeof(cause), "%s", alarm->cause);
+	for (char *at = cause; *at; at++)
+		*at = *at == '_' ? ' ' : *at;
+	(void)snprintf(alarm->detail, sizeof(alarm->detail), "%s", detail);
+	(void)snprintf(alarm->text, sizeof(alarm->text), "%s: %s%s%s",
+	               alarm->name[0] ? alarm->name : alarm->kind, cause, detail[0] ? ": " : "",
+	               alarm->detail);
+	if (severity != alarm->severity) {
+		alarm->severity_before = alarm->severity ? alarm->severity : severity;
+		alarm->severity = severity;
+		alarm->severity_us = us;
+	}
 	return true;
 }
 

@@ -64,19 +64,6 @@ static bool is_url(const char *url)
 	return *end == '\0' && port > 0 && port <= UINT16_MAX;
 }
 
-static void check_reverse(struct db_settings *settings, const struct db_opcua_config *config)
-{
-	for (const char *at = config->reverse_connect.names; at && *at; at += strlen(at) + 1) {
-		if (!is_url(at))
-			db_messages_add_error(
-				settings->messages,
-				db_settings_line(settings, "server", "reverse-connect"),
-				"reverse-connect has '%s'; write an address as numbers with its "
-				"port, as in opc.tcp://10.0.0.7:4844",
-				at);
-	}
-}
-
 static void check_whole(struct db_settings *settings, const void *host_name)
 {
 	struct db_opcua_config *config = settings->values;
@@ -95,7 +82,15 @@ static void check_whole(struct db_settings *settings, const void *host_name)
 		                      "digits, - . and _ only",
 		                      config->gateway);
 	check_show(settings, config);
-	check_reverse(settings, config);
+	for (const char *at = config->reverse_connect.names; at && *at; at += strlen(at) + 1) {
+		if (!is_url(at))
+			db_messages_add_error(
+				settings->messages,
+				db_settings_line(settings, "server", "reverse-connect"),
+				"reverse-connect has '%s'; write an address as numbers with its "
+				"port, as in opc.tcp://10.0.0.7:4844",
+				at);
+	}
 	if (config->anonymous == DB_OPCUA_READ)
 		db_messages_add_warning(
 			settings->messages, db_settings_line(settings, "security", "anonymous"),

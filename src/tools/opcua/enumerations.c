@@ -18,15 +18,6 @@ static bool is_enumeration(const struct db_opcua_type_row *row)
 	return row->class == DB_OPCUA_DATA_TYPE_ROW && db_opcua_type_is_enumeration(row);
 }
 
-/* A field of the library's array is constant. */
-static void set_array(UA_DataTypeArray *array, const UA_DataType *types, size_t count)
-{
-	const UA_DataTypeArray filled = { .typesSize = count, .types = types, .cleanup = false };
-
-	/* gcc's analyzer takes the types for lost here. */
-	memcpy(array, &filled, sizeof(filled));
-}
-
 UA_DataTypeArray *db_opcua_enumerations_new(UA_UInt16 types)
 {
 	struct enumerations *made;
@@ -53,7 +44,10 @@ UA_DataTypeArray *db_opcua_enumerations_new(UA_UInt16 types)
 		type->binaryEncodingId = UA_NODEID_NULL;
 		count++;
 	}
-	set_array(&made->array, made->types, count);
+	/* A field of the library's array is constant; gcc's analyzer takes the types for lost here. */
+	memcpy(&made->array,
+	       &(UA_DataTypeArray){ .typesSize = count, .types = made->types, .cleanup = false },
+	       sizeof(made->array));
 	return &made->array;
 }
 

@@ -57,21 +57,6 @@ void db_opcua_logins_begin(struct db_opcua_logins *logins)
 	memset(logins->wrong, 0, sizeof(logins->wrong));
 }
 
-/* OPC UA has no words for this: the log has. */
-static void tell_weak(struct db_opcua_logins *logins, const struct db_user *user,
-                      const char *password)
-{
-	const char *wrong = db_password_judge(password, user->name,
-	                                      logins->config->password_min_length);
-
-	if (wrong)
-		db_client_log_rationed_for(
-			logins->lines, user->name, db_client_now(), DB_CLIENT_WARNING,
-			"the password of %s is weak: %s; the page changes it, or "
-			"drivebridge-opcua --add-user",
-			user->name, wrong);
-}
-
 /* BadUserAccessDenied: wrong password, or no such user. Right ones are not counted. */
 static UA_StatusCode check_password(struct db_opcua_logins *logins, const char *address,
                                     bool is_signed, const char *name, const char *password,
@@ -84,6 +69,7 @@ static UA_StatusCode check_password(struct db_opcua_logins *logins, const char *
 	uint64_t all = db_attempts_key(attempts, is_signed ? 's' : 'u', "", 0);
 	const struct db_user *user = NULL;
 	struct db_users users = { .list = NULL };
+	const char *weak;
 	bool right;
 
 	if (db_users_load(&users, logins->config->users, &db_opcua_keeper, stderr))
@@ -106,7 +92,14 @@ static UA_StatusCode check_password(struct db_opcua_logins *logins, const char *
 	if (right) {
 		login->grant = user->grant;
 		login->digest = db_users_digest(user);
-		tell_weak(logins, user, password);
+		/* OPC UA has no words for this: the log has. */
+		weak = db_password_judge(password, user->name, logins->config->password_min_length);
+		if (weak)
+			db_client_log_rationed_for(
+				logins->lines, user->name, now, DB_CLIENT_WARNING,
+				"the password of %s is weak: %s; the page changes it, or "
+				"drivebridge-opcua --add-user",
+				user->name, weak);
 	} else {
 		db_attempts_count(attempts, own, all, each, now);
 		db_attempts_count(attempts, all, own, together, now);

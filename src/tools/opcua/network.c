@@ -582,15 +582,6 @@ static void flush_connection(struct db_opcua_network *network, struct connection
 
 /* --- its life --------------------------------------------------------------------------------- */
 
-static bool limit_receiving(UA_ConnectionManager *tcp)
-{
-	UA_UInt32 size = BYTES_AT_ONCE;
-
-	return UA_KeyValueMap_setScalar(&tcp->eventSource.params,
-	                                UA_QUALIFIEDNAME(0, (char[]){ "recv-bufsize" }), &size,
-	                                &UA_TYPES[UA_TYPES_UINT32]) == UA_STATUSCODE_GOOD;
-}
-
 struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gone_fn *gone,
                                               db_opcua_served_fn *served, void *context)
 {
@@ -598,6 +589,7 @@ struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gon
 	size_t places = wanted < DB_OPCUA_NETWORK_PLACES ? wanted : DB_OPCUA_NETWORK_PLACES;
 	struct db_opcua_network *network = calloc(
 		1, sizeof(*network) + places * sizeof(network->connections[0]));
+	UA_UInt32 received = BYTES_AT_ONCE;
 
 	if (!network)
 		return NULL;
@@ -611,7 +603,9 @@ struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gon
 	network->loop = UA_EventLoop_new_POSIX(&network->logger);
 	network->tcp = UA_ConnectionManager_new_POSIX_TCP(UA_STRING("tcp connection manager"));
 	if (network->watched < 0 || !network->loop || !network->tcp ||
-	    !limit_receiving(network->tcp) ||
+	    UA_KeyValueMap_setScalar(&network->tcp->eventSource.params,
+	                             UA_QUALIFIEDNAME(0, (char[]){ "recv-bufsize" }), &received,
+	                             &UA_TYPES[UA_TYPES_UINT32]) != UA_STATUSCODE_GOOD ||
 	    network->loop->registerEventSource(network->loop, &network->tcp->eventSource) !=
 	            UA_STATUSCODE_GOOD) {
 		if (network->tcp)

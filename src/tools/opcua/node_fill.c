@@ -97,25 +97,6 @@ static void let_listen(struct db_opcua_node *node, UA_MonitoredItem **listeners)
 	node->listeners = listeners;
 }
 
-static void fill_text(struct db_opcua_node *node, const char *text, bool valued)
-{
-	UA_String *value = valued ? malloc(sizeof(*value)) : NULL;
-
-	if (value)
-		*value = db_opcua_string(text);
-	set_constant(node, &UA_TYPES[UA_TYPES_STRING], false, value, 1);
-}
-
-/* A name is the same in every language. */
-static void fill_name(struct db_opcua_node *node, const char *text, bool valued)
-{
-	UA_LocalizedText *value = valued ? malloc(sizeof(*value)) : NULL;
-
-	if (value)
-		*value = (UA_LocalizedText){ .text = db_opcua_string(text) };
-	set_constant(node, &UA_TYPES[UA_TYPES_LOCALIZEDTEXT], false, value, 1);
-}
-
 static void fill_property(const struct db_opcua_nodes *nodes, const struct db_opcua_shown *shown,
                           const struct db_opcua_branch *branch, struct db_opcua_node *node,
                           bool valued)
@@ -164,15 +145,25 @@ static void fill_identification(const struct db_opcua_nodes *nodes, struct db_op
 	const struct db_opcua_shown *shown = node->subject.shown;
 	const struct db_opcua_branch *branch = node->subject.branch;
 	int type = branch->type == DB_OPCUA_MODEL ? UA_TYPES_LOCALIZEDTEXT : UA_TYPES_STRING;
+	UA_LocalizedText *name = NULL;
+	UA_String *text = NULL;
 
 	set_head(nodes, node, UA_NODECLASS_VARIABLE, db_opcua_branch_name(&nodes->roster, branch),
 	         text_of(shown->tree, branch));
-	if (branch->type == DB_OPCUA_COMPONENT_NAME)
-		fill_name(node, shown->name, valued);
-	else if (branch->type == DB_OPCUA_LOCATION)
-		fill_text(node, shown->location, valued);
-	else
+	if (branch->type == DB_OPCUA_COMPONENT_NAME) {
+		name = valued ? malloc(sizeof(*name)) : NULL;
+		/* A name is the same in every language. */
+		if (name)
+			*name = (UA_LocalizedText){ .text = db_opcua_string(shown->name) };
+		set_constant(node, &UA_TYPES[UA_TYPES_LOCALIZEDTEXT], false, name, 1);
+	} else if (branch->type == DB_OPCUA_LOCATION) {
+		text = valued ? malloc(sizeof(*text)) : NULL;
+		if (text)
+			*text = db_opcua_string(shown->location);
+		set_constant(node, &UA_TYPES[UA_TYPES_STRING], false, text, 1);
+	} else {
 		set_variable(node, UA_TYPES[type].typeId, false, false, DB_OPCUA_FIGURES_INTERVAL);
+	}
 }
 
 static void fill_branch(const struct db_opcua_nodes *nodes, struct db_opcua_node *node, bool valued)

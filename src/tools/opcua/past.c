@@ -141,20 +141,6 @@ static UA_StatusCode begin_search(struct db_opcua_past *past, unsigned session,
 	return UA_STATUSCODE_GOOD;
 }
 
-static void wait_for_search(const struct db_opcua_past *past, db_time until)
-{
-	db_time now;
-
-	while (past->link && (now = db_client_now()) < until) {
-		struct timespec patience = { .tv_nsec = until - now };
-		struct pollfd place = { .fd = -1 };
-
-		place.fd = db_link_fd(past->link, &place.events);
-		if (ppoll(&place, 1, &patience, NULL) > 0)
-			db_link_handle(past->link);
-	}
-}
-
 /* Good: past->trail has the result. */
 static UA_StatusCode search(struct db_opcua_past *past, unsigned session,
                             const struct db_opcua_trail_query *query, db_time until)
@@ -170,7 +156,14 @@ static UA_StatusCode search(struct db_opcua_past *past, unsigned session,
 	past->asked = now;
 	if (status != UA_STATUSCODE_GOOD)
 		return status;
-	wait_for_search(past, until);
+	while (past->link && (now = db_client_now()) < until) {
+		struct timespec patience = { .tv_nsec = until - now };
+		struct pollfd place = { .fd = -1 };
+
+		place.fd = db_link_fd(past->link, &place.events);
+		if (ppoll(&place, 1, &patience, NULL) > 0)
+			db_link_handle(past->link);
+	}
 	if (past->link)
 		return UA_STATUSCODE_BADRESOURCEUNAVAILABLE;
 	status = past->status;

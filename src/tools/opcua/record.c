@@ -236,22 +236,6 @@ static UA_StatusCode fill_user(const struct filling *filling)
 	return set_text(filling, db_client_text(filling->record, "who"));
 }
 
-static UA_StatusCode fill_own_text(const struct filling *filling, const char *key)
-{
-	const json_t *text = json_object_get(filling->record, key);
-
-	return json_is_string(text) ? set_text(filling, json_string_value(text)) :
-	                              UA_STATUSCODE_GOOD;
-}
-
-static UA_StatusCode fill_own_number(const struct filling *filling, const char *key)
-{
-	const json_t *told = json_object_get(filling->record, key);
-	UA_UInt64 number = (UA_UInt64)json_integer_value(told);
-
-	return json_is_integer(told) ? set(filling, &number, UA_TYPES_UINT64) : UA_STATUSCODE_GOOD;
-}
-
 static UA_StatusCode fill_details(const struct filling *filling)
 {
 	char *words = db_capture_audit_describe(filling->record);
@@ -301,6 +285,8 @@ static UA_StatusCode fill_field(const struct filling *filling,
 		return UA_STATUSCODE_GOOD;
 	for (size_t i = 0; i < sizeof(fields_of_records) / sizeof(fields_of_records[0]); i++) {
 		const struct field *field = &fields_of_records[i];
+		const json_t *told;
+		UA_UInt64 number;
 		UA_QualifiedName name = db_opcua_member_name(filling->roster, field->name);
 
 		if (!field->own)
@@ -309,8 +295,13 @@ static UA_StatusCode fill_field(const struct filling *filling,
 			continue;
 		if (field->fill)
 			return field->fill(filling);
-		return field->text ? fill_own_text(filling, field->text) :
-		                     fill_own_number(filling, field->number);
+		told = json_object_get(filling->record, field->text ? field->text : field->number);
+		if (field->text && json_is_string(told))
+			return set_text(filling, json_string_value(told));
+		number = (UA_UInt64)json_integer_value(told);
+		return !field->text && json_is_integer(told) ?
+		               set(filling, &number, UA_TYPES_UINT64) :
+		               UA_STATUSCODE_GOOD;
 	}
 	return UA_STATUSCODE_GOOD;
 }

@@ -189,19 +189,6 @@ static void refer_to_source(const struct db_opcua_roster *roster,
 	}
 }
 
-/* Its methods are those of its types: a client calls them by their ids. */
-static void refer_to_methods(struct db_opcua_references *references)
-{
-	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
-	                  UA_NS0ID_ACKNOWLEDGEABLECONDITIONTYPE_ACKNOWLEDGE, "Acknowledge");
-	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
-	                  UA_NS0ID_CONDITIONTYPE_ENABLE, "Enable");
-	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
-	                  UA_NS0ID_CONDITIONTYPE_DISABLE, "Disable");
-	refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
-	                  UA_NS0ID_CONDITIONTYPE_ADDCOMMENT, "AddComment");
-}
-
 static UA_UInt32 type_of_member(enum db_opcua_member member)
 {
 	switch (member) {
@@ -245,6 +232,16 @@ static void refer_of_condition(const struct db_opcua_roster *roster,
                                const struct db_opcua_subject *subject,
                                struct db_opcua_references *references)
 {
+	/* Its methods are those of its types: a client calls them by their ids. */
+	static const struct {
+		UA_UInt32 id;
+		const char *name;
+	} methods[] = {
+		{ UA_NS0ID_ACKNOWLEDGEABLECONDITIONTYPE_ACKNOWLEDGE, "Acknowledge" },
+		{ UA_NS0ID_CONDITIONTYPE_ENABLE, "Enable" },
+		{ UA_NS0ID_CONDITIONTYPE_DISABLE, "Disable" },
+		{ UA_NS0ID_CONDITIONTYPE_ADDCOMMENT, "AddComment" },
+	};
 	const struct db_opcua_alarm *alarm = subject->alarm;
 	const struct db_opcua_member_row *row;
 
@@ -253,7 +250,9 @@ static void refer_of_condition(const struct db_opcua_roster *roster,
 		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, true,
 		         DB_OPCUA_ALARMS, "", db_opcua_member_name(roster, "Alarms"));
 		refer_to_source(roster, references, alarm);
-		refer_to_methods(references);
+		for (size_t i = 0; i < sizeof(methods) / sizeof(methods[0]); i++)
+			refer_to_standard(references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+			                  methods[i].id, methods[i].name);
 	} else {
 		row = &db_opcua_members[subject->member];
 		refer_to_type(references, type_of_member(subject->member));
@@ -389,17 +388,6 @@ static void refer_of_row(const struct db_opcua_roster *roster, const struct db_o
 	refer_to_rows(roster, row, references);
 }
 
-static void refer_to_all_conditions(const struct db_opcua_roster *roster,
-                                    struct db_opcua_references *references)
-{
-	refer_to_type(references, UA_NS0ID_FOLDERTYPE);
-	refer_to_standard(references, UA_REFERENCETYPEINDEX_ORGANIZES, true, UA_NS0ID_OBJECTSFOLDER,
-	                  "Objects");
-	for (const struct db_opcua_alarm *alarm = roster->alarms.list; alarm; alarm = alarm->next)
-		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false, alarm->id,
-		         "", db_opcua_condition_name(roster, alarm));
-}
-
 static void refer_of_bus(const struct db_opcua_roster *roster, const struct db_opcua_bus *bus,
                          struct db_opcua_references *references)
 {
@@ -448,7 +436,13 @@ void db_opcua_refer(const struct db_opcua_roster *roster, const struct db_opcua_
 			         DB_OPCUA_BUSES, bus->name, db_opcua_own_name(roster, bus->name));
 		break;
 	case DB_OPCUA_ALL_ALARMS:
-		refer_to_all_conditions(roster, references);
+		refer_to_type(references, UA_NS0ID_FOLDERTYPE);
+		refer_to_standard(references, UA_REFERENCETYPEINDEX_ORGANIZES, true,
+		                  UA_NS0ID_OBJECTSFOLDER, "Objects");
+		for (const struct db_opcua_alarm *alarm = roster->alarms.list; alarm;
+		     alarm = alarm->next)
+			refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
+			         alarm->id, "", db_opcua_condition_name(roster, alarm));
 		break;
 	case DB_OPCUA_CONDITION:
 		refer_of_condition(roster, subject, references);

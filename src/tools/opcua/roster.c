@@ -135,21 +135,6 @@ static bool identify_bus(const struct db_opcua_roster *roster, const char *id, s
 	return true;
 }
 
-static bool identify_alarm(const struct db_opcua_roster *roster, const char *id, size_t length,
-                           struct db_opcua_subject *subject)
-{
-	enum db_opcua_member member = DB_OPCUA_MEMBERS;
-	const struct db_opcua_alarm *alarm = db_opcua_alarms_find(&roster->alarms, id, length,
-	                                                          &member);
-
-	*subject = (struct db_opcua_subject){
-		.type = DB_OPCUA_CONDITION,
-		.alarm = alarm,
-		.member = member,
-	};
-	return alarm;
-}
-
 bool db_opcua_roster_identify(const struct db_opcua_roster *roster, const char *id, size_t length,
                               struct db_opcua_subject *subject)
 {
@@ -170,8 +155,18 @@ bool db_opcua_roster_identify(const struct db_opcua_roster *roster, const char *
 		*subject = (struct db_opcua_subject){ .type = DB_OPCUA_ALL_ALARMS };
 		return true;
 	}
-	if (length >= sizeof(of_alarm) && memcmp(id, of_alarm, sizeof(of_alarm) - 1) == 0)
-		return identify_alarm(roster, id, length, subject);
+	if (length >= sizeof(of_alarm) && memcmp(id, of_alarm, sizeof(of_alarm) - 1) == 0) {
+		enum db_opcua_member member = DB_OPCUA_MEMBERS;
+		const struct db_opcua_alarm *alarm = db_opcua_alarms_find(&roster->alarms, id,
+		                                                          length, &member);
+
+		*subject = (struct db_opcua_subject){
+			.type = DB_OPCUA_CONDITION,
+			.alarm = alarm,
+			.member = member,
+		};
+		return alarm;
+	}
 	if (length >= sizeof(of_bus) && memcmp(id, of_bus, sizeof(of_bus) - 1) == 0)
 		return identify_bus(roster, id + sizeof(of_bus) - 1, length - (sizeof(of_bus) - 1),
 		                    subject);

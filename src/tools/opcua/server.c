@@ -428,16 +428,6 @@ static UA_Server *new_library(struct db_opcua_server *server)
 	return UA_Server_newWithConfig(&settings);
 }
 
-/* One that cannot be reached is tried again by the library. */
-static void call_clients(const struct db_opcua_server *server)
-{
-	const char *at = server->config->reverse_connect.names;
-
-	for (; at && *at; at += strlen(at) + 1)
-		(void)UA_Server_addReverseConnect(server->library, db_opcua_string(at), NULL, NULL,
-		                                  NULL);
-}
-
 struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcua_config *config)
 {
 	static const struct db_opcua_nodes_ops node_ops = {
@@ -480,7 +470,10 @@ struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcu
 		db_opcua_server_free(server);
 		return NULL;
 	}
-	call_clients(server);
+	/* A client that cannot be reached is tried again by the library. */
+	for (const char *at = config->reverse_connect.names; at && *at; at += strlen(at) + 1)
+		(void)UA_Server_addReverseConnect(server->library, db_opcua_string(at), NULL, NULL,
+		                                  NULL);
 	db_client_log(DB_CLIENT_NOTICE, "listens on opc.tcp://%s:%u",
 	              config->address[0] ? config->address : config->gateway,
 	              db_opcua_network_port(server->network));

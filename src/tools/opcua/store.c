@@ -157,13 +157,6 @@ UA_StatusCode db_opcua_store_link(struct db_opcua_store *store, UA_NodeId from, 
 
 /* --- nodes ------------------------------------------------------------------------------------ */
 
-static bool is_ours(const struct db_opcua_store *store, const UA_Node *node)
-{
-	uintptr_t place = (uintptr_t)node;
-
-	return place >= (uintptr_t)store->pool && place < (uintptr_t)(store->pool + HELD_MAX);
-}
-
 bool db_opcua_store_is_written(const struct db_opcua_subject *subject)
 {
 	/* Each subject that the library knows is part of such a node. */
@@ -252,8 +245,9 @@ static const UA_Node *get_node_from_pointer(void *context, UA_NodePointer pointe
 static void release_node(void *context, const UA_Node *node)
 {
 	struct db_opcua_store *store = context;
+	uintptr_t place = (uintptr_t)node;
 
-	if (is_ours(store, node))
+	if (place >= (uintptr_t)store->pool && place < (uintptr_t)(store->pool + HELD_MAX))
 		forget_node(store, &store->pool[(const struct db_opcua_node *)node - store->pool]);
 	else
 		store->plain.releaseNode(store->plain.context, node);

@@ -94,25 +94,12 @@ static bool add_to_root(struct db_opcua_tree *tree, const struct db_opcua_config
 	return good;
 }
 
-static bool add_properties(struct db_opcua_tree *tree, size_t parent)
-{
-	size_t place = tree->list[parent].place;
-	const struct db_opcua_register *reg = &tree->kind->list[place];
-	bool good = true;
-
-	if (reg->unit[0] != '\0')
-		good = add(tree, parent, DB_OPCUA_UNIT, "EngineeringUnits", place);
-	/* The names of values are the data type's. */
-	if (good && !reg->data && !reg->codes && reg->has_range && !db_opcua_register_is_full(reg))
-		good = add(tree, parent, DB_OPCUA_RANGE, "EURange", place);
-	return good;
-}
-
 static bool add_children(struct db_opcua_tree *tree, size_t parent,
                          const struct db_opcua_config *config, bool gateway)
 {
 	enum db_opcua_group group = (enum db_opcua_group)tree->list[parent].place;
 	size_t place = tree->list[parent].place;
+	const struct db_opcua_register *reg;
 	bool good = true;
 
 	switch (tree->list[parent].type) {
@@ -125,7 +112,14 @@ static bool add_children(struct db_opcua_tree *tree, size_t parent,
 			good = add(tree, parent, DB_OPCUA_COLUMN, tree->kind->columns[i].shown, i);
 		return good;
 	case DB_OPCUA_VARIABLE:
-		return add_properties(tree, parent);
+		reg = &tree->kind->list[place];
+		if (reg->unit[0] != '\0')
+			good = add(tree, parent, DB_OPCUA_UNIT, "EngineeringUnits", place);
+		/* The names of values are the data type's. */
+		if (good && !reg->data && !reg->codes && reg->has_range &&
+		    !db_opcua_register_is_full(reg))
+			good = add(tree, parent, DB_OPCUA_RANGE, "EURange", place);
+		return good;
 	case DB_OPCUA_METHOD:
 		if (json_array_size(json_object_get(json_array_get(tree->kind->commands, place),
 		                                    "arguments")) > 0)

@@ -327,22 +327,17 @@ static bool next_code(const char **codes, long *number, UA_LocalizedText *name)
 	return true;
 }
 
-/* There are as many as signs of equality. */
-static size_t count_codes(const char *codes)
-{
-	size_t count = 0;
-
-	for (; *codes; codes++)
-		count += *codes == '=';
-	return count;
-}
-
 UA_EnumValueType *db_opcua_enum_values(const char *codes, size_t *count)
 {
-	UA_EnumValueType *values = calloc(count_codes(codes) + 1, sizeof(*values));
+	UA_EnumValueType *values;
+	size_t most = 1;
 	long number;
 	UA_LocalizedText name;
 
+	/* There are as many as signs of equality. */
+	for (const char *at = codes; *at; at++)
+		most += *at == '=';
+	values = calloc(most, sizeof(*values));
 	*count = 0;
 	while (values && next_code(&codes, &number, &name))
 		values[(*count)++] = (UA_EnumValueType){ .value = number, .displayName = name };
