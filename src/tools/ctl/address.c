@@ -19,14 +19,6 @@ struct doing {
 	bool reported;             /* the error that comes next is printed */
 };
 
-static void fail(struct doing *doing, const struct db_client_error *error,
-                 enum db_ctl_status status)
-{
-	doing->reported = true;
-	doing->status = status;
-	(void)db_setup_move_fail(&doing->move, error);
-}
-
 static void look(struct doing *doing, const struct db_setup_action *action)
 {
 	json_t *parameters = json_pack("{s:s, s:I, s:I}", "bus",
@@ -44,8 +36,11 @@ static void look(struct doing *doing, const struct db_setup_action *action)
 		                         "interrupted; nothing more was done");
 	if (status == DB_CTL_OK)
 		db_setup_move_take(&doing->move, search.finds, false, db_client_now());
-	else
-		fail(doing, &error, status);
+	else {
+		doing->reported = true;
+		doing->status = status;
+		(void)db_setup_move_fail(&doing->move, &error);
+	}
 	db_ctl_search_clear(&search);
 }
 

@@ -119,18 +119,6 @@ static void print_broken(const struct db_ctl *ctl, const json_t *page)
 	}
 }
 
-static json_t *make_query(const struct db_ctl *ctl, bool verify, json_int_t since_us)
-{
-	json_t *query = json_pack("{s:I, s:b, s:b}", "since_us", since_us, "refused", ctl->refused,
-	                          "verify", verify);
-
-	if (ctl->drive)
-		(void)json_object_set_new(query, "drive", json_string(ctl->drive));
-	if (ctl->user)
-		(void)json_object_set_new(query, "who", json_string(ctl->user));
-	return query;
-}
-
 /* All pages, one after the other. */
 static enum db_ctl_status read_trail(struct db_ctl *ctl, bool verify, struct tally *tally)
 {
@@ -141,7 +129,12 @@ static enum db_ctl_status read_trail(struct db_ctl *ctl, bool verify, struct tal
 
 	if (ctl->since && since_us == 0)
 		return db_ctl_complain_since(ctl);
-	query = make_query(ctl, verify, since_us);
+	query = json_pack("{s:I, s:b, s:b}", "since_us", since_us, "refused", ctl->refused,
+	                  "verify", verify);
+	if (ctl->drive)
+		(void)json_object_set_new(query, "drive", json_string(ctl->drive));
+	if (ctl->user)
+		(void)json_object_set_new(query, "who", json_string(ctl->user));
 	while (status == DB_CTL_OK && !over) {
 		json_t *page = db_ctl_call(ctl, "Audit", json_incref(query), DB_CTL_TIMEOUT_MS,
 		                           &status);

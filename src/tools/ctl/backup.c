@@ -64,16 +64,6 @@ static enum db_ctl_status add_drive(struct backup *backup, const json_t *familie
 	return status;
 }
 
-/* The folder of the main file; its name is left in `name`. */
-static void split_path(const char *path, char folder[PATH_MAX], const char **name)
-{
-	const char *slash = strrchr(path, '/');
-
-	*name = slash ? slash + 1 : path;
-	(void)snprintf(folder, PATH_MAX, "%.*s", slash ? (int)(slash - path) : 1,
-	               slash ? path : ".");
-}
-
 /* All but the parameters: as symbolic links, which tar follows. */
 static enum db_ctl_status add_folders(const struct backup *backup)
 {
@@ -81,11 +71,14 @@ static enum db_ctl_status add_folders(const struct backup *backup)
 	char absolute[PATH_MAX];
 	char path[PATH_MAX];
 	char head[PATH_MAX];
-	const char *name;
+	const char *main_file = db_words_text(backup->ctl->description, "configuration");
+	const char *slash = strrchr(main_file, '/');
 	enum db_ctl_status status;
 
-	split_path(db_words_text(backup->ctl->description, "configuration"), folder, &name);
-	(void)snprintf(head, sizeof(head), DB_CTL_BACKUP_HEAD "\n%s\n%s\n", name,
+	(void)snprintf(folder, sizeof(folder), "%.*s", slash ? (int)(slash - main_file) : 1,
+	               slash ? main_file : ".");
+	(void)snprintf(head, sizeof(head), DB_CTL_BACKUP_HEAD "\n%s\n%s\n",
+	               slash ? slash + 1 : main_file,
 	               db_words_text(backup->ctl->description, "version"));
 	status = write_text(backup, "gateway", head);
 	(void)snprintf(path, sizeof(path), "%s/configuration", backup->folder);
@@ -159,17 +152,6 @@ static enum db_ctl_status put_together(struct backup *backup)
 	return status;
 }
 
-static void remove_folder(const struct backup *backup)
-{
-	char folder[sizeof(backup->folder)];
-	char rm[] = "rm";
-	char all[] = "-rf";
-	char *words[] = { rm, all, folder, NULL };
-
-	(void)snprintf(folder, sizeof(folder), "%s", backup->folder);
-	(void)db_ctl_child_run(words, true);
-}
-
 static void print_end(const struct backup *backup)
 {
 	json_t *object;
@@ -196,6 +178,9 @@ enum db_ctl_status db_ctl_backup(struct db_ctl *ctl, int count, char **arguments
 		                 .file = arguments[0],
 		                 .folder = "/tmp/drivebridge-backup-XXXXXX",
 		                 .missing = json_array() };
+	char rm[] = "rm";
+	char all[] = "-rf";
+	char *words[] = { rm, all, backup.folder, NULL };
 	enum db_ctl_status status;
 
 	(void)count;
@@ -205,7 +190,7 @@ enum db_ctl_status db_ctl_backup(struct db_ctl *ctl, int count, char **arguments
 		return fail_file(&backup, backup.folder);
 	}
 	status = put_together(&backup);
-	remove_folder(&backup);
+	(void)db_ctl_child_run(words, true);
 	if (status == DB_CTL_OK) {
 		print_end(&backup);
 		status = json_array_size(backup.missing) > 0 ? DB_CTL_NO : DB_CTL_OK;

@@ -136,28 +136,21 @@ static enum db_ctl_status choose_host(const struct db_ctl *ctl, const char *list
 	                       ctl->host ? ctl->host : "");
 }
 
-static enum db_ctl_status read_windows(struct db_ctl *ctl, struct db_ctl_clients *of)
-{
-	enum db_ctl_status status;
-	json_t *answer = db_ctl_call(ctl, "Registers",
-	                             json_pack("{s:s, s:b}", "drive", "", "windows", 1),
-	                             DB_CTL_TIMEOUT_MS, &status);
-
-	of->windows = json_incref(json_object_get(answer, "registers"));
-	json_decref(answer);
-	return status;
-}
-
 /* All that the forms need to know of the gateway and its drives. */
 static enum db_ctl_status gather(struct db_ctl *ctl, struct db_ctl_clients *of)
 {
 	enum db_ctl_status status;
+	json_t *answer = NULL;
 	size_t i;
 	const json_t *drive;
 
 	of->gateway = db_ctl_read_registers(ctl, "", &status);
 	if (status == DB_CTL_OK)
-		status = read_windows(ctl, of);
+		answer = db_ctl_call(ctl, "Registers",
+		                     json_pack("{s:s, s:b}", "drive", "", "windows", 1),
+		                     DB_CTL_TIMEOUT_MS, &status);
+	of->windows = json_incref(json_object_get(answer, "registers"));
+	json_decref(answer);
 	json_array_foreach(of->drives, i, drive)
 	{
 		const char *name = db_words_text(drive, "name");

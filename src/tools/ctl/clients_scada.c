@@ -139,15 +139,6 @@ static json_t *make_tag(const struct db_ctl_clients *of, size_t drive, const jso
 
 #define PROCESS_DATA 100 /* process data is below this address */
 
-/* Values to watch, and parameters. A command is one write of several registers, which tags cannot
- * do. */
-static bool is_shown(const json_t *reg)
-{
-	return db_ctl_client_type(reg) &&
-	       (json_is_true(json_object_get(reg, "parameter")) ||
-	        json_integer_value(json_object_get(reg, "address")) < PROCESS_DATA);
-}
-
 void db_ctl_write_ignition(const struct db_ctl_clients *of, FILE *out)
 {
 	json_t *folders = json_array();
@@ -161,7 +152,11 @@ void db_ctl_write_ignition(const struct db_ctl_clients *of, FILE *out)
 
 		json_array_foreach(json_array_get(of->registers, drive), i, reg)
 		{
-			if (is_shown(reg))
+			/* Values to watch, and parameters. A command is one write of several
+			 * registers, which tags cannot do. */
+			if (db_ctl_client_type(reg) &&
+			    (json_is_true(json_object_get(reg, "parameter")) ||
+			     json_integer_value(json_object_get(reg, "address")) < PROCESS_DATA))
 				(void)json_array_append_new(tags, make_tag(of, drive, reg));
 		}
 		(void)json_array_append_new(folders, json_pack("{s:s, s:s, s:o}", "name",

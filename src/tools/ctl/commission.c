@@ -238,15 +238,6 @@ static enum db_ctl_status list_steps(const struct db_ctl *ctl)
 	return DB_CTL_OK;
 }
 
-static enum db_ctl_status find_step(const struct db_ctl *ctl, int *only)
-{
-	*only = ctl->step ? db_commission_find(ctl->step) : -1;
-	if (!ctl->step || *only >= 0)
-		return DB_CTL_OK;
-	return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-	                       "there is no step \"%s\"; --list has them", ctl->step);
-}
-
 /* Reads --velocity and --duration. */
 static enum db_ctl_status read_order(struct db_ctl *ctl, struct db_commission_order *order)
 {
@@ -303,17 +294,18 @@ enum db_ctl_status db_ctl_commission(struct db_ctl *ctl, int count, char **argum
 {
 	struct commissioning work = { .ctl = ctl, .drive = arguments[0] };
 	struct db_commission_order order = { .socket = ctl->socket, .drive = arguments[0] };
-	enum db_ctl_status status = DB_CTL_OK;
-	int only = -1;
+	enum db_ctl_status status;
+	int only = ctl->step ? db_commission_find(ctl->step) : -1;
 
 	(void)count;
 	if (!db_ctl_find_drive(ctl, arguments[0]))
 		return DB_CTL_USAGE;
 	if (ctl->list)
 		return list_steps(ctl);
-	status = find_step(ctl, &only);
-	if (status == DB_CTL_OK)
-		status = read_order(ctl, &order);
+	if (ctl->step && only < 0)
+		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+		                       "there is no step \"%s\"; --list has them", ctl->step);
+	status = read_order(ctl, &order);
 	if (status == DB_CTL_OK)
 		status = db_ctl_talk_open(&work.talk, ctl);
 	if (status != DB_CTL_OK)

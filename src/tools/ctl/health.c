@@ -23,26 +23,7 @@ static json_int_t number_of(const json_t *value, const char *key)
 	return json_integer_value(json_object_get(value, key));
 }
 
-/* Of a hundred exchanges, those without an answer. */
-static double percent_lost(const json_t *value)
-{
-	double exchanges = (double)number_of(value, "exchanges");
-
-	return exchanges > 0 ? 100.0 * (double)number_of(value, "losses") / exchanges : 0.0;
-}
-
 /* --- table ------------------------------------------------------------------------------------ */
-
-static void add_heads(struct db_ctl_grid *grid, const char *first)
-{
-	static const char *const heads[] = { DB_CTL_TEXT("EXCHANGES"), DB_CTL_TEXT("RETRIES"),
-		                             DB_CTL_TEXT("LOST"),      DB_CTL_TEXT("DAMAGED"),
-		                             DB_CTL_TEXT("MEAN"),      DB_CTL_TEXT("LONGEST"),
-		                             DB_CTL_TEXT("OFFLINE"),   DB_CTL_TEXT("DEGREES C") };
-
-	db_ctl_grid_add_heads(grid, &first, 1);
-	db_ctl_grid_add_heads(grid, heads, sizeof(heads) / sizeof(heads[0]));
-}
 
 static void add_trip(struct db_ctl_grid *grid, json_int_t us)
 {
@@ -55,18 +36,19 @@ static void add_trip(struct db_ctl_grid *grid, json_int_t us)
 static void add_row(struct db_ctl_grid *grid, const char *first, const json_t *value)
 {
 	json_int_t offline = number_of(value, "offline_ms");
+	json_int_t exchanges = number_of(value, "exchanges");
 	json_int_t losses = number_of(value, "losses");
 	const json_t *hottest = json_object_get(value, "hottest");
 	json_int_t coldest = number_of(value, "coldest");
 
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", first);
-	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(value, "exchanges"));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)exchanges);
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(value, "retries"));
 	if (losses == 0)
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "0");
 	else
 		db_ctl_grid_add(grid, DB_CTL_YELLOW, "%lld (%.2g %%)", (long long)losses,
-		                percent_lost(value));
+		                exchanges > 0 ? 100.0 * (double)losses / (double)exchanges : 0.0);
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(value, "damaged"));
 	add_trip(grid, number_of(value, "round_trip_us"));
 	add_trip(grid, number_of(value, "round_trip_longest_us"));
@@ -85,13 +67,19 @@ static void add_row(struct db_ctl_grid *grid, const char *first, const json_t *v
 static void print_table(const struct db_ctl *ctl, const json_t *answer, bool of_drive)
 {
 	static const char *const lists[] = { "values", "running" };
+	static const char *const heads[] = { DB_CTL_TEXT("EXCHANGES"), DB_CTL_TEXT("RETRIES"),
+		                             DB_CTL_TEXT("LOST"),      DB_CTL_TEXT("DAMAGED"),
+		                             DB_CTL_TEXT("MEAN"),      DB_CTL_TEXT("LONGEST"),
+		                             DB_CTL_TEXT("OFFLINE"),   DB_CTL_TEXT("DEGREES C") };
+	const char *first = of_drive ? DB_CTL_TEXT("UNTIL") : DB_CTL_TEXT("DRIVE");
 	struct db_ctl_grid *grid = db_ctl_grid_new("lrrrrrrrr");
 	const json_t *value;
 	size_t i;
 
 	if (!grid)
 		return;
-	add_heads(grid, of_drive ? DB_CTL_TEXT("UNTIL") : DB_CTL_TEXT("DRIVE"));
+	db_ctl_grid_add_heads(grid, &first, 1);
+	db_ctl_grid_add_heads(grid, heads, sizeof(heads) / sizeof(heads[0]));
 	/* Of all drives, the minute that goes on is only shown where there is nothing else. */
 	for (size_t list = 0; list < 2; list++) {
 		const json_t *values = json_object_get(answer, lists[list]);

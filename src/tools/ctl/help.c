@@ -9,12 +9,6 @@
 /* Where the words about a command begin in the list of all. */
 #define COLUMN 36
 
-static void print_usage(FILE *out, const struct db_ctl_command *command)
-{
-	(void)fprintf(out, "%s%s%s\n", command->name, command->arguments[0] ? " " : "",
-	              command->arguments);
-}
-
 static void print_option(FILE *out, const struct db_ctl_option *option)
 {
 	(void)fprintf(out, "  --%s%s%s\n", option->name, option->value ? " " : "",
@@ -32,20 +26,10 @@ static size_t find_end(const char *description)
 	                                                       length;
 }
 
-/* One line: the beginning of the description. */
-static void print_in_short(FILE *out, const struct db_ctl_command *command)
-{
-	const char *description = db_ctl_say(command->description);
-	char usage[64];
-
-	(void)snprintf(usage, sizeof(usage), "%s%s%s", command->name,
-	               command->arguments[0] ? " " : "", command->arguments);
-	(void)fprintf(out, "  %-*s%.*s\n", COLUMN - 2, usage, (int)find_end(description),
-	              description);
-}
-
 void db_ctl_print_help(FILE *out)
 {
+	const char *description;
+	char usage[64];
 	int task = -1;
 
 	(void)fprintf(out, "%s\n",
@@ -61,7 +45,12 @@ void db_ctl_print_help(FILE *out)
 			              db_ctl_tasks[task].example);
 			(void)fputs("\n\n", out);
 		}
-		print_in_short(out, command);
+		/* One line: the beginning of the description. */
+		description = db_ctl_say(command->description);
+		(void)snprintf(usage, sizeof(usage), "%s%s%s", command->name,
+		               command->arguments[0] ? " " : "", command->arguments);
+		(void)fprintf(out, "  %-*s%.*s\n", COLUMN - 2, usage, (int)find_end(description),
+		              description);
 	}
 	(void)fprintf(out, "\n%s\n\n",
 	              db_ctl_say("drivebridgectl help COMMAND has all about one, and its options. "
@@ -69,20 +58,6 @@ void db_ctl_print_help(FILE *out)
 	for (const struct db_ctl_option *option = db_ctl_options; option->name; option++) {
 		if (!option->commands)
 			print_option(out, option);
-	}
-}
-
-static void print_help_of(FILE *out, const struct db_ctl_command *command)
-{
-	(void)fprintf(out, "%s drivebridgectl ", db_ctl_say("usage:"));
-	print_usage(out, command);
-	(void)fputs("\n", out);
-	db_ctl_wrap(out, DB_CTL_WIDTH, 0, 0, db_ctl_say(command->description));
-	(void)fputs("\n", out);
-	for (const struct db_ctl_option *option = db_ctl_options; option->name; option++) {
-		if (!option->commands || !db_ctl_takes_option(command, option))
-			continue;
-		print_option(out, option);
 	}
 }
 
@@ -98,6 +73,13 @@ enum db_ctl_status db_ctl_help(struct db_ctl *ctl, int count, char **arguments)
 	command = db_ctl_find_command(ctl, count, arguments, &taken);
 	if (!command || !command->description)
 		return DB_CTL_USAGE;
-	print_help_of(stdout, command);
+	(void)printf("%s drivebridgectl %s%s%s\n\n", db_ctl_say("usage:"), command->name,
+	             command->arguments[0] ? " " : "", command->arguments);
+	db_ctl_wrap(stdout, DB_CTL_WIDTH, 0, 0, db_ctl_say(command->description));
+	(void)putchar('\n');
+	for (const struct db_ctl_option *option = db_ctl_options; option->name; option++) {
+		if (option->commands && db_ctl_takes_option(command, option))
+			print_option(stdout, option);
+	}
 	return DB_CTL_OK;
 }

@@ -176,15 +176,6 @@ static void move(struct jog *jog, int direction)
 		jog->moves--;
 }
 
-/* Does not wait for an answer: the service takes a keep-alive after the move before the move is
- * confirmed. */
-static void beat(struct jog *jog, db_time now)
-{
-	jog->beat_at = now;
-	(void)db_client_tell(jog->ctl->client, "Beat",
-	                     json_pack("{s:s, s:s}", "drive", jog->drive, "token", jog->token));
-}
-
 static void take_token(void *data, json_t *parameters, const struct db_client_error *error,
                        bool more)
 {
@@ -208,19 +199,6 @@ static void take_values(void *data, json_t *parameters, const struct db_client_e
 	jog->reading = false;
 	json_decref(jog->values);
 	jog->values = error ? NULL : json_incref(json_object_get(parameters, "values"));
-}
-
-static void read_drive(struct jog *jog, db_time now)
-{
-	json_t *parameters = json_pack("{s:s, s:o}", "drive", jog->drive, "names",
-	                               db_ctl_process_names(jog->registers));
-
-	jog->read_at = now;
-	jog->reading = db_client_send(jog->stopper, "Read", parameters, false, take_values, jog) ==
-	               0;
-	if (!jog->asking)
-		jog->asking = db_client_send(jog->stopper, "Clock", NULL, false, take_token, jog) ==
-		              0;
 }
 
 /* False when it is time to end: an ending key, or the terminal is closed. */
@@ -284,10 +262,25 @@ static bool run_jog(struct jog *jog, int signals)
 		else if (direction != jog->told && jog->moves == 0 && jog->stops == 0 &&
 		         jog->token[0] != '\0')
 			move(jog, direction);
-		if (jog->told != 0 && now - jog->beat_at >= BEAT_EVERY)
-			beat(jog, now);
-		if (!jog->reading && now - jog->read_at >= READ_EVERY)
-			read_drive(jog, now);
+		if (jog->told != 0 && now - jog->beat_at >= BEAT_EVERY) {
+			/* Does not wait for an answer: the service takes a keep-alive after the move
+			 * before the move is confirmed. */
+			jog->beat_at = now;
+			(void)db_client_tell(
+				jog->ctl->client, "Beat",
+				json_pack("{s:s, s:s}", "drive", jog->drive, "token", jog->token));
+		}
+		if (!jog->reading && now - jog->read_at >= READ_EVERY) {
+			jog->read_at = now;
+			jog->reading = db_client_send(
+					       jog->stopper, "Read",
+					       json_pack("{s:s, s:o}", "drive", jog->drive, "names",
+			                                 db_ctl_process_names(jog->registers)),
+					       false, take_values, jog) == 0;
+			if (!jog->asking)
+				jog->asking = db_client_send(jog->stopper, "Clock", NULL, false,
+				                             take_token, jog) == 0;
+		}
 		print_line(jog);
 	}
 	return true;

@@ -19,18 +19,6 @@ json_t *db_ctl_process_names(const json_t *registers)
 	return names;
 }
 
-/* The name of this value of register `reg`, "" when it has none. */
-static const char *name_of(const json_t *registers, const json_t *values, const char *reg)
-{
-	const json_t *value = json_object_get(values, reg);
-	const char *name = json_is_integer(value) ?
-	                           db_words_code_name(db_words_look_up(registers, reg),
-	                                              json_integer_value(value)) :
-	                           NULL;
-
-	return name ? name : "";
-}
-
 void db_ctl_judge(const json_t *record, struct db_ctl_judgement *judgement)
 {
 	const char *cause = db_client_text(record, "cause");
@@ -126,14 +114,18 @@ void db_ctl_add_drive(struct db_ctl_grid *grid, const json_t *drive, const json_
 		[DB_CLIENT_LOOK] = DB_CTL_YELLOW,
 		[DB_CLIENT_ACT] = DB_CTL_RED,
 	};
-	const char *state = name_of(registers, values, "axis_state");
+	const json_t *value = json_object_get(values, "axis_state");
+	const char *state = json_is_integer(value) ?
+	                            db_words_code_name(db_words_look_up(registers, "axis_state"),
+	                                               json_integer_value(value)) :
+	                            NULL;
 	const json_t *age = json_object_get(values, "age_ms");
 	json_int_t ms = json_is_integer(age) ? json_integer_value(age) : UINT32_MAX;
 
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_words_text(drive, "name"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_words_text(drive, "bus"));
 	db_ctl_grid_add(grid, colours[judgement->need], "%s",
-	                state[0] ? db_ctl_say_name(state) : "-");
+	                state && state[0] ? db_ctl_say_name(state) : "-");
 	add_quantity(grid, drive, registers, values, "position", "position_units", "");
 	add_quantity(grid, drive, registers, values, "velocity", "velocity_units", "/s");
 	if (ms >= UINT32_MAX)

@@ -150,25 +150,12 @@ static enum db_ctl_status read_option(const struct restore *restore)
 	return DB_CTL_OK;
 }
 
-/* Takes the user's input: a number of the list, a path, or nothing. */
-static void take_choice(const struct restore *restore, const char *port, const glob_t *here,
-                        char *line)
-{
-	char *end = NULL;
-	unsigned long number = strtoul(line, &end, 10);
-
-	line[strcspn(line, "\r\n")] = '\0';
-	if (line[0] == '/')
-		(void)json_object_set_new(restore->others, port, json_string(line));
-	else if (end != line && number >= 1 && number <= here->gl_pathc)
-		(void)json_object_set_new(restore->others, port,
-		                          json_string(here->gl_pathv[number - 1]));
-}
-
 static enum db_ctl_status ask_for_port(const struct restore *restore, const char *port)
 {
 	glob_t here = { .gl_pathc = 0 };
 	char line[PATH_MAX] = "";
+	unsigned long number;
+	char *end = NULL;
 
 	if (restore->ctl->yes || restore->ctl->json || !isatty(STDIN_FILENO))
 		return db_ctl_complain(restore->ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
@@ -189,8 +176,15 @@ static enum db_ctl_status ask_for_port(const struct restore *restore, const char
 	            stdout);
 	(void)fputc(' ', stdout);
 	(void)fflush(stdout);
-	if (fgets(line, sizeof(line), stdin))
-		take_choice(restore, port, &here, line);
+	if (!fgets(line, sizeof(line), stdin))
+		line[0] = '\0';
+	line[strcspn(line, "\r\n")] = '\0';
+	number = strtoul(line, &end, 10);
+	if (line[0] == '/')
+		(void)json_object_set_new(restore->others, port, json_string(line));
+	else if (end != line && number >= 1 && number <= here.gl_pathc)
+		(void)json_object_set_new(restore->others, port,
+		                          json_string(here.gl_pathv[number - 1]));
 	globfree(&here);
 	return DB_CTL_OK;
 }

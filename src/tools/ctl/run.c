@@ -170,19 +170,6 @@ static void print_commands(const struct db_ctl *ctl, const json_t *commands)
 	}
 }
 
-static enum db_ctl_status list_commands(struct db_ctl *ctl, const char *drive)
-{
-	enum db_ctl_status status = DB_CTL_USAGE;
-	json_t *answer = NULL;
-
-	if (db_ctl_find_drive(ctl, drive))
-		answer = db_ctl_call(ctl, "Commands", json_pack("{s:s}", "drive", drive),
-		                     DB_CTL_TIMEOUT_MS, &status);
-	print_commands(ctl, json_object_get(answer, "commands"));
-	json_decref(answer);
-	return status;
-}
-
 /* Runs the command of that name with the arguments after it. */
 static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, const char *name,
                                       int count, char **arguments)
@@ -266,9 +253,17 @@ enum db_ctl_status db_ctl_go(struct db_ctl *ctl, const char *drive, const char *
 
 enum db_ctl_status db_ctl_run(struct db_ctl *ctl, int count, char **arguments)
 {
-	if (count == 1)
-		return list_commands(ctl, arguments[0]);
-	return run_command(ctl, arguments[0], arguments[1], count - 2, arguments + 2);
+	enum db_ctl_status status = DB_CTL_USAGE;
+	json_t *answer = NULL;
+
+	if (count > 1)
+		return run_command(ctl, arguments[0], arguments[1], count - 2, arguments + 2);
+	if (db_ctl_find_drive(ctl, arguments[0]))
+		answer = db_ctl_call(ctl, "Commands", json_pack("{s:s}", "drive", arguments[0]),
+		                     DB_CTL_TIMEOUT_MS, &status);
+	print_commands(ctl, json_object_get(answer, "commands"));
+	json_decref(answer);
+	return status;
 }
 
 enum db_ctl_status db_ctl_run_short(struct db_ctl *ctl, int count, char **arguments)

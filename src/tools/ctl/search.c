@@ -30,19 +30,6 @@ const json_t *db_ctl_find_bus(const struct db_ctl *ctl, const char *name)
 	                   DB_CLIENT_SERVICE "NoSuchBus", "no bus is called");
 }
 
-static void show_progress(const struct stream *stream, const json_t *parameters)
-{
-	if (!stream->progress)
-		return;
-	(void)fputs("\r\033[K", stderr);
-	(void)fprintf(stderr, db_ctl_say("%lld of %lld addresses asked, %zu found; at %lld bit/s"),
-	              (long long)json_integer_value(json_object_get(parameters, "asked")),
-	              (long long)json_integer_value(json_object_get(parameters, "total")),
-	              json_array_size(stream->search->finds),
-	              (long long)json_integer_value(json_object_get(parameters, "speed")));
-	(void)fflush(stderr);
-}
-
 static void take_answer(void *data, json_t *parameters, const struct db_client_error *error,
                         bool more)
 {
@@ -59,7 +46,15 @@ static void take_answer(void *data, json_t *parameters, const struct db_client_e
 	(void)json_array_extend(search->finds, json_object_get(parameters, "finds"));
 	(void)json_array_extend(search->foreign, json_object_get(parameters, "foreign"));
 	search->wait_us = json_integer_value(json_object_get(parameters, "wait_us"));
-	show_progress(stream, parameters);
+	if (!stream->progress)
+		return;
+	(void)fputs("\r\033[K", stderr);
+	(void)fprintf(stderr, db_ctl_say("%lld of %lld addresses asked, %zu found; at %lld bit/s"),
+	              (long long)json_integer_value(json_object_get(parameters, "asked")),
+	              (long long)json_integer_value(json_object_get(parameters, "total")),
+	              json_array_size(search->finds),
+	              (long long)json_integer_value(json_object_get(parameters, "speed")));
+	(void)fflush(stderr);
 }
 
 enum db_ctl_status db_ctl_search(struct db_ctl *ctl, json_t *parameters,

@@ -79,20 +79,6 @@ void db_ctl_find_service(char *path, size_t size)
 	(void)snprintf(path, size, "/usr/sbin/drivebridged");
 }
 
-static json_t *read_lines(FILE *from)
-{
-	json_t *lines = json_array();
-	char *line = NULL;
-	size_t size = 0;
-	ssize_t length;
-
-	while ((length = getline(&line, &size, from)) > 0)
-		(void)json_array_append_new(
-			lines, json_stringn(line, (size_t)length - (line[length - 1] == '\n')));
-	free(line);
-	return lines;
-}
-
 /* Runs the service's check and waits for its end. Returns the lines of its messages, `all`: also of what it prints
  * otherwise. NULL: errno has the reason. */
 static json_t *run_check(char *words[], bool all, int *state)
@@ -102,6 +88,9 @@ static json_t *run_check(char *words[], bool all, int *state)
 	int ends[2] = { -1, -1 };
 	pid_t child = -1;
 	FILE *from = NULL;
+	char *line = NULL;
+	size_t size = 0;
+	ssize_t length;
 	int error;
 
 	if (pipe2(ends, O_CLOEXEC) != 0)
@@ -119,7 +108,12 @@ static json_t *run_check(char *words[], bool all, int *state)
 	if (error == 0)
 		from = fdopen(ends[0], "r");
 	if (from) {
-		lines = read_lines(from);
+		lines = json_array();
+		while ((length = getline(&line, &size, from)) > 0)
+			(void)json_array_append_new(
+				lines,
+				json_stringn(line, (size_t)length - (line[length - 1] == '\n')));
+		free(line);
 		(void)fclose(from);
 	} else {
 		error = error != 0 ? error : errno;

@@ -250,21 +250,6 @@ static void follow(struct tracing *tracing, double duration)
 		(void)close(fds[1].fd);
 }
 
-/* Runs from the choice of the trace to its end. */
-static void run_trace(struct tracing *tracing, const char *name, json_int_t kept, double duration)
-{
-	struct db_ctl *ctl = tracing->ctl;
-	json_t *parameters = json_pack("{s:s, s:b}", "bus", name, "past", ctl->past);
-
-	if (kept > 0)
-		(void)json_object_set_new(parameters, "kept", json_integer(kept));
-	if (db_client_send(ctl->client, "Trace", parameters, true, take_records, tracing) == 0)
-		follow(tracing, duration);
-	/* Late answers would go to memory that is no longer valid. */
-	db_client_close(ctl->client);
-	ctl->client = NULL;
-}
-
 enum db_ctl_status db_ctl_trace(struct db_ctl *ctl, int count, char **arguments)
 {
 	struct tracing *tracing = calloc(1, sizeof(*tracing));
@@ -272,6 +257,7 @@ enum db_ctl_status db_ctl_trace(struct db_ctl *ctl, int count, char **arguments)
 	enum db_ctl_status status;
 	double duration = 0.0;
 	json_int_t kept = 0;
+	json_t *parameters;
 
 	if (!tracing)
 		return db_ctl_complain(ctl, DB_CTL_NO, DB_CLIENT_NO_MEMORY, "no memory");
@@ -286,8 +272,17 @@ enum db_ctl_status db_ctl_trace(struct db_ctl *ctl, int count, char **arguments)
 		choose_bus(tracing, &name);
 	if (tracing->status == DB_CTL_OK)
 		open_output(tracing);
-	if (tracing->status == DB_CTL_OK)
-		run_trace(tracing, name, kept, duration);
+	if (tracing->status == DB_CTL_OK) {
+		parameters = json_pack("{s:s, s:b}", "bus", name, "past", ctl->past);
+		if (kept > 0)
+			(void)json_object_set_new(parameters, "kept", json_integer(kept));
+		if (db_client_send(ctl->client, "Trace", parameters, true, take_records, tracing) ==
+		    0)
+			follow(tracing, duration);
+		/* Late answers would go to memory that is no longer valid. */
+		db_client_close(ctl->client);
+		ctl->client = NULL;
+	}
 	close_output(tracing);
 	status = tracing->status;
 	free(tracing);
