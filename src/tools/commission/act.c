@@ -244,18 +244,6 @@ static void stop_anew(const struct db_commission_act *act)
 	db_client_close(client);
 }
 
-static void begin_motion(struct db_commission_act *act, const struct db_commission_action *action,
-                         const char *token)
-{
-	json_t *call = json_pack("{s:s, s:s, s:{s:f}, s:s}", "drive", act->drive, "command",
-	                         "move_velocity", "arguments", "target_velocity", action->velocity,
-	                         "token", token);
-
-	if (!action->unheld)
-		(void)json_object_set_new(call, "hold_ms", json_integer(HOLD_MS));
-	act->waiting = db_client_send(act->client, "Run", call, false, take_result, act) == 0;
-}
-
 /*
  * Sends no more keep-alives for the motion, and waits until it stands by itself or
  * DB_COMMISSION_SILENT_MS are over. When the dead man's rule is tried (`feeds`), other calls feed
@@ -304,6 +292,7 @@ static void do_move(struct db_commission_act *act, const struct db_commission_ac
 {
 	bool silent = strcmp(action->ending, "silence") == 0;
 	const char *token;
+	json_t *call;
 
 	/* Get a recent sample, and the service's current clock. */
 	(void)db_commission_act_wait(act, -1, 50);
@@ -315,7 +304,13 @@ static void do_move(struct db_commission_act *act, const struct db_commission_ac
 	} else if (!stays_inside(act, action->velocity, action->ms + 200)) {
 		(void)snprintf(act->result, sizeof(act->result), "limit");
 	} else {
-		begin_motion(act, action, token);
+		call = json_pack("{s:s, s:s, s:{s:f}, s:s}", "drive", act->drive, "command",
+		                 "move_velocity", "arguments", "target_velocity", action->velocity,
+		                 "token", token);
+		if (!action->unheld)
+			(void)json_object_set_new(call, "hold_ms", json_integer(HOLD_MS));
+		act->waiting = db_client_send(act->client, "Run", call, false, take_result, act) ==
+		               0;
 		hold(act, action);
 		act->trial.ended_ms = (double)(db_client_wall_us() - act->wall_us) / 1000;
 		if (silent)

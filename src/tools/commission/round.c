@@ -28,21 +28,6 @@ static json_t *find_named(const json_t *list, const char *name)
 
 /* --- what is known before --------------------------------------------------------------------- */
 
-static void read_sections(struct db_commission_round *round)
-{
-	const char *path = db_commission_text(round->description, "configuration");
-
-	round->drive_keys = db_commission_section_read(path, "drive",
-	                                               db_commission_text(round->drive, "name"),
-	                                               round->problem, sizeof(round->problem));
-	if (round->drive_keys)
-		round->bus_keys = db_commission_section_read(
-			path, "bus", db_commission_text(round->drive, "bus"), round->problem,
-			sizeof(round->problem));
-	if (round->drive_keys && round->bus_keys)
-		round->problem[0] = '\0';
-}
-
 static void learn_facts(struct db_commission_round *round, const struct db_commission_order *order)
 {
 	struct db_commission_facts facts = {
@@ -130,23 +115,12 @@ static bool do_step(struct db_commission_round *round, size_t index)
 	return asker->end(asker->data, step, round->engine.verdicts, round->done);
 }
 
-/* At the end, also after an interruption, the drive on the bench has no power. */
-static void leave(struct db_commission_round *round)
+void db_commission_round_run(struct db_commission_round *round, int only)
 {
 	struct db_commission_action off = { .kind = DB_COMMISSION_RUN, .command = "disable" };
 	struct db_commission_outcome outcome;
-	bool interrupted = round->act.interrupted;
-
-	if (!round->touched || round->act.lost)
-		return;
-	round->act.interrupted = false;
-	db_commission_act_do(&round->act, &off, &outcome);
-	round->act.interrupted = round->act.interrupted || interrupted;
-}
-
-void db_commission_round_run(struct db_commission_round *round, int only)
-{
 	bool goes_on = true;
+	bool interrupted;
 
 	for (int i = 0; db_commission_list[i].name && goes_on; i++) {
 		if (only >= 0 ? i == only :
@@ -154,7 +128,13 @@ void db_commission_round_run(struct db_commission_round *round, int only)
 		                        !is_done(round, db_commission_list[i].name))
 			goes_on = do_step(round, (size_t)i);
 	}
-	leave(round);
+	/* At the end, also after an interruption, the drive on the bench has no power. */
+	if (round->touched && !round->act.lost) {
+		interrupted = round->act.interrupted;
+		round->act.interrupted = false;
+		db_commission_act_do(&round->act, &off, &outcome);
+		round->act.interrupted = round->act.interrupted || interrupted;
+	}
 	db_commission_fill(&round->engine);
 }
 
@@ -179,6 +159,7 @@ int db_commission_round_open(struct db_commission_round *round,
                              const struct db_commission_order *order,
                              const struct db_commission_asker *asker, struct db_client_error *error)
 {
+	const char *path;
 	const char *low;
 	const char *high;
 	double unit;
@@ -197,7 +178,16 @@ int db_commission_round_open(struct db_commission_round *round,
 	round->act.registers = round->registers;
 	round->act.since_us = json_integer_value(
 		json_object_get(round->description, "configuration_since_us"));
-	read_sections(round);
+	path = db_commission_text(round->description, "configuration");
+	round->drive_keys = db_commission_section_read(path, "drive",
+	                                               db_commission_text(round->drive, "name"),
+	                                               round->problem, sizeof(round->problem));
+	if (round->drive_keys)
+		round->bus_keys = db_commission_section_read(
+			path, "bus", db_commission_text(round->drive, "bus"), round->problem,
+			sizeof(round->problem));
+	if (round->drive_keys && round->bus_keys)
+		round->problem[0] = '\0';
 	learn_facts(round, order);
 	/* The configured position limits, and the largest velocity. */
 	low = db_commission_setting(&round->engine, "drive", "min-position");

@@ -12,11 +12,6 @@ static bool is_servo(const struct db_commission *commission)
 	return strcmp(commission->facts.family, "servo-can") == 0;
 }
 
-static bool is_vsmd(const struct db_commission *commission)
-{
-	return strncmp(commission->facts.family, "vsmd", strlen("vsmd")) == 0;
-}
-
 static double number_of(const json_t *values, const char *name)
 {
 	return json_number_value(json_object_get(values, name));
@@ -443,6 +438,7 @@ static void judge_speed(struct db_commission *commission)
 	double told = commission->figures.told;
 	double turn = db_commission_number(commission, "drive", "counts-per-turn");
 	double expected = is_servo(commission) ? (turn > 0 ? speed * 60 / turn : 0) : speed;
+	bool vsmd = strncmp(commission->facts.family, "vsmd", strlen("vsmd")) == 0;
 	char right[32];
 
 	if (fabs(told) < 1e-3) {
@@ -456,11 +452,11 @@ static void judge_speed(struct db_commission *commission)
 	if ((told > 0) != (speed > 0))
 		db_commission_judge(commission, "drive", "speed-sign", DB_COMMISSION_CONTRADICTED,
 		                    is_servo(commission) ? "bits" :
-		                    is_vsmd(commission)  ? "position" :
+		                    vsmd                 ? "position" :
 		                                           NULL,
 		                    "it told %.6g while its position fell by %.0f counts a second",
 		                    told, -speed);
-	else if (is_servo(commission) || is_vsmd(commission))
+	else if (is_servo(commission) || vsmd)
 		db_commission_judge(commission, "drive", "speed-sign", DB_COMMISSION_PROVEN, NULL,
 		                    "it told %.6g while its position fell", told);
 	if (is_servo(commission)) {

@@ -44,11 +44,6 @@ static const char *bus_of(const struct db_setup_move *move)
 	return db_words_text(move->bus, "name");
 }
 
-static const char *what_of(const struct db_setup_move *move)
-{
-	return move->is_address ? "address" : "speed";
-}
-
 /* When the drive adopts the new value: at_once, power_up, never. */
 static bool has_effect(const struct db_setup_move *move, const char *when)
 {
@@ -132,25 +127,21 @@ static void doubt(struct db_setup_move *move, const char *why)
 	fail(move, FOUND_ERROR("Doubtful"), move->text);
 }
 
-/* The result is not known: the port, the bus or the connection was lost meanwhile. */
-static bool is_doubtful(const struct db_client_error *error)
-{
-	const char *why = db_words_text(error->parameters, "why");
-
-	return strcmp(why, "port") == 0 || strcmp(why, "cancelled") == 0 ||
-	       strcmp(error->name, DB_CLIENT_LOST) == 0 ||
-	       strcmp(error->name, DB_CLIENT_TIMEOUT) == 0;
-}
-
 bool db_setup_move_fail(struct db_setup_move *move, const struct db_client_error *error)
 {
+	const char *why = db_words_text(error->parameters, "why");
+	/* The result is not known: the port, the bus or the connection was lost meanwhile. */
+	bool doubtful = strcmp(why, "port") == 0 || strcmp(why, "cancelled") == 0 ||
+	                strcmp(error->name, DB_CLIENT_LOST) == 0 ||
+	                strcmp(error->name, DB_CLIENT_TIMEOUT) == 0;
+
 	/* A drive that adopts the value at once may not have answered. */
-	if (move->step == SET && strcmp(db_words_text(error->parameters, "why"), "silent") == 0) {
+	if (move->step == SET && strcmp(why, "silent") == 0) {
 		move->told = true;
 		move->step = SAY_SET;
 		return false;
 	}
-	move->told = move->told || (move->step == SET && is_doubtful(error));
+	move->told = move->told || (move->step == SET && doubtful);
 	move->why = move->step == SAVE ? "it was not saved" :
 	            move->told         ? "it was told, and may have taken it" :
 	                                 NULL;
@@ -340,26 +331,24 @@ static struct db_setup_action ask_step(struct db_setup_move *move)
 		                         .question = question };
 }
 
-static struct db_setup_action set_step(const struct db_setup_move *move)
-{
-	bool saves = move->step == SAVE;
-
-	return (struct db_setup_action){ .kind = DB_SETUP_SET,
-		                         .address = move->at,
-		                         .speed = move->speed,
-		                         .what = saves ? "save" : what_of(move),
-		                         .has_value = !saves };
-}
-
 struct db_setup_action db_setup_move_next(struct db_setup_move *move, db_time now)
 {
+	bool saves;
+
 	find_step(move);
 	move->text[0] = move->configuration[0] = '\0';
+	saves = move->step == SAVE;
 	switch (move->step) {
 	case TRY:
 	case SET:
 	case SAVE:
-		return set_step(move);
+		return (struct db_setup_action){ .kind = DB_SETUP_SET,
+			                         .address = move->at,
+			                         .speed = move->speed,
+			                         .what = saves            ? "save" :
+			                                 move->is_address ? "address" :
+			                                                    "speed",
+			                         .has_value = !saves };
 	case LOOK_FROM:
 	case LOOK_TO:
 	case FIND_FROM:
