@@ -94,19 +94,6 @@ static json_t *read_value(const Spb__FlatMetric *metric, enum db_mqtt_type type)
 
 /* --- metrics ---------------------------------------------------------------------------------- */
 
-static void take_time(struct order *order, const Spb__FlatPayload *payload,
-                      const Spb__FlatMetric *metric)
-{
-	uint64_t ms = metric->has_timestamp  ? metric->timestamp :
-	              payload->has_timestamp ? payload->timestamp :
-	                                       0;
-
-	if (ms == 0 || ms > (uint64_t)MS_MAX)
-		order->untimed = true;
-	else if (order->ms == 0 || (int64_t)ms < order->ms)
-		order->ms = (int64_t)ms;
-}
-
 static void take_mark(struct order *order, const struct db_mqtt_point *point,
                       const Spb__FlatMetric *metric)
 {
@@ -164,6 +151,9 @@ static void take_metric(struct order *order, const Spb__FlatPayload *payload,
                         const Spb__FlatMetric *metric)
 {
 	const struct db_mqtt_point *point = NULL;
+	uint64_t ms = metric->has_timestamp  ? metric->timestamp :
+	              payload->has_timestamp ? payload->timestamp :
+	                                       0;
 
 	if (metric->name && metric->name[0])
 		point = db_mqtt_points_find(order->points, metric->name, 0);
@@ -194,7 +184,10 @@ static void take_metric(struct order *order, const Spb__FlatPayload *payload,
 		refuse(order, "it has a metric that cannot be written");
 		break;
 	}
-	take_time(order, payload, metric);
+	if (ms == 0 || ms > (uint64_t)MS_MAX)
+		order->untimed = true;
+	else if (order->ms == 0 || (int64_t)ms < order->ms)
+		order->ms = (int64_t)ms;
 }
 
 /* --- the whole -------------------------------------------------------------------------------- */

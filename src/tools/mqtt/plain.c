@@ -318,21 +318,6 @@ static bool is_open(const void *form)
 	return true;
 }
 
-/* The name in the topic is the sender's, whatever the message says. */
-static void take_sender(const struct plain *plain, struct db_mqtt_received *received)
-{
-	struct db_mqtt_command *command = &received->command;
-	const char *sender = received->sender;
-
-	if (plain->config->senders == DB_MQTT_SENDERS_OFF)
-		return;
-	if (!received->wrong && !command->stops && command->user[0] &&
-	    strcmp(command->user, sender) != 0)
-		received->wrong = "it names another user than its topic";
-	/* Others cannot be users, and could look like something else in the audit trail. */
-	command->user = db_users_name_is_good(sender) ? sender : "";
-}
-
 static bool is_leaf(const struct plain *plain, const char *topic, const char *leaf,
                     struct db_mqtt_received *received)
 {
@@ -347,6 +332,7 @@ static enum db_mqtt_kind take(void *form, const char *topic, const void *bytes, 
                               const json_t *stops, struct db_mqtt_received *received)
 {
 	struct plain *plain = form;
+	struct db_mqtt_command *command = &received->command;
 
 	if (is_leaf(plain, topic, "alive", received))
 		return DB_MQTT_ALIVE;
@@ -357,7 +343,14 @@ static enum db_mqtt_kind take(void *form, const char *topic, const void *bytes, 
 		                                             &received->command);
 	else
 		return DB_MQTT_NOTHING;
-	take_sender(plain, received);
+	if (plain->config->senders == DB_MQTT_SENDERS_OFF)
+		return DB_MQTT_COMMAND;
+	/* The name in the topic is the sender's, whatever the message says. Others cannot be users,
+	 * and could look like something else in the audit trail. */
+	if (!received->wrong && !command->stops && command->user[0] &&
+	    strcmp(command->user, received->sender) != 0)
+		received->wrong = "it names another user than its topic";
+	command->user = db_users_name_is_good(received->sender) ? received->sender : "";
 	return DB_MQTT_COMMAND;
 }
 
