@@ -78,30 +78,22 @@ void db_opcua_access_free(struct db_opcua_access *access)
 
 /* --- sessions --------------------------------------------------------------------------------- */
 
-/* Its index; access->places: not found. */
-static size_t find_place(const struct db_opcua_access *access, const UA_NodeId *id)
-{
-	size_t place = 0;
-
-	while (place < access->places && (!id || access->sessions[place].number == 0 ||
-	                                  !UA_NodeId_equal(&access->sessions[place].id, id)))
-		place++;
-	return place;
-}
-
 static struct db_opcua_session *find_session(struct db_opcua_access *access, const UA_NodeId *id)
 {
-	size_t place = find_place(access, id);
+	const struct db_opcua_session *found = db_opcua_access_find(access, id);
 
-	return place < access->places ? &access->sessions[place] : NULL;
+	return found ? &access->sessions[found - access->sessions] : NULL;
 }
 
 const struct db_opcua_session *db_opcua_access_find(const struct db_opcua_access *access,
                                                     const UA_NodeId *session)
 {
-	size_t place = find_place(access, session);
-
-	return place < access->places ? &access->sessions[place] : NULL;
+	for (size_t i = 0; session && i < access->places; i++) {
+		if (access->sessions[i].number != 0 &&
+		    UA_NodeId_equal(&access->sessions[i].id, session))
+			return &access->sessions[i];
+	}
+	return NULL;
 }
 
 bool db_opcua_access_set_token(struct db_opcua_access *access, const UA_NodeId *session,
@@ -620,22 +612,13 @@ static UA_StatusCode set_control(struct db_opcua_access *access, UA_AccessContro
 	return UA_STATUSCODE_GOOD;
 }
 
-/* One for each policy. */
-static UA_StatusCode add_endpoints(UA_ServerConfig *settings, UA_MessageSecurityMode mode)
-{
-	UA_StatusCode status = UA_STATUSCODE_GOOD;
-
-	for (size_t i = 0; status == UA_STATUSCODE_GOOD && i < settings->securityPoliciesSize; i++)
-		status = UA_ServerConfig_addEndpoint(settings,
-		                                     settings->securityPolicies[i].policyUri, mode);
-	return status;
-}
-
 /* The best first, and with the highest level: clients that choose by themselves use one or the
  * other. */
 static UA_StatusCode add_policies(UA_ServerConfig *settings, const UA_ByteString *certificate,
                                   const UA_ByteString *key, bool none)
 {
+	static const UA_MessageSecurityMode modes[] = { UA_MESSAGESECURITYMODE_SIGNANDENCRYPT,
+		                                        UA_MESSAGESECURITYMODE_SIGN };
 	UA_StatusCode status = UA_ServerConfig_addSecurityPolicyAes256Sha256RsaPss(
 		settings, certificate, key);
 
@@ -645,10 +628,12 @@ static UA_StatusCode add_policies(UA_ServerConfig *settings, const UA_ByteString
 	if (status == UA_STATUSCODE_GOOD)
 		status = UA_ServerConfig_addSecurityPolicyBasic256Sha256(settings, certificate,
 		                                                         key);
-	if (status == UA_STATUSCODE_GOOD)
-		status = add_endpoints(settings, UA_MESSAGESECURITYMODE_SIGNANDENCRYPT);
-	if (status == UA_STATUSCODE_GOOD)
-		status = add_endpoints(settings, UA_MESSAGESECURITYMODE_SIGN);
+	for (size_t m = 0; m < sizeof(modes) / sizeof(modes[0]); m++) {
+		for (size_t i = 0;
+		     i < settings->securityPoliciesSize && status == UA_STATUSCODE_GOOD; i++)
+			status = UA_ServerConfig_addEndpoint(
+				settings, settings->securityPolicies[i].policyUri, modes[m]);
+	}
 	for (size_t i = 0; i < settings->endpointsSize; i++)
 		settings->endpoints[i].securityLevel = (UA_Byte)(settings->endpointsSize - i);
 	for (size_t i = 0; i < settings->securityPoliciesSize; i++)

@@ -100,26 +100,6 @@ static bool take_one(struct db_opcua_alarm *alarm, const json_t *told, int64_t u
 	return true;
 }
 
-/* What the service has forgotten, as one that began without its files, concerns nobody any more. */
-static void end_others(struct db_opcua_alarms *alarms, int64_t us, db_opcua_alarm_fn *changed,
-                       void *context)
-{
-	for (struct db_opcua_alarm *alarm = alarms->list; alarm; alarm = alarm->next) {
-		bool was = db_opcua_alarm_is_retained(alarm);
-
-		if (alarm->listed)
-			continue;
-		alarm->number = 0;
-		alarm->present = false;
-		alarm->acknowledged = true;
-		alarm->change++;
-		alarm->active_us = us;
-		alarm->received_us = us;
-		if (was)
-			changed(context, alarm);
-	}
-}
-
 void db_opcua_alarms_take(struct db_opcua_alarms *alarms, const json_t *answer, int64_t us,
                           db_opcua_alarm_fn *changed, void *context)
 {
@@ -140,7 +120,22 @@ void db_opcua_alarms_take(struct db_opcua_alarms *alarms, const json_t *answer, 
 	if (alarms->complete || !json_is_true(json_object_get(answer, "over")))
 		return;
 	alarms->complete = true;
-	end_others(alarms, us, changed, context);
+	/* What the service has forgotten, as one that began without its files, concerns nobody any
+	 * more. */
+	for (struct db_opcua_alarm *alarm = alarms->list; alarm; alarm = alarm->next) {
+		bool was = db_opcua_alarm_is_retained(alarm);
+
+		if (alarm->listed)
+			continue;
+		alarm->number = 0;
+		alarm->present = false;
+		alarm->acknowledged = true;
+		alarm->change++;
+		alarm->active_us = us;
+		alarm->received_us = us;
+		if (was)
+			changed(context, alarm);
+	}
 }
 
 void db_opcua_alarms_free(struct db_opcua_alarms *alarms)

@@ -55,26 +55,6 @@ static const json_t *ask(const struct db_opcua_historian *historian, struct told
 	return told->answer;
 }
 
-static void set_value(UA_DataValue *value, const struct db_opcua_history_value *picked,
-                      const UA_DataType *type, UA_TimestampsToReturn times)
-{
-	UA_Float real = (UA_Float)picked->number;
-	UA_UInt32 whole = (UA_UInt32)picked->number;
-	const void *data = type == &UA_TYPES[UA_TYPES_FLOAT] ? (const void *)&real :
-	                                                       (const void *)&whole;
-	UA_DateTime date = UA_DATETIME_UNIX_EPOCH + picked->us * UA_DATETIME_USEC;
-
-	value->hasSourceTimestamp = times != UA_TIMESTAMPSTORETURN_SERVER;
-	value->sourceTimestamp = date;
-	value->hasServerTimestamp = times != UA_TIMESTAMPSTORETURN_SOURCE;
-	value->serverTimestamp = date;
-	value->hasStatus = picked->missing;
-	value->status = UA_STATUSCODE_BADBOUNDNOTFOUND;
-	if (!picked->missing)
-		value->hasValue = UA_Variant_setScalarCopy(&value->value, data, type) ==
-		                  UA_STATUSCODE_GOOD;
-}
-
 static UA_StatusCode give_page(const struct db_opcua_history_page *page, const UA_DataType *type,
                                UA_TimestampsToReturn times, UA_HistoryReadResult *result,
                                UA_HistoryData *data)
@@ -85,8 +65,26 @@ static UA_StatusCode give_page(const struct db_opcua_history_page *page, const U
 	if (!data->dataValues)
 		return UA_STATUSCODE_BADOUTOFMEMORY;
 	data->dataValuesSize = page->count;
-	for (size_t i = 0; i < page->count; i++)
-		set_value(&data->dataValues[i], &page->list[i], type, times);
+	for (size_t i = 0; i < page->count; i++) {
+		const struct db_opcua_history_value *picked = &page->list[i];
+		UA_DataValue *value = &data->dataValues[i];
+		UA_Float real = (UA_Float)picked->number;
+		UA_UInt32 whole = (UA_UInt32)picked->number;
+
+		value->hasSourceTimestamp = times != UA_TIMESTAMPSTORETURN_SERVER;
+		value->hasServerTimestamp = times != UA_TIMESTAMPSTORETURN_SOURCE;
+		value->sourceTimestamp = UA_DATETIME_UNIX_EPOCH + picked->us * UA_DATETIME_USEC;
+		value->serverTimestamp = value->sourceTimestamp;
+		value->hasStatus = picked->missing;
+		value->status = UA_STATUSCODE_BADBOUNDNOTFOUND;
+		if (!picked->missing)
+			value->hasValue = UA_Variant_setScalarCopy(
+						  &value->value,
+						  type == &UA_TYPES[UA_TYPES_FLOAT] ?
+							  (const void *)&real :
+							  (const void *)&whole,
+						  type) == UA_STATUSCODE_GOOD;
+	}
 	if (page->after_us == 0)
 		return UA_STATUSCODE_GOOD;
 	if (UA_ByteString_allocBuffer(&result->continuationPoint, sizeof(page->after_us)) !=

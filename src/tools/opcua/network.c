@@ -637,15 +637,11 @@ void db_opcua_network_free(struct db_opcua_network *network)
 	free(network);
 }
 
-UA_EventLoop *db_opcua_network_give_loop(struct db_opcua_network *network)
+void db_opcua_network_give(struct db_opcua_network *network, UA_ServerConfig *settings)
 {
 	network->given = true;
-	return network->loop;
-}
-
-UA_Logger *db_opcua_network_logger(struct db_opcua_network *network)
-{
-	return &network->logger;
+	settings->eventLoop = network->loop;
+	settings->logging = &network->logger;
 }
 
 unsigned db_opcua_network_port(const struct db_opcua_network *network)

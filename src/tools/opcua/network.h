@@ -13,7 +13,7 @@
 #include "drivebridge/time.h"
 #include "users/roles.h"
 
-#include <open62541/plugin/eventloop.h>
+#include <open62541/server.h>
 #include <poll.h>
 #include <stdbool.h>
 
@@ -34,9 +34,8 @@ struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gon
                                               db_opcua_served_fn *served, void *context);
 void db_opcua_network_free(struct db_opcua_network *network);
 
-/* For the server's configuration, which ends and frees the loop; the log stays the network's. */
-UA_EventLoop *db_opcua_network_give_loop(struct db_opcua_network *network);
-UA_Logger *db_opcua_network_logger(struct db_opcua_network *network);
+/* The server's configuration gets the loop, which it ends and frees, and the log, which stays the network's. */
+void db_opcua_network_give(struct db_opcua_network *network, UA_ServerConfig *settings);
 
 /* The listening port; 0: none. */
 unsigned db_opcua_network_port(const struct db_opcua_network *network);

@@ -335,14 +335,6 @@ UA_Nodestore db_opcua_nodes_store(struct db_opcua_nodes *nodes)
 	return db_opcua_store_give(nodes->store);
 }
 
-/* A folder or type below a node of the standard, which has the other end of the reference. */
-static UA_StatusCode link_to(struct db_opcua_nodes *nodes, UA_UInt32 from, UA_Byte tie,
-                             UA_NodeId target, const char *name)
-{
-	return db_opcua_store_link(nodes->store, UA_NODEID_NUMERIC(0, from), tie, target,
-	                           db_opcua_member_name(&nodes->roster, name), true);
-}
-
 static UA_StatusCode link_types(struct db_opcua_nodes *nodes)
 {
 	UA_StatusCode status = UA_STATUSCODE_GOOD;
@@ -365,9 +357,21 @@ static UA_StatusCode link_types(struct db_opcua_nodes *nodes)
 UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *server,
                                    struct db_opcua_plant *plant)
 {
-	struct db_opcua_id drives = db_opcua_id_of(DB_OPCUA_DRIVES, "");
-	struct db_opcua_id buses = db_opcua_id_of(DB_OPCUA_BUSES, "");
-	struct db_opcua_id alarms = db_opcua_id_of(DB_OPCUA_ALARMS, "");
+	/* Below nodes of the standard, which have the other ends of the references. */
+	static const struct {
+		UA_UInt32 above;
+		UA_Byte tie;
+		const char *id;
+		const char *name;
+	} folders[] = {
+		{ UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES, DB_OPCUA_DRIVES,
+		  "Drives" },
+		{ UA_NS0ID_SERVER, UA_REFERENCETYPEINDEX_HASNOTIFIER, DB_OPCUA_DRIVES, "Drives" },
+		{ UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES, DB_OPCUA_BUSES,
+		  "Buses" },
+		{ UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES, DB_OPCUA_ALARMS,
+		  "Alarms" },
+	};
 	char uri[DB_OPCUA_URI_MAX];
 	UA_StatusCode status;
 
@@ -391,18 +395,15 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 	status = db_opcua_devices_add(server, &nodes->roster.devices);
 	if (status == UA_STATUSCODE_GOOD)
 		status = db_opcua_locales_tell(&nodes->locales, server);
-	if (status == UA_STATUSCODE_GOOD)
-		status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
-		                 db_opcua_node_id(&nodes->roster, &drives), "Drives");
-	if (status == UA_STATUSCODE_GOOD)
-		status = link_to(nodes, UA_NS0ID_SERVER, UA_REFERENCETYPEINDEX_HASNOTIFIER,
-		                 db_opcua_node_id(&nodes->roster, &drives), "Drives");
-	if (status == UA_STATUSCODE_GOOD)
-		status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
-		                 db_opcua_node_id(&nodes->roster, &buses), "Buses");
-	if (status == UA_STATUSCODE_GOOD)
-		status = link_to(nodes, UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES,
-		                 db_opcua_node_id(&nodes->roster, &alarms), "Alarms");
+	for (size_t i = 0; i < sizeof(folders) / sizeof(folders[0]) && status == UA_STATUSCODE_GOOD;
+	     i++) {
+		struct db_opcua_id id = db_opcua_id_of(folders[i].id, "");
+
+		status = db_opcua_store_link(nodes->store, UA_NODEID_NUMERIC(0, folders[i].above),
+		                             folders[i].tie, db_opcua_node_id(&nodes->roster, &id),
+		                             db_opcua_member_name(&nodes->roster, folders[i].name),
+		                             true);
+	}
 	if (status == UA_STATUSCODE_GOOD)
 		status = UA_Server_writeEventNotifier(server, UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER),
 		                                      UA_EVENTNOTIFIER_SUBSCRIBE_TO_EVENT |

@@ -408,8 +408,7 @@ static UA_Server *new_library(struct db_opcua_server *server)
 
 	memset(&settings, 0, sizeof(settings));
 	settings.nodestore = db_opcua_nodes_store(server->nodes);
-	settings.logging = db_opcua_network_logger(server->network);
-	settings.eventLoop = db_opcua_network_give_loop(server->network);
+	db_opcua_network_give(server->network, &settings);
 	status = UA_ServerConfig_setBasics_withPort(&settings, (UA_UInt16)server->config->port);
 	if (status == UA_STATUSCODE_GOOD)
 		status = set_url(&settings, server->config);
