@@ -88,29 +88,14 @@ static void add_time(struct db_ctl_grid *grid, json_int_t us)
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", when);
 }
 
-/* "by anna at ...", "" */
-static void add_acknowledgement(struct db_ctl_grid *grid, const json_t *alarm)
-{
-	char when[DB_WORDS_TIME_MAX];
-	char by[256];
-
-	if (!is_acknowledged(alarm)) {
-		db_ctl_grid_add(grid, DB_CTL_YELLOW, "%s", db_ctl_say("no"));
-		return;
-	}
-	db_words_write_time(number_of(alarm, "acknowledged_us"), when);
-	when[strcspn(when, ".")] = '\0';
-	(void)snprintf(by, sizeof(by), "%s", db_words_text(alarm, "acknowledged_by"));
-	db_words_clean(by);
-	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s, %s", when, by);
-}
-
 static void add_row(struct db_ctl_grid *grid, const json_t *alarm)
 {
 	bool present = json_is_true(json_object_get(alarm, "present"));
 	const char *name = db_words_text(alarm, "name");
 	char what[512];
 	char room[DB_WORDS_TEXT_MAX];
+	char when[DB_WORDS_TIME_MAX];
+	char by[256];
 
 	(void)snprintf(what, sizeof(what), "%s%s%s", db_ctl_say_name(db_words_text(alarm, "cause")),
 	               db_words_text(alarm, "detail")[0] ? ": " : "",
@@ -125,7 +110,15 @@ static void add_row(struct db_ctl_grid *grid, const json_t *alarm)
 	else
 		add_time(grid, number_of(alarm, "gone_us"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(alarm, "times"));
-	add_acknowledgement(grid, alarm);
+	if (!is_acknowledged(alarm)) {
+		db_ctl_grid_add(grid, DB_CTL_YELLOW, "%s", db_ctl_say("no"));
+		return;
+	}
+	db_words_write_time(number_of(alarm, "acknowledged_us"), when);
+	when[strcspn(when, ".")] = '\0';
+	(void)snprintf(by, sizeof(by), "%s", db_words_text(alarm, "acknowledged_by"));
+	db_words_clean(by);
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s, %s", when, by);
 }
 
 static void print_alarms(const struct db_ctl *ctl, const json_t *alarms)

@@ -29,14 +29,22 @@ static void put_entity(FILE *out, const struct db_ctl_clients *of, size_t drive,
 	              (long long)unit, json_integer_value(json_object_get(reg, "address")), input);
 }
 
-static void put_sensor(FILE *out, const struct db_ctl_clients *of, size_t drive, const char *name,
-                       const json_t *reg)
+/* In the user's units if they have a name. */
+static void put_quantity(FILE *out, const struct db_ctl_clients *of, size_t drive, const char *own,
+                         const char *users)
 {
-	const struct db_ctl_client_type *type = db_ctl_client_type(reg);
+	const json_t *reg = db_ctl_drive_register(of, drive, users);
+	const char *rpm = db_ctl_unit_of(db_ctl_drive_register(of, drive, own));
+	const struct db_ctl_client_type *type;
 	json_int_t unit = json_integer_value(
 		json_object_get(json_array_get(of->drives, drive), "unit"));
 
-	put_entity(out, of, drive, name, reg, unit, "holding");
+	if (!reg || db_ctl_unit_of(reg)[0] == '\0' || strcmp(rpm, "rpm") == 0)
+		reg = db_ctl_drive_register(of, drive, own);
+	if (!reg)
+		return;
+	type = db_ctl_client_type(reg);
+	put_entity(out, of, drive, own, reg, unit, "holding");
 	(void)fprintf(out, "        data_type: %s\n        state_class: measurement\n", type->home);
 	if (strcmp(type->type, "f32") == 0)
 		(void)fputs("        precision: 2\n", out);
@@ -47,19 +55,6 @@ static void put_sensor(FILE *out, const struct db_ctl_clients *of, size_t drive,
 	}
 	if (of->low_word_first && type->registers > 1)
 		(void)fputs("        swap: word\n", out);
-}
-
-/* In the user's units if they have a name. */
-static void put_quantity(FILE *out, const struct db_ctl_clients *of, size_t drive, const char *own,
-                         const char *users)
-{
-	const json_t *reg = db_ctl_drive_register(of, drive, users);
-	const char *rpm = db_ctl_unit_of(db_ctl_drive_register(of, drive, own));
-
-	if (!reg || db_ctl_unit_of(reg)[0] == '\0' || strcmp(rpm, "rpm") == 0)
-		reg = db_ctl_drive_register(of, drive, own);
-	if (reg)
-		put_sensor(out, of, drive, own, reg);
 }
 
 void db_ctl_write_home_assistant(const struct db_ctl_clients *of, FILE *out)
@@ -184,27 +179,6 @@ static char *make_decoder(const struct db_ctl_clients *of, json_int_t first, jso
 	return text;
 }
 
-static json_t *make_read(size_t number, size_t first_drive, json_int_t address, json_int_t count)
-{
-	char id[32];
-	char name[64];
-	char from[24];
-	char quantity[24];
-
-	(void)snprintf(id, sizeof(id), "db00000000001%03zx", number);
-	(void)snprintf(name, sizeof(name), "drives from %zu", first_drive + 1);
-	(void)snprintf(from, sizeof(from), "%lld", (long long)address);
-	(void)snprintf(quantity, sizeof(quantity), "%lld", (long long)count);
-	return json_pack(
-		"{s:s, s:s, s:s, s:s, s:s, s:b, s:b, s:s, s:s, s:s, s:s, s:s, s:s, s:b, s:s, "
-		"s:b, s:i, s:i, s:[[s],[]]}",
-		"id", id, "type", "modbus-read", "z", FLOW, "name", name, "topic", "",
-		"showStatusActivities", 1, "showErrors", 1, "unitid", "255", "dataType",
-		"HoldingRegister", "adr", from, "quantity", quantity, "rate", "1", "rateUnit", "s",
-		"delayOnStart", 0, "server", CLIENT, "emptyMsgOnFail", 0, "x", 160, "y",
-		80 + 60 * (int)number, "wires", DECODE);
-}
-
 /* Distance of two windows; the last drive's window ends after its registers. */
 static json_int_t window_size(const struct db_ctl_clients *of)
 {
@@ -231,10 +205,28 @@ static void add_reads(json_t *nodes, size_t drives, json_int_t first, json_int_t
 
 	for (size_t at = 0, number = 0; at < drives; at += in_one, number++) {
 		size_t count = drives - at < in_one ? drives - at : in_one;
+		char id[32];
+		char name[64];
+		char from[24];
+		char quantity[24];
 
-		(void)json_array_append_new(nodes,
-		                            make_read(number, at, first + (json_int_t)at * size,
-		                                      (json_int_t)count * size));
+		(void)snprintf(id, sizeof(id), "db00000000001%03zx", number);
+		(void)snprintf(name, sizeof(name), "drives from %zu", at + 1);
+		(void)snprintf(from, sizeof(from), "%lld",
+		               (long long)(first + (json_int_t)at * size));
+		(void)snprintf(quantity, sizeof(quantity), "%lld",
+		               (long long)((json_int_t)count * size));
+		(void)json_array_append_new(
+			nodes,
+			json_pack(
+				"{s:s, s:s, s:s, s:s, s:s, s:b, s:b, s:s, s:s, s:s, s:s, s:s, s:s, "
+				"s:b, s:s, s:b, s:i, s:i, s:[[s],[]]}",
+				"id", id, "type", "modbus-read", "z", FLOW, "name", name, "topic",
+				"", "showStatusActivities", 1, "showErrors", 1, "unitid", "255",
+				"dataType", "HoldingRegister", "adr", from, "quantity", quantity,
+				"rate", "1", "rateUnit", "s", "delayOnStart", 0, "server", CLIENT,
+				"emptyMsgOnFail", 0, "x", 160, "y", 80 + 60 * (int)number, "wires",
+				DECODE));
 	}
 }
 

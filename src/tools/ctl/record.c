@@ -181,23 +181,6 @@ static void open_file(struct recording *recording)
 			"cannot write %s: %s", path ? path : recording->scratch, strerror(errno));
 }
 
-static void write_heads(struct recording *recording)
-{
-	char text[256];
-
-	db_ctl_csv_add_text(recording->file, true, "time_s");
-	db_ctl_csv_add_text(recording->file, false, "unix_time_s");
-	for (size_t i = 0; i < recording->column_count; i++) {
-		const struct column *column = &recording->columns[i];
-		const char *unit = db_words_text(column->reg, "unit");
-
-		(void)snprintf(text, sizeof(text), "%s.%s%s%s%s", column->drive, column->name,
-		               unit[0] ? " [" : "", unit, unit[0] ? "]" : "");
-		db_ctl_csv_add_text(recording->file, false, text);
-	}
-	db_ctl_csv_end_line(recording->file);
-}
-
 static void write_sample(void *context, const json_t *sample, json_int_t time_us)
 {
 	struct recording *recording = context;
@@ -339,6 +322,7 @@ static void follow(struct recording *recording)
 enum db_ctl_status db_ctl_record(struct db_ctl *ctl, int count, char **arguments)
 {
 	struct recording recording = { .ctl = ctl, .registers = json_object() };
+	char text[256];
 
 	recording.rows.write = write_sample;
 	recording.rows.context = &recording;
@@ -346,7 +330,17 @@ enum db_ctl_status db_ctl_record(struct db_ctl *ctl, int count, char **arguments
 	if (recording.status == DB_CTL_OK)
 		open_file(&recording);
 	if (recording.status == DB_CTL_OK) {
-		write_heads(&recording);
+		db_ctl_csv_add_text(recording.file, true, "time_s");
+		db_ctl_csv_add_text(recording.file, false, "unix_time_s");
+		for (size_t i = 0; i < recording.column_count; i++) {
+			const struct column *column = &recording.columns[i];
+			const char *unit = db_words_text(column->reg, "unit");
+
+			(void)snprintf(text, sizeof(text), "%s.%s%s%s%s", column->drive,
+			               column->name, unit[0] ? " [" : "", unit, unit[0] ? "]" : "");
+			db_ctl_csv_add_text(recording.file, false, text);
+		}
+		db_ctl_csv_end_line(recording.file);
 		(void)fflush(recording.file);
 		if (subscribe(&recording) == 0)
 			follow(&recording);

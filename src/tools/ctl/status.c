@@ -263,51 +263,38 @@ static struct sum add_up(const struct db_ctl *ctl, const struct row *rows, size_
 
 /* What follows prints hints about the gateway and returns how many. */
 
-/* The running configuration continues, and only people know when the machine may stop. */
-static size_t print_restart(const struct db_ctl *ctl)
+/* Of the service's own files. Drives and clients do not notice. */
+static size_t print_files(const struct db_ctl *ctl)
 {
-	const char *path = db_words_text(ctl->description, "restart_needed");
-	char text[1024];
+	const char *replaced = db_words_text(ctl->description, "restart_needed");
+	const char *audit = db_words_text(ctl->description, "audit_trouble");
+	const char *health = db_words_text(ctl->description, "health_trouble");
+	char texts[3][1024] = { "", "", "" };
+	size_t hints = 0;
 
-	if (!path[0])
-		return 0;
-	(void)snprintf(text, sizeof(text),
-	               db_ctl_say("an upgrade has replaced %s: systemctl restart drivebridge when "
-	                          "the machine may stand still"),
-	               path);
-	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
-	return 1;
-}
-
-/* Drives and clients do not notice. */
-static size_t print_audit(const struct db_ctl *ctl)
-{
-	const char *trouble = db_words_text(ctl->description, "audit_trouble");
-	char text[1024];
-
-	if (!trouble[0])
-		return 0;
-	(void)snprintf(text, sizeof(text),
-	               db_ctl_say("the audit trail cannot be written: %s; its records are only in "
-	                          "the journal"),
-	               trouble);
-	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
-	return 1;
-}
-
-static size_t print_health(const struct db_ctl *ctl)
-{
-	const char *trouble = db_words_text(ctl->description, "health_trouble");
-	char text[1024];
-
-	if (!trouble[0])
-		return 0;
-	(void)snprintf(text, sizeof(text),
-	               db_ctl_say("health values and alarms cannot be written: %s; they are in "
-	                          "memory only"),
-	               trouble);
-	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
-	return 1;
+	/* The running configuration continues, and only people know when the machine may stop. */
+	if (replaced[0])
+		(void)snprintf(texts[0], sizeof(texts[0]),
+		               db_ctl_say("an upgrade has replaced %s: systemctl restart "
+		                          "drivebridge when the machine may stand still"),
+		               replaced);
+	if (audit[0])
+		(void)snprintf(texts[1], sizeof(texts[1]),
+		               db_ctl_say("the audit trail cannot be written: %s; its records are "
+		                          "only in the journal"),
+		               audit);
+	if (health[0])
+		(void)snprintf(texts[2], sizeof(texts[2]),
+		               db_ctl_say("health values and alarms cannot be written: %s; they "
+		                          "are in memory only"),
+		               health);
+	for (size_t i = 0; i < sizeof(texts) / sizeof(texts[0]); i++) {
+		if (!texts[i][0])
+			continue;
+		db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, texts[i]);
+		hints++;
+	}
+	return hints;
 }
 
 /* People have this long to renew them. */
@@ -387,9 +374,7 @@ static void print_for_people(const struct db_ctl *ctl, const struct row *rows, s
 		(void)puts(db_ctl_say("this service is older than drivebridgectl and does not say "
 		                      "what is wrong: restart it as soon as the drives may stop"));
 	print_configuration(ctl, troubles->configuration);
-	hints = print_restart(ctl);
-	hints += print_audit(ctl);
-	hints += print_health(ctl);
+	hints = print_files(ctl);
 	hints += print_certificates(ctl);
 	json_array_foreach(json_object_get(ctl->description, "buses"), i, bus)
 	{
