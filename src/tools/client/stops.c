@@ -41,8 +41,11 @@ struct db_stops *db_stops_new(sd_event *loop, const char *path, size_t places)
 	return stops;
 }
 
-static void clear_place(struct place *place)
+/* Also when its connection is lost: its call has been answered by then. */
+static void clear_place(void *data)
 {
+	struct place *place = data;
+
 	db_link_drop(place->link);
 	json_decref(place->parameters);
 	*place = (struct place){ .stops = place->stops };
@@ -139,12 +142,6 @@ static void on_answer(void *data, json_t *parameters, const struct db_client_err
 		answer(context, parameters, error, more);
 }
 
-/* Its call was answered, which has cleared the place. */
-static void lose_place(void *data)
-{
-	clear_place(data);
-}
-
 /* A free place, that of a former stop with this key, or that of the oldest one. */
 static struct place *take_place(struct db_stops *stops, const char *key)
 {
@@ -174,7 +171,7 @@ bool db_stops_send(struct db_stops *stops, const char *key, const struct db_stop
 	struct db_client_error error = { .parameters = NULL };
 	struct place *place = take_place(stops, key);
 
-	place->link = db_link_open(stops->loop, stops->path, lose_place, place, &error);
+	place->link = db_link_open(stops->loop, stops->path, clear_place, place, &error);
 	place->number = ++stops->last;
 	place->parameters = json_incref(parameters);
 	place->answer = answer;
