@@ -218,38 +218,31 @@ static void send_stop(struct db_mqtt_acting *acting, const struct db_mqtt_comman
 	acting->result(acting->context, outcome);
 }
 
-/* The parameters of Run or Write. */
-static json_t *describe_call(const char *drive, const struct db_mqtt_command *command,
-                             unsigned within_ms, db_time now)
-{
-	json_t *call = command->name ? json_pack("{s:s, s:s, s:O?, s:b}", "drive", drive, "command",
-	                                         command->name, "arguments", command->arguments,
-	                                         "until_end", 1) :
-	                               json_pack("{s:s, s:O}", "drive", drive, "values",
-	                                         command->arguments);
-
-	(void)json_object_set_new(call, "id", json_string(command->id));
-	(void)json_object_set_new(call, "within_ms", json_integer(within_ms));
-	/* If the service was not running, it has not seen when the call arrived. */
-	(void)json_object_set_new(call, "sent_us", json_integer(now / DB_NS_PER_US));
-	if (command->token)
-		(void)json_object_set_new(call, "token", json_string(command->token));
-	return call;
-}
-
 /* False: nothing was sent, and the lane is closed. */
 static bool send_command(struct db_mqtt_acting *acting, struct db_lane *lane,
                          const struct db_mqtt_command *command,
                          const struct db_mqtt_outcome *outcome, unsigned within_ms, db_time now)
 {
 	struct call *call = make_call(acting, lane, outcome);
+	json_t *parameters;
 
 	lane->call = call;
 	lane->used = now;
 	if (call && db_lane_command(lane, outcome->drive, now)) {
 		db_link_introduce(lane->link, command->user, acting->from, on_introduced, call);
-		if (db_link_send(lane->link, command->name ? "Run" : "Write",
-		                 describe_call(outcome->drive, command, within_ms, now),
+		parameters = command->name ?
+		                     json_pack("{s:s, s:s, s:O?, s:b}", "drive", outcome->drive,
+		                               "command", command->name, "arguments",
+		                               command->arguments, "until_end", 1) :
+		                     json_pack("{s:s, s:O}", "drive", outcome->drive, "values",
+		                               command->arguments);
+		(void)json_object_set_new(parameters, "id", json_string(command->id));
+		(void)json_object_set_new(parameters, "within_ms", json_integer(within_ms));
+		/* If the service was not running, it has not seen when the call arrived. */
+		(void)json_object_set_new(parameters, "sent_us", json_integer(now / DB_NS_PER_US));
+		if (command->token)
+			(void)json_object_set_new(parameters, "token", json_string(command->token));
+		if (db_link_send(lane->link, command->name ? "Run" : "Write", parameters,
 		                 command->name != NULL, on_answer, call) == 0)
 			return true;
 	}

@@ -78,12 +78,14 @@ enum db_mqtt_type db_mqtt_type_of(const char *type)
 
 /* --- properties ------------------------------------------------------------------------------- */
 
-static Spb__PropertyValue *make_property(struct db_mqtt_payload *payload, const json_t *value)
+static void put_property(struct db_mqtt_payload *payload, Spb__PropertySet *set, const char *key,
+                         const json_t *value)
 {
+	char *name = copy_text(payload, key);
 	Spb__PropertyValue *made = take_block(payload, sizeof(*made));
 
-	if (!made)
-		return NULL;
+	if (!name || !made)
+		return;
 	spb__property_value__init(made);
 	made->has_type = 1;
 	if (json_is_string(value)) {
@@ -103,17 +105,6 @@ static Spb__PropertyValue *make_property(struct db_mqtt_payload *payload, const 
 		made->value_case = SPB__PROPERTY_VALUE__VALUE_DOUBLE_VALUE;
 		made->double_value = json_real_value(value);
 	}
-	return made;
-}
-
-static void put_property(struct db_mqtt_payload *payload, Spb__PropertySet *set, const char *key,
-                         const json_t *value)
-{
-	char *name = copy_text(payload, key);
-	Spb__PropertyValue *made = make_property(payload, value);
-
-	if (!name || !made)
-		return;
 	set->keys[set->n_keys++] = name;
 	set->values[set->n_values++] = made;
 }
