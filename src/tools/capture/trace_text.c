@@ -32,11 +32,6 @@ __attribute__((format(printf, 2, 3))) static void add(struct text *text, const c
 		                      text->size - text->used - 1;
 }
 
-static json_int_t number_of(const json_t *record, const char *name)
-{
-	return json_integer_value(json_object_get(record, name));
-}
-
 /* The drive's name, or its address; "" for a record without one. */
 static void write_who(const json_t *record, char *who, size_t size)
 {
@@ -57,10 +52,10 @@ static void write_who(const json_t *record, char *who, size_t size)
 static void write_words(const struct db_capture_questions *questions, const json_t *record,
                         char *text, size_t size)
 {
-	json_int_t question = number_of(record, "question");
+	json_int_t question = db_words_number(record, "question");
 	size_t place = (size_t)question % DB_CAPTURE_TRACE_QUESTIONS;
 	bool known = question > 0 && questions->asked[place].number == question;
-	double ms = known ? (double)(number_of(record, "time_us") -
+	double ms = known ? (double)(db_words_number(record, "time_us") -
 	                             questions->asked[place].time_us) /
 	                            1000.0 :
 	                    0.0;
@@ -91,12 +86,12 @@ void db_capture_trace_take(struct db_capture_questions *questions, const json_t 
 	size_t place;
 
 	write_words(questions, record, words, size);
-	number = number_of(record, "number");
+	number = db_words_number(record, "number");
 	place = (size_t)number % DB_CAPTURE_TRACE_QUESTIONS;
 	if (strcmp(db_words_text(record, "direction"), "sent") != 0)
 		return;
 	questions->asked[place].number = number;
-	questions->asked[place].time_us = number_of(record, "time_us");
+	questions->asked[place].time_us = db_words_number(record, "time_us");
 	write_who(record, questions->asked[place].who, sizeof(questions->asked[place].who));
 	(void)snprintf(questions->asked[place].words, sizeof(questions->asked[place].words), "%s",
 	               db_words_text(record, "words"));
@@ -132,14 +127,14 @@ void db_capture_trace_write_head(const json_t *bus, json_int_t time_us, char *te
 		(void)strftime(day, sizeof(day), "%Y-%m-%d, time of day at UTC %z", &local);
 	(void)snprintf(text, size, "# drivebridge trace\n# bus %s: %s, %s at %lld bit/s\n# %s\n",
 	               db_words_text(bus, "name"), db_words_text(bus, "protocol"),
-	               db_words_text(bus, "device"), (long long)number_of(bus, "speed"), day);
+	               db_words_text(bus, "device"), (long long)db_words_number(bus, "speed"), day);
 }
 
 void db_capture_trace_write_line(const json_t *record, const char *words, char *text, size_t size)
 {
 	const char *direction = db_words_text(record, "direction");
 	const char *kind = db_words_text(record, "kind");
-	json_int_t us = number_of(record, "time_us");
+	json_int_t us = db_words_number(record, "time_us");
 	time_t seconds = (time_t)(us / 1000000);
 	struct text out = { .bytes = text, .size = size };
 	char when[16] = "";

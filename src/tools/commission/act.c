@@ -2,6 +2,7 @@
 #include "commission/act.h"
 #include "client/clock.h"
 #include "commission/judge.h"
+#include "words/value.h"
 
 #include <math.h>
 #include <poll.h>
@@ -23,24 +24,10 @@
 /* A position that does not change for this time counts as standstill. */
 #define STANDS_FOR_MS 300
 
-/* The register of that name as the service describes it, or NULL. */
-static const json_t *find_register(const struct db_commission_act *act, const char *name)
-{
-	size_t i;
-	const json_t *reg;
-
-	json_array_foreach(act->registers, i, reg)
-	{
-		if (strcmp(db_commission_text(reg, "name"), name) == 0)
-			return reg;
-	}
-	return NULL;
-}
-
 /* True if that bit of `status` is set. */
 static bool has_bit(const struct db_commission_act *act, const json_t *status, const char *name)
 {
-	json_t *codes = json_object_get(find_register(act, "status"), "codes");
+	json_t *codes = json_object_get(db_words_look_up(act->registers, "status"), "codes");
 	uint64_t bits = (uint64_t)json_integer_value(status);
 	const char *bit;
 	const json_t *called;
@@ -87,8 +74,7 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 	(void)more;
 	if (error)
 		return;
-	(void)snprintf(act->token, sizeof(act->token), "%s",
-	               db_commission_text(parameters, "token"));
+	(void)snprintf(act->token, sizeof(act->token), "%s", db_words_text(parameters, "token"));
 	json_array_foreach(json_object_get(parameters, "samples"), i, sample)
 		take_sample(act, sample);
 }
@@ -97,12 +83,12 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
                         bool more)
 {
 	struct db_commission_act *act = data;
-	const char *result = db_commission_text(parameters, "result");
+	const char *result = db_words_text(parameters, "result");
 
 	(void)more;
 	act->waiting = false;
 	if (error) {
-		result = db_commission_text(error->parameters, "result");
+		result = db_words_text(error->parameters, "result");
 		if (!result[0])
 			result = strrchr(error->name, '.') ? strrchr(error->name, '.') + 1 :
 			                                     error->name;
@@ -421,8 +407,8 @@ static bool was_told(const struct db_commission_act *act, const json_t *events, 
 
 	json_array_foreach(events, i, event)
 	{
-		if (strcmp(db_commission_text(event, "name"), name) == 0 &&
-		    strcmp(db_commission_text(event, "drive"), act->drive) == 0 &&
+		if (strcmp(db_words_text(event, "name"), name) == 0 &&
+		    strcmp(db_words_text(event, "drive"), act->drive) == 0 &&
 		    json_integer_value(json_object_get(event, "time_us")) >= act->since_us)
 			return true;
 	}
@@ -448,10 +434,8 @@ static void do_read(struct db_commission_act *act)
 	for (size_t i = 0; i < sizeof(bits) / sizeof(bits[0]); i++)
 		(void)json_object_set_new(values, bits[i],
 		                          json_boolean(has_bit(act, status, bits[i])));
-	(void)json_object_set_new(values, "trouble",
-	                          json_string(db_commission_text(trouble, "cause")));
-	(void)json_object_set_new(values, "advice",
-	                          json_string(db_commission_text(trouble, "advice")));
+	(void)json_object_set_new(values, "trouble", json_string(db_words_text(trouble, "cause")));
+	(void)json_object_set_new(values, "advice", json_string(db_words_text(trouble, "advice")));
 	(void)json_object_set_new(values, "parameters", read_parameters(act));
 	(void)json_object_set_new(
 		values, "late",

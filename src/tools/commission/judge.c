@@ -25,13 +25,6 @@ const struct db_commission_preset db_commission_presets[] = {
 };
 /* clang-format on */
 
-const char *db_commission_text(const json_t *object, const char *name)
-{
-	const char *text = json_string_value(json_object_get(object, name));
-
-	return text ? text : "";
-}
-
 const char *db_commission_setting(const struct db_commission *commission, const char *section,
                                   const char *name)
 {

@@ -9,9 +9,6 @@
 
 #include "commission/steps.h"
 
-/* A text member, "" when there is none. */
-const char *db_commission_text(const json_t *object, const char *name);
-
 /* A setting's value today: the given one, or the default; "" if that is not a single value. */
 const char *db_commission_setting(const struct db_commission *commission, const char *section,
                                   const char *name);

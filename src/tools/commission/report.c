@@ -2,6 +2,7 @@
 #include "commission/report.h"
 #include "commission/judge.h"
 #include "commission/section.h"
+#include "words/value.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -15,7 +16,7 @@ size_t db_commission_report_count(const json_t *verdicts, const char *verdict)
 
 	json_array_foreach(verdicts, i, one)
 	{
-		if (strcmp(db_commission_text(one, "verdict"), verdict) == 0)
+		if (strcmp(db_words_text(one, "verdict"), verdict) == 0)
 			count++;
 	}
 	return count;
@@ -25,17 +26,17 @@ static void print_verdict(FILE *out, const json_t *verdict,
                           const struct db_words_language *language)
 {
 	char room[DB_WORDS_TEXT_MAX];
-	const char *word = db_words_find_text(language, db_commission_text(verdict, "verdict"));
+	const char *word = db_words_find_text(language, db_words_text(verdict, "verdict"));
 	unsigned columns = db_words_columns(word, strlen(word));
-	const char *right = db_commission_text(verdict, "right");
-	bool key = db_commission_text(verdict, "section")[0] != '\0';
+	const char *right = db_words_text(verdict, "right");
+	bool key = db_words_text(verdict, "section")[0] != '\0';
 
 	(void)fprintf(out, "  %s%*s  %-20s", word, columns < 14 ? 14 - (int)columns : 0, "",
-	              db_commission_text(verdict, "setting"));
-	if (db_commission_text(verdict, "now")[0])
-		(void)fprintf(out, " = %s", db_commission_text(verdict, "now"));
+	              db_words_text(verdict, "setting"));
+	if (db_words_text(verdict, "now")[0])
+		(void)fprintf(out, " = %s", db_words_text(verdict, "now"));
 	(void)fprintf(out, "\n                %s\n",
-	              db_words_in(language, db_commission_text(verdict, "how"), room));
+	              db_words_in(language, db_words_text(verdict, "how"), room));
 	if (right[0])
 		(void)fprintf(out, "                %s%s\n",
 		              key ? db_words_find_text(language, "right: ") : "",
@@ -53,8 +54,8 @@ void db_commission_report_verdicts(FILE *out, const json_t *verdicts, const char
 	for (size_t kind = 0; kind < sizeof(order) / sizeof(order[0]); kind++) {
 		json_array_foreach(verdicts, i, verdict)
 		{
-			if (strcmp(db_commission_text(verdict, "verdict"), order[kind]) == 0 &&
-			    (!step || strcmp(db_commission_text(verdict, "step"), step) == 0))
+			if (strcmp(db_words_text(verdict, "verdict"), order[kind]) == 0 &&
+			    (!step || strcmp(db_words_text(verdict, "step"), step) == 0))
 				print_verdict(out, verdict, language);
 		}
 	}

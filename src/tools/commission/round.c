@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "commission/round.h"
+#include "client/objects.h"
 #include "commission/judge.h"
 #include "commission/section.h"
+#include "words/value.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -13,32 +15,19 @@
 #define SLOW_RPM 60.0
 #define MOTION_S 1.5
 
-static json_t *find_named(const json_t *list, const char *name)
-{
-	size_t i;
-	json_t *item;
-
-	json_array_foreach(list, i, item)
-	{
-		if (strcmp(db_commission_text(item, "name"), name) == 0)
-			return item;
-	}
-	return NULL;
-}
-
 /* --- what is known before --------------------------------------------------------------------- */
 
 static void learn_facts(struct db_commission_round *round, const struct db_commission_order *order)
 {
 	struct db_commission_facts facts = {
-		.family = db_commission_text(round->bus, "protocol"),
-		.unit_name = db_commission_text(round->drive, "unit_name"),
+		.family = db_words_text(round->bus, "protocol"),
+		.unit_name = db_words_text(round->drive, "unit_name"),
 		.drive_keys = round->drive_keys,
 		.bus_keys = round->bus_keys,
 		.cycle_ms = (unsigned)json_integer_value(json_object_get(round->bus, "cycle_ms")),
 		.ms = (unsigned)((order->seconds > 0 ? order->seconds : MOTION_S) * 1000),
 	};
-	const json_t *velocity = find_named(round->registers, "target_velocity");
+	const json_t *velocity = db_words_look_up(round->registers, "target_velocity");
 	double slow = strcmp(facts.family, "servo-can") == 0 ? SLOW_RPM : SLOW;
 
 	if (facts.unit_name[0] == '\0')
@@ -56,9 +45,10 @@ static int learn_drive(struct db_commission_round *round, const struct db_commis
 	json_t *answer;
 
 	round->description = db_commission_act_call(&round->act, "Describe", NULL);
-	round->drive = find_named(json_object_get(round->description, "drives"), order->drive);
-	round->bus = find_named(json_object_get(round->description, "buses"),
-	                        db_commission_text(round->drive, "bus"));
+	round->drive = db_words_look_up(json_object_get(round->description, "drives"),
+	                                order->drive);
+	round->bus = db_words_look_up(json_object_get(round->description, "buses"),
+	                              db_words_text(round->drive, "bus"));
 	answer = db_commission_act_call(&round->act, "Registers",
 	                                json_pack("{s:s}", "drive", order->drive));
 	round->registers = json_incref(json_object_get(answer, "registers"));
@@ -71,19 +61,6 @@ static int learn_drive(struct db_commission_round *round, const struct db_commis
 }
 
 /* --- the round -------------------------------------------------------------------------------- */
-
-static bool is_done(const struct db_commission_round *round, const char *step)
-{
-	size_t i;
-	const json_t *name;
-
-	json_array_foreach(round->done, i, name)
-	{
-		if (json_is_string(name) && strcmp(json_string_value(name), step) == 0)
-			return true;
-	}
-	return false;
-}
 
 /* False: the round ends. */
 static bool do_step(struct db_commission_round *round, size_t index)
@@ -104,13 +81,13 @@ static bool do_step(struct db_commission_round *round, size_t index)
 		else
 			db_commission_act_do(&round->act, &action, &outcome);
 		round->touched = round->touched || action.kind == DB_COMMISSION_RUN;
-		identity = db_commission_text(outcome.values, "identity");
+		identity = db_words_text(outcome.values, "identity");
 		if (identity[0])
 			(void)snprintf(round->identity, sizeof(round->identity), "%s", identity);
 		if (round->act.interrupted)
 			return false;
 	}
-	if (!is_done(round, step->name))
+	if (!db_client_has_text(round->done, step->name))
 		(void)json_array_append_new(round->done, json_string(step->name));
 	return asker->end(asker->data, step, round->engine.verdicts, round->done);
 }
@@ -123,9 +100,10 @@ void db_commission_round_run(struct db_commission_round *round, int only)
 	bool interrupted;
 
 	for (int i = 0; db_commission_list[i].name && goes_on; i++) {
-		if (only >= 0 ? i == only :
-		                !db_commission_list[i].chosen &&
-		                        !is_done(round, db_commission_list[i].name))
+		if (only >= 0 ?
+		            i == only :
+		            !db_commission_list[i].chosen &&
+		                    !db_client_has_text(round->done, db_commission_list[i].name))
 			goes_on = do_step(round, (size_t)i);
 	}
 	/* At the end, also after an interruption, the drive on the bench has no power. */
@@ -141,9 +119,9 @@ void db_commission_round_run(struct db_commission_round *round, int only)
 struct db_commission_report db_commission_round_report(const struct db_commission_round *round)
 {
 	return (struct db_commission_report){
-		.drive = db_commission_text(round->drive, "name"),
-		.bus = db_commission_text(round->drive, "bus"),
-		.family = db_commission_text(round->bus, "protocol"),
+		.drive = db_words_text(round->drive, "name"),
+		.bus = db_words_text(round->drive, "bus"),
+		.family = db_words_text(round->bus, "protocol"),
 		.identity = round->identity,
 		.drive_keys = round->drive_keys,
 		.bus_keys = round->bus_keys,
@@ -178,13 +156,13 @@ int db_commission_round_open(struct db_commission_round *round,
 	round->act.registers = round->registers;
 	round->act.since_us = json_integer_value(
 		json_object_get(round->description, "configuration_since_us"));
-	path = db_commission_text(round->description, "configuration");
+	path = db_words_text(round->description, "configuration");
 	round->drive_keys = db_commission_section_read(path, "drive",
-	                                               db_commission_text(round->drive, "name"),
+	                                               db_words_text(round->drive, "name"),
 	                                               round->problem, sizeof(round->problem));
 	if (round->drive_keys)
 		round->bus_keys = db_commission_section_read(
-			path, "bus", db_commission_text(round->drive, "bus"), round->problem,
+			path, "bus", db_words_text(round->drive, "bus"), round->problem,
 			sizeof(round->problem));
 	if (round->drive_keys && round->bus_keys)
 		round->problem[0] = '\0';

@@ -2,6 +2,7 @@
 #include "commission/stops.h"
 #include "commission/judge.h"
 #include "commission/tries.h"
+#include "words/value.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -312,11 +313,6 @@ bool db_commission_try_limits(struct db_commission *commission, unsigned stage,
 	return false;
 }
 
-static bool flag_of(const json_t *values, const char *name)
-{
-	return json_is_true(json_object_get(values, name));
-}
-
 /* Compares its values before and now, and with the service's trouble record. */
 static void judge_power_loss(struct db_commission *commission, const json_t *after)
 {
@@ -324,7 +320,7 @@ static void judge_power_loss(struct db_commission *commission, const json_t *aft
 	double now = json_number_value(json_object_get(after, "position"));
 	const char *trouble = json_string_value(json_object_get(after, "trouble"));
 	bool kept = fabs(now - before) <= 10 * DB_TRIAL_DITHER;
-	bool told = flag_of(after, "origin_lost") ||
+	bool told = db_words_flag(after, "origin_lost") ||
 	            (trouble && strcmp(trouble, "may_have_restarted") == 0);
 
 	if (fabs(before) <= 100 * DB_TRIAL_DITHER)
@@ -346,7 +342,7 @@ static void judge_power_loss(struct db_commission *commission, const json_t *aft
 		db_commission_judge(commission, "", "origin", DB_COMMISSION_PROVEN, NULL, "%s",
 		                    kept ? "it keeps its position without power" :
 		                           "it loses its position without power, and that is told");
-	if (flag_of(after, "enabled"))
+	if (db_words_flag(after, "enabled"))
 		db_commission_judge(
 			commission, "", "power-up", DB_COMMISSION_CONTRADICTED,
 			"have it come up without power where its family can (pae = 0 of a "
@@ -403,7 +399,7 @@ bool db_commission_try_power_loss(struct db_commission *commission, unsigned sta
 			return false;
 		return db_commission_watch(action, 30000, DB_COMMISSION_OFFLINE);
 	case 3:
-		if (!flag_of(outcome->values, "seen")) {
+		if (!db_words_flag(outcome->values, "seen")) {
 			db_commission_judge(
 				commission, "", "power-loss", DB_COMMISSION_CONTRADICTED,
 				"look whether another supply feeds its electronics",
@@ -415,7 +411,7 @@ bool db_commission_try_power_loss(struct db_commission *commission, unsigned sta
 	case 4:
 		return db_commission_watch(action, 60000, DB_COMMISSION_ONLINE);
 	case 5:
-		if (flag_of(outcome->values, "seen"))
+		if (db_words_flag(outcome->values, "seen"))
 			return db_commission_watch(action, 1000, DB_COMMISSION_TIME);
 		db_commission_judge(commission, "", "power-loss", DB_COMMISSION_CONTRADICTED, NULL,
 		                    "it did not answer within 60 s after its power was on again");

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "commission/tries.h"
 #include "commission/judge.h"
+#include "words/value.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -15,11 +16,6 @@ static bool is_servo(const struct db_commission *commission)
 static double number_of(const json_t *values, const char *name)
 {
 	return json_number_value(json_object_get(values, name));
-}
-
-static bool flag_of(const json_t *values, const char *name)
-{
-	return json_is_true(json_object_get(values, name));
 }
 
 /* Settings for which a family has a section of its own. */
@@ -52,13 +48,13 @@ static void judge_latency(struct db_commission *commission, const json_t *values
 			"(adapt = on); they took up to %.0f ms. Written down, it holds from the "
 			"start",
 			learnt, longest);
-	else if (flag_of(values, "late") && (commission->absent || lost >= LATE_ANSWERS))
+	else if (db_words_flag(values, "late") && (commission->absent || lost >= LATE_ANSWERS))
 		db_commission_judge(
 			commission, "bus", "drive-latency-ms", DB_COMMISSION_CONTRADICTED, right,
 			"answers came after they had been given up, later than %.0f ms; how much "
 			"later was not measured: run this step again with it",
 			latency);
-	else if (flag_of(values, "late") && lost > 0)
+	else if (db_words_flag(values, "late") && lost > 0)
 		db_commission_judge(commission, "bus", "drive-latency-ms", DB_COMMISSION_NOT_SEEN,
 		                    NULL,
 		                    "%.0f of %.0f answers came late, which is doubtful: the "
@@ -88,13 +84,13 @@ static void judge_turnaround(struct db_commission *commission, const json_t *val
 		return;
 	(void)snprintf(right, sizeof(right), "%.0f",
 	               learnt > 0 ? learnt : fmax(6000, 2 * strtod(now, NULL)));
-	if (flag_of(values, "deaf") && learnt > 0)
+	if (db_words_flag(values, "deaf") && learnt > 0)
 		db_commission_judge(commission, "bus", "turnaround-us", DB_COMMISSION_CONTRADICTED,
 		                    right,
 		                    "it did not hear what followed its own answers at once; the "
 		                    "service has learnt to leave %.0f us",
 		                    learnt);
-	else if (flag_of(values, "deaf"))
+	else if (db_words_flag(values, "deaf"))
 		db_commission_judge(commission, "bus", "turnaround-us", DB_COMMISSION_CONTRADICTED,
 		                    right,
 		                    "it does not hear what follows its own answers at once; how "
@@ -115,33 +111,33 @@ bool db_commission_try_presence(struct db_commission *commission, unsigned stage
                                 struct db_commission_action *action)
 {
 	const json_t *values = outcome ? outcome->values : NULL;
-	const char *trouble = db_commission_text(values, "trouble");
+	const char *trouble = db_words_text(values, "trouble");
 
 	(void)action; /* the preset action, a read */
 	if (stage == 0)
 		return true;
-	commission->absent = !flag_of(values, "online");
+	commission->absent = !db_words_flag(values, "online");
 	/* Without an answer this is the last step, so what was learnt is judged now. With answers
 	 * the step of round trips measures: one late answer on a busy computer is no pattern. */
-	if (flag_of(values, "late") &&
+	if (db_words_flag(values, "late") &&
 	    (commission->absent || number_of(values, "learnt_latency_ms") > 0))
 		judge_latency(commission, values);
-	if (flag_of(values, "deaf"))
+	if (db_words_flag(values, "deaf"))
 		judge_turnaround(commission, values);
 	if (commission->absent)
 		db_commission_judge(commission, "drive", "address", DB_COMMISSION_CONTRADICTED,
 		                    NULL, "it does not answer (%s): %s", trouble,
-		                    db_commission_text(values, "advice"));
+		                    db_words_text(values, "advice"));
 	else if (strcmp(trouble, "two_drives") == 0)
 		db_commission_judge(commission, "drive", "address", DB_COMMISSION_CONTRADICTED,
 		                    NULL, "two drives answer at this address: %s",
-		                    db_commission_text(values, "advice"));
+		                    db_words_text(values, "advice"));
 	else
-		db_commission_judge(
-			commission, "drive", "address", DB_COMMISSION_PROVEN, NULL,
-			"it answers there%s%s",
-			db_commission_text(values, "identity")[0] ? " and says that it is " : "",
-			db_commission_text(values, "identity"));
+		db_commission_judge(commission, "drive", "address", DB_COMMISSION_PROVEN, NULL,
+		                    "it answers there%s%s",
+		                    db_words_text(values, "identity")[0] ? " and says that it is " :
+		                                                           "",
+		                    db_words_text(values, "identity"));
 	return false;
 }
 

@@ -8,14 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-static json_int_t number_of(const json_t *value, const char *key)
-{
-	return json_integer_value(json_object_get(value, key));
-}
-
 static bool is_acknowledged(const json_t *alarm)
 {
-	return number_of(alarm, "acknowledged_us") != 0;
+	return db_words_number(alarm, "acknowledged_us") != 0;
 }
 
 /* --- reading ---------------------------------------------------------------------------------- */
@@ -24,8 +19,8 @@ static int compare_ids(const void *a, const void *b)
 {
 	const json_t *const *one = a;
 	const json_t *const *other = b;
-	json_int_t first = number_of(*one, "id");
-	json_int_t second = number_of(*other, "id");
+	json_int_t first = db_words_number(*one, "id");
+	json_int_t second = db_words_number(*other, "id");
 
 	return first < second ? -1 : first > second;
 }
@@ -54,10 +49,11 @@ static json_t *read_alarms(struct db_ctl *ctl, json_t **state, enum db_ctl_statu
 		{
 			char id[24];
 
-			(void)snprintf(id, sizeof(id), "%lld", (long long)number_of(alarm, "id"));
+			(void)snprintf(id, sizeof(id), "%lld",
+			               (long long)db_words_number(alarm, "id"));
 			(void)json_object_set(by_id, id, alarm);
 		}
-		after = number_of(answer, "change");
+		after = db_words_number(answer, "change");
 		over = json_is_true(json_object_get(answer, "over"));
 		json_decref(*state);
 		*state = answer;
@@ -101,20 +97,20 @@ static void add_row(struct db_ctl_grid *grid, const json_t *alarm)
 	               db_words_text(alarm, "detail")[0] ? ": " : "",
 	               db_ctl_translate(db_words_text(alarm, "detail"), room));
 	db_words_clean(what);
-	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(alarm, "id"));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)db_words_number(alarm, "id"));
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", name[0] ? name : db_words_text(alarm, "kind"));
 	db_ctl_grid_add(grid, present ? DB_CTL_RED : DB_CTL_PLAIN, "%s", what);
-	add_time(grid, number_of(alarm, "since_us"));
+	add_time(grid, db_words_number(alarm, "since_us"));
 	if (present)
 		db_ctl_grid_add(grid, DB_CTL_RED, "%s", db_ctl_say("is there"));
 	else
-		add_time(grid, number_of(alarm, "gone_us"));
-	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(alarm, "times"));
+		add_time(grid, db_words_number(alarm, "gone_us"));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)db_words_number(alarm, "times"));
 	if (!is_acknowledged(alarm)) {
 		db_ctl_grid_add(grid, DB_CTL_YELLOW, "%s", db_ctl_say("no"));
 		return;
 	}
-	db_words_write_time(number_of(alarm, "acknowledged_us"), when);
+	db_words_write_time(db_words_number(alarm, "acknowledged_us"), when);
 	when[strcspn(when, ".")] = '\0';
 	(void)snprintf(by, sizeof(by), "%s", db_words_text(alarm, "acknowledged_by"));
 	db_words_clean(by);
@@ -210,7 +206,7 @@ static enum db_ctl_status acknowledge_all(struct db_ctl *ctl)
 	json_array_foreach(alarms, i, alarm)
 	{
 		if (status == DB_CTL_OK && !is_acknowledged(alarm))
-			status = acknowledge(ctl, number_of(alarm, "id"));
+			status = acknowledge(ctl, db_words_number(alarm, "id"));
 	}
 	json_decref(state);
 	json_decref(alarms);

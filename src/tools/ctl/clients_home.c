@@ -2,6 +2,7 @@
 #include "ctl/clients_text.h"
 #include "ctl/ctl_private.h"
 #include "ctl/session.h"
+#include "words/value.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -137,11 +138,6 @@ static const char decode[] =
 	"}\n"
 	"return msg;\n";
 
-static json_int_t address_of(const json_t *reg)
-{
-	return json_integer_value(json_object_get(reg, "address"));
-}
-
 /* The function of the node that makes an object for each drive; the caller frees it. */
 static char *make_decoder(const struct db_ctl_clients *of, json_int_t first, json_int_t size)
 {
@@ -170,7 +166,8 @@ static char *make_decoder(const struct db_ctl_clients *of, json_int_t first, jso
 	gap = "";
 	while ((reg = db_ctl_next_of_window(of, 0, &at, &name)) != NULL) {
 		(void)fprintf(out, "%s    [\"%s\", %lld, \"%s\"]", gap, name,
-		              (long long)(address_of(reg) - first), db_words_text(reg, "type"));
+		              (long long)(db_words_number(reg, "address") - first),
+		              db_words_text(reg, "type"));
 		gap = ",\n";
 	}
 	(void)fprintf(out, "\n];\nconst size = %lld;\nconst lowWordFirst = %s;\n%s",
@@ -191,11 +188,11 @@ static json_int_t window_size(const struct db_ctl_clients *of)
 	at = 0;
 	reg = db_ctl_next_of_window(of, 1, &at, &name);
 	if (reg)
-		return address_of(reg) - address_of(first);
+		return db_words_number(reg, "address") - db_words_number(first, "address");
 	at = 0;
 	while ((reg = db_ctl_next_of_window(of, 0, &at, &name)) != NULL)
-		end = address_of(reg) + db_ctl_client_type(reg)->registers;
-	return end - address_of(first);
+		end = db_words_number(reg, "address") + db_ctl_client_type(reg)->registers;
+	return end - db_words_number(first, "address");
 }
 
 /* Reads all windows once a second, with as few reads as possible. */
@@ -235,7 +232,7 @@ void db_ctl_write_node_red(const struct db_ctl_clients *of, FILE *out)
 	size_t at = 0;
 	const char *name;
 	const json_t *window = db_ctl_next_of_window(of, 0, &at, &name);
-	json_int_t first = window ? address_of(window) : 0;
+	json_int_t first = window ? db_words_number(window, "address") : 0;
 	json_int_t size = window ? window_size(of) : READ_MAX;
 	char *decoder = make_decoder(of, first, size);
 	char port[16];

@@ -18,11 +18,6 @@
 #define CHART_HEIGHT 5
 #define CHART_WIDTH_MAX 240
 
-static json_int_t number_of(const json_t *value, const char *key)
-{
-	return json_integer_value(json_object_get(value, key));
-}
-
 /* --- table ------------------------------------------------------------------------------------ */
 
 static void add_trip(struct db_ctl_grid *grid, json_int_t us)
@@ -35,23 +30,23 @@ static void add_trip(struct db_ctl_grid *grid, json_int_t us)
 
 static void add_row(struct db_ctl_grid *grid, const char *first, const json_t *value)
 {
-	json_int_t offline = number_of(value, "offline_ms");
-	json_int_t exchanges = number_of(value, "exchanges");
-	json_int_t losses = number_of(value, "losses");
+	json_int_t offline = db_words_number(value, "offline_ms");
+	json_int_t exchanges = db_words_number(value, "exchanges");
+	json_int_t losses = db_words_number(value, "losses");
 	const json_t *hottest = json_object_get(value, "hottest");
-	json_int_t coldest = number_of(value, "coldest");
+	json_int_t coldest = db_words_number(value, "coldest");
 
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", first);
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)exchanges);
-	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(value, "retries"));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)db_words_number(value, "retries"));
 	if (losses == 0)
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "0");
 	else
 		db_ctl_grid_add(grid, DB_CTL_YELLOW, "%lld (%.2g %%)", (long long)losses,
 		                exchanges > 0 ? 100.0 * (double)losses / (double)exchanges : 0.0);
-	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(value, "damaged"));
-	add_trip(grid, number_of(value, "round_trip_us"));
-	add_trip(grid, number_of(value, "round_trip_longest_us"));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)db_words_number(value, "damaged"));
+	add_trip(grid, db_words_number(value, "round_trip_us"));
+	add_trip(grid, db_words_number(value, "round_trip_longest_us"));
 	if (offline == 0)
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "0");
 	else
@@ -91,7 +86,7 @@ static void print_table(const struct db_ctl *ctl, const json_t *answer, bool of_
 		{
 			char when[DB_WORDS_TIME_MAX];
 
-			db_words_write_time(number_of(value, "end_us"), when);
+			db_words_write_time(db_words_number(value, "end_us"), when);
 			when[strcspn(when, ".")] = '\0';
 			add_row(grid, of_drive ? when : db_words_text(value, "drive"), value);
 		}
@@ -113,8 +108,8 @@ struct chart {
 static void fill_chart(struct chart *chart, const json_t *values, const char *key, unsigned width)
 {
 	size_t count = json_array_size(values);
-	json_int_t first = number_of(json_array_get(values, 0), "end_us");
-	json_int_t last = number_of(json_array_get(values, count - 1), "end_us");
+	json_int_t first = db_words_number(json_array_get(values, 0), "end_us");
+	json_int_t last = db_words_number(json_array_get(values, count - 1), "end_us");
 	json_int_t span = last > first ? last - first : 1;
 	const json_t *value;
 	size_t i;
@@ -122,9 +117,9 @@ static void fill_chart(struct chart *chart, const json_t *values, const char *ke
 	*chart = (struct chart){ .width = width < CHART_WIDTH_MAX ? width : CHART_WIDTH_MAX };
 	json_array_foreach(values, i, value)
 	{
-		double at = (double)(number_of(value, "end_us") - first) / (double)span;
+		double at = (double)(db_words_number(value, "end_us") - first) / (double)span;
 		unsigned place = at > 0 ? (unsigned)(at * (chart->width - 1)) : 0;
-		double number = (double)number_of(value, key);
+		double number = (double)db_words_number(value, key);
 
 		/* A clock that was set back. */
 		if (place >= chart->width)
@@ -186,8 +181,8 @@ static void print_charts(const json_t *values)
 	}
 	if (!any)
 		return;
-	db_words_write_time(number_of(json_array_get(values, 0), "end_us"), begin);
-	db_words_write_time(number_of(json_array_get(values, count - 1), "end_us"), end);
+	db_words_write_time(db_words_number(json_array_get(values, 0), "end_us"), begin);
+	db_words_write_time(db_words_number(json_array_get(values, count - 1), "end_us"), end);
 	(void)printf("%.16s%*.16s\n", begin, (int)chart.width + 1 - 16, end);
 }
 

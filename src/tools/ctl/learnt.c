@@ -2,6 +2,7 @@
 #include "ctl/ctl_private.h"
 #include "ctl/say.h"
 #include "ctl/session.h"
+#include "words/value.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -17,12 +18,6 @@ void db_ctl_add_learnt_names(json_t *names, const json_t *registers)
 	}
 }
 
-/* 0: as configured, or not known. */
-static long long value_of(const json_t *values, const char *name)
-{
-	return json_integer_value(json_object_get(values, name));
-}
-
 struct summary {
 	long long gap_us; /* the longest one above the configured value; 0: none */
 	long long latency_ms;
@@ -32,8 +27,8 @@ static void take_drive(const json_t *bus, const struct db_ctl_learnt *one, struc
 {
 	long long turnaround = json_integer_value(json_object_get(bus, "turnaround_us"));
 	long long latency = json_integer_value(json_object_get(bus, "drive_latency_ms"));
-	long long gap = value_of(one->values, GAP);
-	long long patience = value_of(one->values, LATENCY);
+	long long gap = db_words_number(one->values, GAP);
+	long long patience = db_words_number(one->values, LATENCY);
 	const char *drive = db_words_text(one->drive, "name");
 
 	if (gap > turnaround) {

@@ -28,11 +28,6 @@ struct replacement {
 	struct db_params file;
 };
 
-static json_int_t address_of(const json_t *object)
-{
-	return json_integer_value(json_object_get(object, "address"));
-}
-
 static const char *name_of(const struct replacement *of)
 {
 	return db_words_text(of->drive, "name");
@@ -50,7 +45,7 @@ static void tell_step(const struct replacement *of, int number, const char *what
 /* Which drive answers at one address in service. */
 static enum db_ctl_status look_at_place(const struct replacement *of, struct db_ctl_search *search)
 {
-	json_int_t address = address_of(of->drive);
+	json_int_t address = db_words_number(of->drive, "address");
 	enum db_ctl_status status = db_ctl_search(of->ctl,
 	                                          json_pack("{s:s, s:I, s:I}", "bus",
 	                                                    db_words_text(of->bus, "name"), "first",
@@ -119,7 +114,7 @@ static const json_t *choose_new(const struct replacement *of, const struct db_ct
 		if (one && json_array_size(json_object_get(find, "drives")) > 0)
 			continue;
 		(void)snprintf(text + used, sizeof(list) - used, "%s%lld", used > 0 ? ", " : "",
-		               (long long)address_of(find));
+		               (long long)db_words_number(find, "address"));
 		found = one ? find : found;
 		count += one ? 1 : 0;
 	}
@@ -163,8 +158,8 @@ static enum db_ctl_status set_up(const struct replacement *of, const json_t *fin
 	enum db_ctl_status status = DB_CTL_OK;
 
 	(void)snprintf(bus, sizeof(bus), "%s", db_words_text(of->bus, "name"));
-	(void)snprintf(from, sizeof(from), "%lld", (long long)address_of(find));
-	(void)snprintf(to, sizeof(to), "%lld", (long long)address_of(of->drive));
+	(void)snprintf(from, sizeof(from), "%lld", (long long)db_words_number(find, "address"));
+	(void)snprintf(to, sizeof(to), "%lld", (long long)db_words_number(of->drive, "address"));
 	(void)snprintf(speed, sizeof(speed), "%lld",
 	               json_integer_value(json_object_get(of->bus, "speed")));
 	(void)snprintf(other, sizeof(other), "%lld",
@@ -174,7 +169,8 @@ static enum db_ctl_status set_up(const struct replacement *of, const json_t *fin
 		status = db_ctl_baud(ctl, 3, of_speed);
 		ctl->speed = NULL;
 	}
-	if (status == DB_CTL_OK && address_of(find) != address_of(of->drive))
+	if (status == DB_CTL_OK &&
+	    db_words_number(find, "address") != db_words_number(of->drive, "address"))
 		status = db_ctl_address(ctl, 3, of_address);
 	return status;
 }
@@ -193,14 +189,14 @@ static enum db_ctl_status bring_to_place(const struct replacement *of)
 		/* From an earlier attempt, or it was delivered with this address. */
 		if (!of->ctl->json)
 			db_ctl_say_line(stdout, "a drive answers at address %lld%s%s",
-			                (long long)address_of(of->drive), identity[0] ? ": " : "",
-			                identity);
+			                (long long)db_words_number(of->drive, "address"),
+			                identity[0] ? ": " : "", identity);
 		status = db_ctl_ask(of->ctl, "is it the new one?");
 	} else if (status == DB_CTL_OK && verdict[0]) {
 		status = db_ctl_complain(of->ctl, DB_CTL_NO, "io.drivebridge.Client.NotOne",
 		                         "more than one drive answers at address %lld of %s: take "
 		                         "the old one off the line",
-		                         (long long)address_of(of->drive),
+		                         (long long)db_words_number(of->drive, "address"),
 		                         db_words_text(of->bus, "name"));
 	} else if (status == DB_CTL_OK) {
 		status = look_for_new(of, &all);
@@ -267,12 +263,12 @@ static enum db_ctl_status carry_out(const struct replacement *of)
 	if (!ctl->json)
 		db_ctl_say_line(stdout, "%s: bus %s, address %lld; its parameters are in %s%s%s%s",
 		                name_of(of), db_words_text(of->bus, "name"),
-		                (long long)address_of(of->drive), of->path,
+		                (long long)db_words_number(of->drive, "address"), of->path,
 		                of->file.identity[0] ? " (" : "", of->file.identity,
 		                of->file.identity[0] ? ")" : "");
 	tell_step(of, 1, DB_CTL_TEXT("find the new drive and give it this address"));
 	/* A line without addresses has no other place. */
-	if (address_of(of->drive) > 0)
+	if (db_words_number(of->drive, "address") > 0)
 		status = bring_to_place(of);
 	if (status == DB_CTL_OK) {
 		tell_step(of, 2, DB_CTL_TEXT("wait until the service knows it"));

@@ -13,11 +13,6 @@
 /* Some drives need longer than this before they answer. */
 #define WAIT_SHORT_US 10000
 
-static json_int_t number_of(const json_t *object, const char *name)
-{
-	return json_integer_value(json_object_get(object, name));
-}
-
 static const char *verdict_of(const json_t *find)
 {
 	return db_words_text(find, "verdict");
@@ -53,11 +48,11 @@ static void add_place(struct db_ctl_grid *grid, const json_t *find)
 
 static void add_time(struct db_ctl_grid *grid, const json_t *find, const char *name)
 {
-	if (number_of(find, "answered") == 0)
+	if (db_words_number(find, "answered") == 0)
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "-");
 	else
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "%.1f ms",
-		                (double)number_of(find, name) / 1000);
+		                (double)db_words_number(find, name) / 1000);
 }
 
 static void add_find(struct db_ctl_grid *grid, const json_t *find, const json_t *bus)
@@ -68,8 +63,8 @@ static void add_find(struct db_ctl_grid *grid, const json_t *find, const json_t 
 	(void)snprintf(identity, sizeof(identity), "%s%s%s", db_words_text(find, "identity"),
 	               other[0] ? db_ctl_say(" and ") : "", other);
 	db_words_clean(identity);
-	db_ctl_grid_add(grid, DB_CTL_BOLD, "%lld", (long long)number_of(find, "address"));
-	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)number_of(find, "speed"));
+	db_ctl_grid_add(grid, DB_CTL_BOLD, "%lld", (long long)db_words_number(find, "address"));
+	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)db_words_number(find, "speed"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", db_words_text(bus, "protocol"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", identity[0] ? identity : "-");
 	add_time(grid, find, "time_min_us");
@@ -111,8 +106,8 @@ static void print_foreign(const struct db_ctl_search *search)
 	json_array_foreach(search->foreign, i, frame)
 	{
 		(void)printf("  %0*llX ", json_is_true(json_object_get(frame, "extended")) ? 8 : 3,
-		             (unsigned long long)number_of(frame, "id"));
-		db_ctl_say_line(stdout, "%lld times", (long long)number_of(frame, "count"));
+		             (unsigned long long)db_words_number(frame, "id"));
+		db_ctl_say_line(stdout, "%lld times", (long long)db_words_number(frame, "count"));
 	}
 }
 
@@ -124,7 +119,7 @@ static void print_advice(const struct db_ctl_search *search)
 
 	json_array_foreach(search->finds, i, find)
 	{
-		long long address = (long long)number_of(find, "address");
+		long long address = (long long)db_words_number(find, "address");
 
 		if (strcmp(verdict_of(find), "one") != 0)
 			(void)putchar('\n');

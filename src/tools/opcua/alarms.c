@@ -2,6 +2,7 @@
 #include "opcua/alarms.h"
 
 #include "client/objects.h"
+#include "words/value.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -50,19 +51,14 @@ static struct db_opcua_alarm *find_or_add(struct db_opcua_alarms *alarms, const 
 	return alarm;
 }
 
-static int64_t number_of(const json_t *told, const char *name)
-{
-	return json_integer_value(json_object_get(told, name));
-}
-
 /* True if that is news. */
 static bool take_one(struct db_opcua_alarm *alarm, const json_t *told, int64_t us)
 {
-	int64_t number = number_of(told, "id");
-	int64_t change = number_of(told, "change");
+	int64_t number = db_words_number(told, "id");
+	int64_t change = db_words_number(told, "change");
 	bool another = number != alarm->number;
-	int64_t came_us = number_of(told, "came_us");
-	int64_t gone_us = number_of(told, "gone_us");
+	int64_t came_us = db_words_number(told, "came_us");
+	int64_t gone_us = db_words_number(told, "gone_us");
 	const char *detail = db_client_text(told, "detail");
 	bool act = strcmp(db_client_text(told, "need"), "look") != 0;
 	unsigned severity = act ? SEVERITY_ACT : SEVERITY_LOOK;
@@ -79,9 +75,9 @@ static bool take_one(struct db_opcua_alarm *alarm, const json_t *told, int64_t u
 	alarm->number = number;
 	alarm->change = change;
 	alarm->present = json_is_true(json_object_get(told, "present"));
-	alarm->acknowledged = number_of(told, "acknowledged_us") != 0;
+	alarm->acknowledged = db_words_number(told, "acknowledged_us") != 0;
 	alarm->active_us = alarm->present ? came_us : gone_us;
-	alarm->acknowledged_us = number_of(told, "acknowledged_us");
+	alarm->acknowledged_us = db_words_number(told, "acknowledged_us");
 	alarm->received_us = us;
 	(void)snprintf(alarm->by, sizeof(alarm->by), "%s", db_client_text(told, "acknowledged_by"));
 	/* "no_answer" is "no answer". */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/trail.h"
 #include "opcua/history.h"
+#include "words/value.h"
 
 #include <string.h>
 
@@ -10,11 +11,6 @@
 
 /* The latest moment that the service takes, in microseconds since 1970. */
 #define TIME_MAX INT64_C(9007199254740992)
-
-static int64_t number_of(const json_t *object, const char *key)
-{
-	return json_integer_value(json_object_get(object, key));
-}
 
 static struct db_opcua_history_query range_of(const struct db_opcua_trail *trail)
 {
@@ -104,15 +100,16 @@ static bool take_forward(struct db_opcua_trail *trail, const json_t *answer)
 
 	json_array_foreach(json_object_get(answer, "records"), i, record)
 	{
-		if (trail->query.end_us != 0 && number_of(record, "time_us") >= trail->query.end_us)
+		if (trail->query.end_us != 0 &&
+		    db_words_number(record, "time_us") >= trail->query.end_us)
 			return true;
 		if (json_array_size(trail->found) == trail->query.most) {
-			trail->after = number_of(record, "number");
+			trail->after = db_words_number(record, "number");
 			return true;
 		}
 		(void)json_array_append(trail->found, record);
 	}
-	trail->from = number_of(answer, "next");
+	trail->from = db_words_number(answer, "next");
 	return json_is_true(json_object_get(answer, "over"));
 }
 
@@ -122,11 +119,11 @@ static bool find_first(struct db_opcua_trail *trail, const json_t *answer, int64
 {
 	const json_t *first = json_array_get(json_object_get(answer, "records"), 0);
 
-	trail->from = number_of(answer, "next");
+	trail->from = db_words_number(answer, "next");
 	if (first)
-		*number = number_of(first, "number");
+		*number = db_words_number(first, "number");
 	else if (json_is_true(json_object_get(answer, "over")))
-		*number = number_of(json_object_get(answer, "trail"), "newest") + 1;
+		*number = db_words_number(json_object_get(answer, "trail"), "newest") + 1;
 	else
 		return false;
 	trail->from = 0;
@@ -141,7 +138,7 @@ static bool end_window(struct db_opcua_trail *trail)
 
 		(void)json_array_append(trail->found, record);
 		if (json_array_size(trail->found) == trail->query.most) {
-			trail->after = number_of(record, "number");
+			trail->after = db_words_number(record, "number");
 			return true;
 		}
 	}
@@ -163,13 +160,13 @@ static bool take_window(struct db_opcua_trail *trail, const json_t *answer)
 	size_t i;
 	json_t *record;
 
-	trail->from = number_of(answer, "next");
+	trail->from = db_words_number(answer, "next");
 	json_array_foreach(json_object_get(answer, "records"), i, record)
 	{
-		int64_t us = number_of(record, "time_us");
+		int64_t us = db_words_number(record, "time_us");
 
 		/* The clock may have been set back: numbers tell the order. */
-		if (number_of(record, "number") >= trail->high || us > first || us <= last)
+		if (db_words_number(record, "number") >= trail->high || us > first || us <= last)
 			continue;
 		/* A window may have thousands, of which the latest ones are wanted. */
 		if (json_array_size(trail->window) == room)

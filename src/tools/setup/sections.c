@@ -7,11 +7,6 @@
 
 #define UNIT_MAX 247
 
-static json_int_t number_of(const json_t *object, const char *name)
-{
-	return json_integer_value(json_object_get(object, name));
-}
-
 const char *db_setup_speed_key(const json_t *bus)
 {
 	return json_is_true(json_object_get(bus, "can")) ? "bitrate" : "baud";
@@ -37,7 +32,7 @@ static json_int_t choose_unit(json_t *taken, json_int_t wanted)
 /* `taken` has the names and the units of the drives that there are. */
 static void write_drive(FILE *out, const json_t *bus, const json_t *find, json_t *taken)
 {
-	json_int_t address = number_of(find, "address");
+	json_int_t address = db_words_number(find, "address");
 	char identity[DB_WORDS_VALUE_MAX];
 	char name[128];
 
@@ -61,7 +56,7 @@ static void write_drive(FILE *out, const json_t *bus, const json_t *find, json_t
 
 char *db_setup_write_sections(const json_t *bus, const json_t *finds, const json_t *drives)
 {
-	json_int_t here = number_of(bus, "speed");
+	json_int_t here = db_words_number(bus, "speed");
 	json_int_t told = here;
 	json_t *taken = json_object();
 	char key[24];
@@ -73,7 +68,7 @@ char *db_setup_write_sections(const json_t *bus, const json_t *finds, const json
 
 	json_array_foreach(drives, i, one)
 	{
-		(void)snprintf(key, sizeof(key), "%lld", (long long)number_of(one, "unit"));
+		(void)snprintf(key, sizeof(key), "%lld", (long long)db_words_number(one, "unit"));
 		/* The same unit of another endpoint is free for these. */
 		if (db_words_text(one, "endpoint")[0] == '\0')
 			(void)json_object_set_new(taken, key, json_true());
@@ -81,7 +76,7 @@ char *db_setup_write_sections(const json_t *bus, const json_t *finds, const json
 	}
 	json_array_foreach(finds, i, one)
 	{
-		json_int_t speed = number_of(one, "speed");
+		json_int_t speed = db_words_number(one, "speed");
 
 		if (!out || strcmp(db_words_text(one, "verdict"), "one") != 0 ||
 		    json_array_size(json_object_get(one, "drives")) > 0)

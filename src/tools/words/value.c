@@ -19,6 +19,16 @@ const char *db_words_text(const json_t *object, const char *name)
 	return text ? text : "";
 }
 
+json_int_t db_words_number(const json_t *object, const char *name)
+{
+	return json_integer_value(json_object_get(object, name));
+}
+
+bool db_words_flag(const json_t *object, const char *name)
+{
+	return json_is_true(json_object_get(object, name));
+}
+
 json_t *db_words_look_up(const json_t *list, const char *name)
 {
 	size_t i;

@@ -18,6 +18,10 @@
 /* A text member, "" when there is none. */
 const char *db_words_text(const json_t *object, const char *name);
 
+/* A whole number and a flag among the members; 0 and false when there is none. */
+json_int_t db_words_number(const json_t *object, const char *name);
+bool db_words_flag(const json_t *object, const char *name);
+
 /* The object of that `name` in a list, or NULL. */
 json_t *db_words_look_up(const json_t *list, const char *name);
 
