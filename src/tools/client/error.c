@@ -96,3 +96,16 @@ const char *db_client_error_short(const struct db_client_error *error)
 
 	return last ? last + 1 : error->name;
 }
+
+bool db_client_error_may_move(const struct db_client_error *error)
+{
+	static const char *const unsure[] = { "timeout", "indeterminate", "failed",
+		                              "runs_on", "cancelled",     "pending" };
+	const char *result = json_string_value(json_object_get(error->parameters, "result"));
+
+	for (size_t i = 0; result && i < sizeof(unsure) / sizeof(unsure[0]); i++) {
+		if (strcmp(result, unsure[i]) == 0)
+			return true;
+	}
+	return false;
+}

@@ -8,6 +8,7 @@
 #define DRIVEBRIDGE_CLIENT_ERROR_H
 
 #include <jansson.h>
+#include <stdbool.h>
 
 #define DB_CLIENT_SERVICE "io.drivebridge.Control."
 
@@ -36,5 +37,9 @@ void db_client_error_read(struct db_client_error *error, const char *name, json_
 
 /* The last part of an error's name: BadValue of io.drivebridge.Control.BadValue. */
 const char *db_client_error_short(const struct db_client_error *error);
+
+/* Of a command that moves: true if the drive may move although the call failed. After a refusal there is nothing to stop,
+ * and another client's motion must not be stopped. */
+bool db_client_error_may_move(const struct db_client_error *error);
 
 #endif

@@ -126,23 +126,6 @@ static void stop(struct jog *jog)
 		send_stop(jog, jog->stopper);
 }
 
-/*
- * True if the drive may move although the call failed. After a refusal there is nothing to stop,
- * and another client's motion must not be stopped.
- */
-static bool may_move(const struct db_client_error *error)
-{
-	static const char *const unsure[] = { "timeout", "indeterminate", "failed",
-		                              "runs_on", "cancelled",     "pending" };
-	const char *result = db_words_text(error->parameters, "result");
-
-	for (size_t i = 0; i < sizeof(unsure) / sizeof(unsure[0]); i++) {
-		if (strcmp(result, unsure[i]) == 0)
-			return true;
-	}
-	return false;
-}
-
 static void take_move(void *data, json_t *parameters, const struct db_client_error *error,
                       bool more)
 {
@@ -156,7 +139,7 @@ static void take_move(void *data, json_t *parameters, const struct db_client_err
 	(void)snprintf(jog->trouble, sizeof(jog->trouble), "%s", error->text);
 	db_words_clean(jog->trouble);
 	db_ctl_hold_cancel(&jog->hold);
-	if (jog->told != 0 && may_move(error))
+	if (jog->told != 0 && db_client_error_may_move(error))
 		stop(jog);
 	jog->told = 0;
 }

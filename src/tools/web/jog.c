@@ -88,23 +88,6 @@ static void stop_drive(struct db_web_jog *jog)
 		                   json_pack("{s:s, s:s}", "drive", jog->drive, "command", "stop"));
 }
 
-/*
- * True if the drive may move although the call failed. After a refusal there is nothing to stop,
- * and another client's motion must not be stopped.
- */
-static bool may_move(const struct db_client_error *error)
-{
-	static const char *const unsure[] = { "timeout", "indeterminate", "failed",
-		                              "runs_on", "cancelled",     "pending" };
-	const char *result = json_string_value(json_object_get(error->parameters, "result"));
-
-	for (size_t i = 0; result && i < sizeof(unsure) / sizeof(unsure[0]); i++) {
-		if (strcmp(result, unsure[i]) == 0)
-			return true;
-	}
-	return false;
-}
-
 /* --- moving ----------------------------------------------------------------------------------- */
 
 static void on_move_answer(void *data, json_t *parameters, const struct db_client_error *error,
@@ -120,7 +103,7 @@ static void on_move_answer(void *data, json_t *parameters, const struct db_clien
 	if (error && strcmp(error->name, DB_CLIENT_LOST) == 0)
 		return;
 	(void)snprintf(jog->result, sizeof(jog->result), "%s", result ? result : "");
-	jog->moved = jog->moved || !error || may_move(error);
+	jog->moved = jog->moved || !error || db_client_error_may_move(error);
 	if (error) {
 		json_t *told = db_web_error_describe(error, NULL);
 		const char *text = json_string_value(json_object_get(told, "text"));
