@@ -21,11 +21,6 @@ struct backup {
 	json_t *missing; /* names of drives whose parameters are not in it */
 };
 
-static enum db_ctl_status fail_file(const struct backup *backup, const char *path)
-{
-	return db_ctl_complain(backup->ctl, DB_CTL_NO, FILE_ERROR, "%s: %s", path, strerror(errno));
-}
-
 static enum db_ctl_status write_text(const struct backup *backup, const char *name,
                                      const char *text)
 {
@@ -38,7 +33,7 @@ static enum db_ctl_status write_text(const struct backup *backup, const char *na
 	failed = !out || fputs(text, out) == EOF;
 	if (out)
 		failed = fclose(out) != 0 || failed;
-	return failed ? fail_file(backup, path) : DB_CTL_OK;
+	return failed ? db_ctl_fail_file(backup->ctl, path) : DB_CTL_OK;
 }
 
 /* If a drive is offline, only its parameters are missing from the backup. */
@@ -83,11 +78,11 @@ static enum db_ctl_status add_folders(const struct backup *backup)
 	status = write_text(backup, "gateway", head);
 	(void)snprintf(path, sizeof(path), "%s/configuration", backup->folder);
 	if (status == DB_CTL_OK && (!realpath(folder, absolute) || symlink(absolute, path) != 0))
-		status = fail_file(backup, folder);
+		status = db_ctl_fail_file(backup->ctl, folder);
 	(void)snprintf(path, sizeof(path), "%s/opcua", backup->folder);
 	if (status == DB_CTL_OK && access(DB_CTL_OPCUA_FOLDER, F_OK) == 0 &&
 	    symlink(DB_CTL_OPCUA_FOLDER, path) != 0)
-		status = fail_file(backup, path);
+		status = db_ctl_fail_file(backup->ctl, path);
 	return status;
 }
 
@@ -113,7 +108,7 @@ static enum db_ctl_status pack(const struct backup *backup)
 	(void)snprintf(folder, sizeof(folder), "%s", backup->folder);
 	if (written < 0 || (size_t)written >= sizeof(part)) {
 		errno = ENAMETOOLONG;
-		return fail_file(backup, backup->file);
+		return db_ctl_fail_file(backup->ctl, backup->file);
 	}
 	if (!db_ctl_child_run(words, false)) {
 		(void)unlink(part);
@@ -124,7 +119,7 @@ static enum db_ctl_status pack(const struct backup *backup)
 	}
 	if (rename(part, backup->file) == 0)
 		return DB_CTL_OK;
-	return fail_file(backup, backup->file);
+	return db_ctl_fail_file(backup->ctl, backup->file);
 }
 
 static enum db_ctl_status put_together(struct backup *backup)
@@ -137,7 +132,7 @@ static enum db_ctl_status put_together(struct backup *backup)
 
 	(void)snprintf(path, sizeof(path), "%s/parameters", backup->folder);
 	if (mkdir(path, 0700) != 0)
-		return fail_file(backup, path);
+		return db_ctl_fail_file(backup->ctl, path);
 	families = db_ctl_read_families(backup->ctl, &status);
 	json_array_foreach(json_object_get(backup->ctl->description, "drives"), i, drive)
 	{
@@ -187,7 +182,7 @@ enum db_ctl_status db_ctl_backup(struct db_ctl *ctl, int count, char **arguments
 	(void)umask(077);
 	if (!mkdtemp(backup.folder)) {
 		json_decref(backup.missing);
-		return fail_file(&backup, backup.folder);
+		return db_ctl_fail_file(backup.ctl, backup.folder);
 	}
 	status = put_together(&backup);
 	(void)db_ctl_child_run(words, true);

@@ -27,12 +27,6 @@ struct restore {
 	json_t *others;
 };
 
-static enum db_ctl_status fail_file(const struct restore *restore, const char *path)
-{
-	return db_ctl_complain(restore->ctl, DB_CTL_NO, FILE_ERROR, "%s: %s", path,
-	                       strerror(errno));
-}
-
 static void remove_all(char *path)
 {
 	char rm[] = "rm";
@@ -114,7 +108,7 @@ static enum db_ctl_status read_files(struct restore *restore, const char *paths)
 		char *text = read_text(found.gl_pathv[i]);
 
 		if (!text) {
-			status = fail_file(restore, found.gl_pathv[i]);
+			status = db_ctl_fail_file(restore->ctl, found.gl_pathv[i]);
 			break;
 		}
 		db_ctl_ports_find(text, restore->ports);
@@ -226,7 +220,7 @@ static enum db_ctl_status write_files(const struct restore *restore)
 			failed = fclose(out) != 0 || failed;
 		free(other);
 		if (failed && status == DB_CTL_OK)
-			status = fail_file(restore, path);
+			status = db_ctl_fail_file(restore->ctl, path);
 	}
 	return status;
 }
@@ -262,11 +256,11 @@ static enum db_ctl_status exchange(const struct restore *restore, const char *na
 
 	(void)snprintf(from, sizeof(from), "%s/%s", restore->staging, name);
 	if (rename(folder, kept) != 0 && errno != ENOENT)
-		return fail_file(restore, folder);
+		return db_ctl_fail_file(restore->ctl, folder);
 	if (rename(from, folder) == 0)
 		return DB_CTL_OK;
 	/* Restore the former state. */
-	(void)fail_file(restore, folder);
+	(void)db_ctl_fail_file(restore->ctl, folder);
 	(void)rename(kept, folder);
 	return DB_CTL_NO;
 }
@@ -377,7 +371,7 @@ enum db_ctl_status db_ctl_restore(struct db_ctl *ctl, int count, char **argument
 		status = carry_out(&restore);
 		remove_all(restore.staging);
 	} else {
-		status = fail_file(&restore, restore.staging);
+		status = db_ctl_fail_file(restore.ctl, restore.staging);
 	}
 	json_decref(restore.texts);
 	json_decref(restore.ports);

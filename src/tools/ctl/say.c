@@ -18,12 +18,6 @@ void db_ctl_open_language(void)
 		language = db_words_open_language(folder, name);
 }
 
-void db_ctl_close_language(void)
-{
-	db_words_close_language(language);
-	language = NULL;
-}
-
 const char *db_ctl_say(const char *english)
 {
 	return db_words_find_text(language, english);

@@ -11,9 +11,8 @@
 
 #include <stdio.h>
 
-/* Opens the language that the environment asks for; without one all texts are English. */
+/* Opens the language that the environment asks for, to the end; without one all texts are English. */
 void db_ctl_open_language(void);
-void db_ctl_close_language(void);
 
 /* A text of the sources, which may be a format of printf. tests/tools/texts finds the calls. */
 const char *db_ctl_say(const char *english) __attribute__((format_arg(1)));

@@ -5,6 +5,7 @@
 #include "words/nearest.h"
 
 #include <ctype.h>
+#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -15,6 +16,12 @@ void db_ctl_print_json(const json_t *value)
 	(void)json_dumpf(value, stdout, JSON_COMPACT | JSON_REAL_PRECISION(10));
 	(void)putchar('\n');
 	(void)fflush(stdout);
+}
+
+enum db_ctl_status db_ctl_fail_file(const struct db_ctl *ctl, const char *path)
+{
+	return db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.File", "%s: %s", path,
+	                       strerror(errno));
 }
 
 enum db_ctl_status db_ctl_fail(const struct db_ctl *ctl, const struct db_client_error *error)

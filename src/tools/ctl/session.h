@@ -90,6 +90,9 @@ enum db_ctl_status db_ctl_complain(const struct db_ctl *ctl, enum db_ctl_status 
                                    const char *name, const char *format, ...)
 	__attribute__((format(printf, 4, 5)));
 
+/* That of errno about a file. */
+enum db_ctl_status db_ctl_fail_file(const struct db_ctl *ctl, const char *path);
+
 /* The same; without one it prints "no drive is called" (`unknown`) with the nearest names. */
 json_t *db_ctl_find(const struct db_ctl *ctl, const json_t *list, const char *name,
                     const char *error, const char *unknown);

@@ -133,11 +133,6 @@ static struct db_opcua_id input_of(const struct db_opcua_roster *roster,
 	return id;
 }
 
-static UA_DateTime date_of(int64_t us)
-{
-	return us > 0 ? UA_DATETIME_UNIX_EPOCH + us * UA_DATETIME_USEC : 0;
-}
-
 static int64_t latest(const struct db_opcua_alarm *alarm)
 {
 	return alarm->acknowledged_us > alarm->active_us ? alarm->acknowledged_us :
@@ -267,12 +262,12 @@ UA_StatusCode db_opcua_condition_read(const struct db_opcua_roster *roster,
 	} else if (type == &UA_TYPES[UA_TYPES_STATUSCODE]) {
 		plain.status = quality;
 	} else {
-		plain.date = date_of(time_of(alarm, member));
+		plain.date = db_opcua_date(time_of(alarm, member));
 	}
 	status = UA_Variant_setScalarCopy(&value->value, &plain, type);
 	value->hasValue = status == UA_STATUSCODE_GOOD;
 	value->hasSourceTimestamp = true;
-	value->sourceTimestamp = date_of(latest(alarm));
+	value->sourceTimestamp = db_opcua_date(latest(alarm));
 	return status;
 }
 

@@ -415,11 +415,6 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 	return status;
 }
 
-UA_UInt16 db_opcua_nodes_types(const struct db_opcua_nodes *nodes)
-{
-	return nodes->roster.types;
-}
-
 db_time db_opcua_nodes_tend(struct db_opcua_nodes *nodes, db_time now)
 {
 	db_time due = db_opcua_conditions_tend(nodes->conditions, now);

@@ -50,9 +50,6 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
                                    struct db_opcua_plant *plant);
 extern const struct db_opcua_plant_ops db_opcua_nodes_plant_ops;
 
-/* The index of the types' namespace. */
-UA_UInt16 db_opcua_nodes_types(const struct db_opcua_nodes *nodes);
-
 /* What a client needs at least to call this method or to write this variable. */
 struct db_opcua_need {
 	enum db_may may;   /* DB_MAYS: nobody may */

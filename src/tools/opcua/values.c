@@ -29,6 +29,11 @@ int64_t db_opcua_us_of(UA_DateTime date)
 	return date == 0 ? 0 : us > 0 ? us : 1;
 }
 
+UA_DateTime db_opcua_date(int64_t us)
+{
+	return us > 0 ? UA_DATETIME_UNIX_EPOCH + us * UA_DATETIME_USEC : 0;
+}
+
 static bool is_enumeration(const struct db_opcua_register *reg)
 {
 	return reg->data && db_opcua_type_is_enumeration(reg->data);
@@ -114,12 +119,6 @@ static UA_StatusCode status_of(enum db_opcua_quality quality)
 	}
 }
 
-/* 0 means no time in both. */
-static UA_DateTime date_of(int64_t us)
-{
-	return us > 0 ? UA_DATETIME_UNIX_EPOCH + us * UA_DATETIME_USEC : 0;
-}
-
 UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue *value)
 {
 	enum db_opcua_quality quality = db_opcua_item_quality(item);
@@ -133,7 +132,7 @@ UA_StatusCode db_opcua_value_read(const struct db_opcua_item *item, UA_DataValue
 	value->status = status_of(quality);
 	/* Without a source time the library would set the time of reading; 0 means none. */
 	value->hasSourceTimestamp = true;
-	value->sourceTimestamp = date_of(us);
+	value->sourceTimestamp = db_opcua_date(us);
 	if (quality != DB_OPCUA_GOOD && quality != DB_OPCUA_UNCERTAIN)
 		return UA_STATUSCODE_GOOD;
 	value->hasValue = true;
@@ -160,7 +159,7 @@ UA_StatusCode db_opcua_value_read_column(const struct db_opcua_drive *drive,
 	value->hasValue = status == UA_STATUSCODE_GOOD;
 	/* Without one the library would set the time of reading. */
 	value->hasSourceTimestamp = true;
-	value->sourceTimestamp = date_of(newest->value.since_us);
+	value->sourceTimestamp = db_opcua_date(newest->value.since_us);
 	if (!newest->value.known || db_opcua_drive_quality(drive) != DB_OPCUA_GOOD) {
 		value->hasStatus = true;
 		value->status = newest->value.known ? UA_STATUSCODE_UNCERTAINLASTUSABLEVALUE :
@@ -229,7 +228,7 @@ UA_StatusCode db_opcua_value_from_json(const json_t *json, int64_t time_us,
 	                                           (const void *)&text;
 
 	value->hasSourceTimestamp = true;
-	value->sourceTimestamp = date_of(time_us);
+	value->sourceTimestamp = db_opcua_date(time_us);
 	value->hasStatus = true;
 	value->status = status_of(quality);
 	if (quality != DB_OPCUA_GOOD && quality != DB_OPCUA_UNCERTAIN)

@@ -14,6 +14,7 @@ UA_LocalizedText db_opcua_english(const char *text);
 
 /* Microseconds since 1970-01-01 UTC, 1 if it is earlier; 0 is none in both. */
 int64_t db_opcua_us_of(UA_DateTime date);
+UA_DateTime db_opcua_date(int64_t us);
 
 /* The form of a register's values in messages; of an enumeration it is Int32. */
 const UA_DataType *db_opcua_data_type(const struct db_opcua_register *reg);
