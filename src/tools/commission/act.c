@@ -24,37 +24,20 @@
 /* A position that does not change for this time counts as standstill. */
 #define STANDS_FOR_MS 300
 
-/* True if that bit of `status` is set. */
-static bool has_bit(const struct db_commission_act *act, const json_t *status, const char *name)
-{
-	json_t *codes = json_object_get(db_words_look_up(act->registers, "status"), "codes");
-	uint64_t bits = (uint64_t)json_integer_value(status);
-	const char *bit;
-	const json_t *called;
-
-	json_object_foreach(codes, bit, called)
-	{
-		const char *text = json_string_value(called);
-
-		if (text && strcmp(text, name) == 0)
-			return bits >> (strtoul(bit, NULL, 10) & 63) & 1;
-	}
-	return false;
-}
-
 static void take_sample(struct db_commission_act *act, const json_t *sample)
 {
 	const json_t *values = json_object_get(sample, "values");
 	const json_t *status = json_object_get(values, "status");
+	const json_t *reg = db_words_look_up(act->registers, "status");
 	const json_t *position = json_object_get(values, "position");
 	double ms = json_number_value(json_object_get(sample, "time_us")) / 1000;
 	struct db_trial_sample taken = {
 		.ms = ms,
 		.position = json_number_value(position),
 		.velocity = json_number_value(json_object_get(values, "velocity")),
-		.online = has_bit(act, status, "online"),
-		.enabled = has_bit(act, status, "enabled"),
-		.moving = has_bit(act, status, "moving"),
+		.online = db_words_has_bit(reg, status, "online"),
+		.enabled = db_words_has_bit(reg, status, "enabled"),
+		.moving = db_words_has_bit(reg, status, "moving"),
 		.late_ms = (double)db_client_wall_us() / 1000 - ms,
 	};
 
@@ -358,7 +341,8 @@ static json_t *read_names(struct db_commission_act *act, json_t *names)
 static bool is_online(struct db_commission_act *act)
 {
 	json_t *values = read_names(act, json_pack("[s]", "status"));
-	bool online = has_bit(act, json_object_get(values, "status"), "online");
+	bool online = db_words_has_bit(db_words_look_up(act->registers, "status"),
+	                               json_object_get(values, "status"), "online");
 
 	json_decref(values);
 	return online;
@@ -429,11 +413,12 @@ static void do_read(struct db_commission_act *act)
 	json_t *log = db_commission_act_call(act, "Events", NULL);
 	const json_t *trouble = json_array_get(json_object_get(answer, "drives"), 0);
 	const json_t *status = json_object_get(values, "status");
+	const json_t *reg = db_words_look_up(act->registers, "status");
 
 	(void)json_object_update(values, counters);
 	for (size_t i = 0; i < sizeof(bits) / sizeof(bits[0]); i++)
 		(void)json_object_set_new(values, bits[i],
-		                          json_boolean(has_bit(act, status, bits[i])));
+		                          json_boolean(db_words_has_bit(reg, status, bits[i])));
 	(void)json_object_set_new(values, "trouble", json_string(db_words_text(trouble, "cause")));
 	(void)json_object_set_new(values, "advice", json_string(db_words_text(trouble, "advice")));
 	(void)json_object_set_new(values, "parameters", read_parameters(act));
