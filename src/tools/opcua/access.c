@@ -70,7 +70,7 @@ void db_opcua_access_free(struct db_opcua_access *access)
 	for (size_t i = 0; access && i < DB_OPCUA_NETWORK_PLACES; i++)
 		UA_NodeId_clear(&access->waiting[i].id);
 	if (access) {
-		db_opcua_logins_free(access->logins);
+		free(access->logins);
 		db_certificate_pair_clear(&access->own);
 	}
 	free(access);

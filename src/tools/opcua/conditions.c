@@ -51,11 +51,6 @@ struct db_opcua_conditions *db_opcua_conditions_new(struct db_opcua_roster *rost
 	return conditions;
 }
 
-void db_opcua_conditions_free(struct db_opcua_conditions *conditions)
-{
-	free(conditions);
-}
-
 /* --- members ---------------------------------------------------------------------------------- */
 
 const UA_DataType *db_opcua_condition_type(enum db_opcua_member member)

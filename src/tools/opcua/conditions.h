@@ -22,12 +22,10 @@ typedef UA_StatusCode db_opcua_acknowledge_fn(void *context, const UA_NodeId *se
                                               const struct db_opcua_alarm *alarm,
                                               const char *comment);
 
-/* `roster` must outlive it. NULL without memory; freed with db_opcua_conditions_free(), NULL is
- * allowed. */
+/* `roster` must outlive it. NULL without memory; the caller frees them. */
 struct db_opcua_conditions *db_opcua_conditions_new(struct db_opcua_roster *roster,
                                                     db_opcua_acknowledge_fn *acknowledge,
                                                     void *context);
-void db_opcua_conditions_free(struct db_opcua_conditions *conditions);
 
 /* From now on its methods can be called. */
 UA_StatusCode db_opcua_conditions_begin(struct db_opcua_conditions *conditions, UA_Server *server);

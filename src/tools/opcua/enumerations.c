@@ -50,8 +50,3 @@ UA_DataTypeArray *db_opcua_enumerations_new(UA_UInt16 types)
 	       sizeof(made->array));
 	return &made->array;
 }
-
-void db_opcua_enumerations_free(UA_DataTypeArray *enumerations)
-{
-	free(enumerations);
-}

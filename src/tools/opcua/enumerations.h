@@ -7,8 +7,7 @@
 #include <open62541/types.h>
 
 /* For the configuration of a server that has the types in this namespace. NULL without memory;
- * freed with db_opcua_enumerations_free() after the server, NULL is allowed. */
+ * the caller frees it after the server. */
 UA_DataTypeArray *db_opcua_enumerations_new(UA_UInt16 types);
-void db_opcua_enumerations_free(UA_DataTypeArray *enumerations);
 
 #endif

@@ -47,11 +47,6 @@ struct db_opcua_logins *db_opcua_logins_new(const struct db_opcua_config *config
 	return logins;
 }
 
-void db_opcua_logins_free(struct db_opcua_logins *logins)
-{
-	free(logins);
-}
-
 void db_opcua_logins_begin(struct db_opcua_logins *logins)
 {
 	memset(logins->wrong, 0, sizeof(logins->wrong));

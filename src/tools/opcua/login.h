@@ -24,10 +24,9 @@ struct db_opcua_login {
 
 struct db_opcua_logins;
 
-/* Both must outlive it. NULL without memory; freed with db_opcua_logins_free(), NULL is allowed. */
+/* Both must outlive it. NULL without memory; the caller frees it. */
 struct db_opcua_logins *db_opcua_logins_new(const struct db_opcua_config *config,
                                             struct db_client_log_rations *lines);
-void db_opcua_logins_free(struct db_opcua_logins *logins);
 
 /* A round of the loop begins: after a wrong password no other is compared in the same one. */
 void db_opcua_logins_begin(struct db_opcua_logins *logins);

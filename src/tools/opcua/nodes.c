@@ -321,11 +321,11 @@ void db_opcua_nodes_free(struct db_opcua_nodes *nodes)
 	if (!nodes)
 		return;
 	db_opcua_past_free(nodes->past);
-	db_opcua_conditions_free(nodes->conditions);
+	free(nodes->conditions);
 	db_opcua_roster_clear(&nodes->roster);
 	db_opcua_store_free(nodes->store);
 	db_opcua_locales_close(&nodes->locales);
-	db_opcua_enumerations_free(nodes->enumerations);
+	free(nodes->enumerations);
 	forget_changes(nodes);
 	free(nodes);
 }

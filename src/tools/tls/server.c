@@ -328,11 +328,6 @@ static void tell_status(struct db_tls_server *server, db_time now)
 	}
 }
 
-static db_time first(db_time a, db_time b)
-{
-	return a < b ? a : b;
-}
-
 db_time db_tls_server_turn(void *context, db_time now, int64_t us)
 {
 	struct db_tls_server *server = context;
@@ -356,13 +351,13 @@ db_time db_tls_server_turn(void *context, db_time now, int64_t us)
 		(void)sd_event_source_set_enabled(server->io, SD_EVENT_ON);
 		server->accept_again = DB_TIME_NEVER;
 	}
-	next = first(first(server->look_at, server->tell_at), server->accept_again);
+	next = db_time_min(db_time_min(server->look_at, server->tell_at), server->accept_again);
 	if (db_tls_places_any_ready(&server->places))
-		next = first(next, server->rest_until);
+		next = db_time_min(next, server->rest_until);
 	for (size_t i = 0; i < server->count; i++) {
-		next = first(next, db_tls_peer_deadline(server->members[i].peer));
+		next = db_time_min(next, db_tls_peer_deadline(server->members[i].peer));
 		if (server->members[i].open)
-			next = first(next, server->members[i].check_at);
+			next = db_time_min(next, server->members[i].check_at);
 	}
 	return next;
 }

@@ -661,7 +661,7 @@ int db_web_serve(const void *config, sd_event *loop)
 	stop_daemon(&server);
 	/* Before the objects that wait for its answers. */
 	db_lanes_free(server.lanes);
-	db_web_stops_free(server.stops);
+	free(server.stops);
 	db_web_trail_free(server.trail);
 	db_web_service_free(server.service);
 	db_web_parameters_free(&server);

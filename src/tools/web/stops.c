@@ -33,11 +33,6 @@ struct db_web_stops *db_web_stops_new(struct db_web_server *server)
 	return stops;
 }
 
-void db_web_stops_free(struct db_web_stops *stops)
-{
-	free(stops);
-}
-
 static void free_stop(struct stop *stop)
 {
 	struct stop **at = &stop->stops->waiting;

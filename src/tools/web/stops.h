@@ -11,10 +11,9 @@
 
 struct db_web_stops;
 
-/* They go past the server's lanes, which are freed before them. NULL without memory; freed with
- * db_web_stops_free(), NULL is allowed. */
+/* They go past the server's lanes, which are freed before them. NULL without memory; the
+ * caller frees them. */
 struct db_web_stops *db_web_stops_new(struct db_web_server *server);
-void db_web_stops_free(struct db_web_stops *stops);
 
 /* Sends it for the user, and answers the request. If its page repeats it because it had no answer
  * yet, the new request waits for the answer to the first call, and the former request is answered
