@@ -272,18 +272,6 @@ static void on_troubles(void *data, json_t *parameters, const struct db_client_e
 	               "configuration", troubles->configuration, "well", troubles->well));
 }
 
-static void connect_troubles(struct db_web_overview *overview)
-{
-	struct db_client_error error = { .parameters = NULL };
-
-	overview->watch = db_web_service_open(overview->server->service, lose, overview, &error);
-	if (overview->watch &&
-	    db_link_send(overview->watch, "Troubles", json_pack("{s:[]}", "drives"), true,
-	                 on_troubles, overview) != 0)
-		overview->failed = true;
-	db_client_error_clear(&error);
-}
-
 void db_web_overview_take_token(void *server, const char *token)
 {
 	tell(((struct db_web_server *)server)->overview, TOKEN, "token",
@@ -335,13 +323,21 @@ void db_web_overview_tick(struct db_web_overview *overview, db_time now)
 {
 	struct db_link *reader = db_web_service_reader(overview->server->service);
 	bool wanted = reader && db_web_stream_count_shared(overview->server) > 0;
+	struct db_client_error error = { .parameters = NULL };
 
 	if (overview->failed || (!wanted && (overview->link || overview->watch)))
 		disconnect(overview);
 	if (!wanted)
 		return;
-	if (!overview->watch)
-		connect_troubles(overview);
+	if (!overview->watch) {
+		overview->watch = db_web_service_open(overview->server->service, lose, overview,
+		                                      &error);
+		if (overview->watch &&
+		    db_link_send(overview->watch, "Troubles", json_pack("{s:[]}", "drives"), true,
+		                 on_troubles, overview) != 0)
+			overview->failed = true;
+		db_client_error_clear(&error);
+	}
 	if (!overview->link &&
 	    json_array_size(json_object_get(overview->server->service->description, "drives")) > 0)
 		connect_values(overview);

@@ -230,24 +230,13 @@ static struct MHD_Response *make_response(struct db_web_request *request)
 /* Longer than a browser is unused, as far as anybody knows. */
 #define DEVICE_DAYS 180
 
-static void add_device_cookie(const struct db_web_request *request, struct MHD_Response *response)
-{
-	char name[DB_WEB_DEVICE_NAME];
-	char cookie[sizeof(request->device_cookie) + DB_WEB_DEVICE_NAME + 96];
-
-	db_web_device_name(request->user, request->secure, name);
-	(void)snprintf(cookie, sizeof(cookie),
-	               "%s=%s; Path=/; HttpOnly; SameSite=Strict; Max-Age=%d%s", name,
-	               request->device_cookie, DEVICE_DAYS * 24 * 3600,
-	               request->secure ? "; Secure" : "");
-	(void)MHD_add_response_header(response, MHD_HTTP_HEADER_SET_COOKIE, cookie);
-}
-
 enum MHD_Result db_web_request_send(struct db_web_request *request)
 {
 	struct MHD_Response *response = make_response(request);
 	enum MHD_Result result;
 	char value[48];
+	char device[DB_WEB_DEVICE_NAME];
+	char cookie[sizeof(request->device_cookie) + DB_WEB_DEVICE_NAME + 96];
 
 	if (!response)
 		return MHD_NO;
@@ -264,8 +253,14 @@ enum MHD_Result db_web_request_send(struct db_web_request *request)
 	if (request->cookie[0] != '\0')
 		(void)MHD_add_response_header(response, MHD_HTTP_HEADER_SET_COOKIE,
 		                              request->cookie);
-	if (request->logged_in && request->device_cookie[0] != '\0')
-		add_device_cookie(request, response);
+	if (request->logged_in && request->device_cookie[0] != '\0') {
+		db_web_device_name(request->user, request->secure, device);
+		(void)snprintf(cookie, sizeof(cookie),
+		               "%s=%s; Path=/; HttpOnly; SameSite=Strict; Max-Age=%d%s", device,
+		               request->device_cookie, DEVICE_DAYS * 24 * 3600,
+		               request->secure ? "; Secure" : "");
+		(void)MHD_add_response_header(response, MHD_HTTP_HEADER_SET_COOKIE, cookie);
+	}
 	/* How long a browser that has come with TLS comes in no other way. */
 	if (request->secure) {
 		(void)snprintf(value, sizeof(value), "max-age=%u",

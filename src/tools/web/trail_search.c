@@ -61,18 +61,36 @@ static void begin_window(struct search *search)
 	                 db_web_trail_filter_query(&search->filter, search->low));
 }
 
-static void end_window(struct search *search)
+static void take_window(struct search *search, const json_t *page)
 {
 	size_t room = DB_WEB_TRAIL_PAGE - json_array_size(search->found);
-	size_t count = json_array_size(search->window);
+	json_int_t next = json_integer_value(json_object_get(page, "next"));
+	json_t *record;
+	size_t count;
+	size_t i;
 
-	for (size_t i = 0; i < count; i++) {
-		json_t *record = json_array_get(search->window, count - 1 - i);
-
+	json_array_foreach(json_object_get(page, "records"), i, record)
+	{
+		if (json_integer_value(json_object_get(record, "number")) >= search->high ||
+		    !db_web_trail_filter_has(&search->filter, record))
+			continue;
+		if (json_array_size(search->window) == room)
+			(void)json_array_remove(search->window, 0);
+		(void)json_array_append(search->window, record);
+	}
+	if (next < search->high && !json_is_true(json_object_get(page, "over"))) {
+		db_web_trail_ask(search->request->server->trail,
+		                 db_web_trail_filter_query(&search->filter, next));
+		return;
+	}
+	/* The window is read: the latest of it come first. */
+	count = json_array_size(search->window);
+	for (i = count; i-- > 0;) {
+		record = json_array_get(search->window, i);
 		db_web_trail_describe(record);
 		(void)json_array_append(search->found, record);
 	}
-	/* The window may have more than there was room for. */
+	/* It may have more than there was room for. */
 	search->high = count > 0 && count == room ?
 	                       json_integer_value(json_object_get(json_array_get(search->window, 0),
 	                                                          "number")) :
@@ -85,29 +103,6 @@ static void end_window(struct search *search)
 		answer(search, search->high <= 1);
 	else
 		begin_window(search);
-}
-
-static void take_window(struct search *search, const json_t *page)
-{
-	size_t room = DB_WEB_TRAIL_PAGE - json_array_size(search->found);
-	json_int_t next = json_integer_value(json_object_get(page, "next"));
-	json_t *record;
-	size_t i;
-
-	json_array_foreach(json_object_get(page, "records"), i, record)
-	{
-		if (json_integer_value(json_object_get(record, "number")) >= search->high ||
-		    !db_web_trail_filter_has(&search->filter, record))
-			continue;
-		if (json_array_size(search->window) == room)
-			(void)json_array_remove(search->window, 0);
-		(void)json_array_append(search->window, record);
-	}
-	if (next >= search->high || json_is_true(json_object_get(page, "over")))
-		end_window(search);
-	else
-		db_web_trail_ask(search->request->server->trail,
-		                 db_web_trail_filter_query(&search->filter, next));
 }
 
 /* --- the newest record that is wanted --------------------------------------------------------- */
