@@ -135,27 +135,12 @@ static void print_alarms(const struct db_ctl *ctl, const json_t *alarms)
 	db_ctl_grid_free(grid);
 }
 
-static void print_state(const json_t *state)
-{
-	const char *trouble = db_words_text(state, "trouble");
-
-	if (json_is_false(json_object_get(state, "on")))
-		db_ctl_say_line(stdout,
-		                "health = off: alarms are not kept, see drivebridge.conf(5)");
-	else if (trouble[0])
-		db_ctl_say_line(stdout, "the alarms cannot be written: %s; a restart loses them",
-		                trouble);
-	else if (json_is_false(json_object_get(state, "kept")))
-		db_ctl_say_line(
-			stdout,
-			"the service has no folder for its state: a restart loses the alarms");
-}
-
 enum db_ctl_status db_ctl_alarms(struct db_ctl *ctl, int count, char **arguments)
 {
 	enum db_ctl_status status = DB_CTL_OK;
 	json_t *state;
 	json_t *alarms = read_alarms(ctl, &state, &status);
+	const char *trouble;
 	const json_t *alarm;
 	size_t i;
 
@@ -168,7 +153,19 @@ enum db_ctl_status db_ctl_alarms(struct db_ctl *ctl, int count, char **arguments
 			print_alarms(ctl, alarms);
 		else
 			db_ctl_say_line(stdout, "no alarms");
-		print_state(state);
+		trouble = db_words_text(state, "trouble");
+		if (json_is_false(json_object_get(state, "on")))
+			db_ctl_say_line(
+				stdout,
+				"health = off: alarms are not kept, see drivebridge.conf(5)");
+		else if (trouble[0])
+			db_ctl_say_line(stdout,
+			                "the alarms cannot be written: %s; a restart loses them",
+			                trouble);
+		else if (json_is_false(json_object_get(state, "kept")))
+			db_ctl_say_line(stdout,
+			                "the service has no folder for its state: a restart loses "
+			                "the alarms");
 	}
 	json_decref(state);
 	json_decref(alarms);

@@ -198,22 +198,6 @@ static json_t *ask(struct db_ctl *ctl, const char *drive, json_int_t since_us, i
 	return db_ctl_call(ctl, "Health", query, DB_CTL_TIMEOUT_MS, status);
 }
 
-static void print_state(const json_t *answer)
-{
-	const char *trouble = db_words_text(answer, "trouble");
-
-	if (json_is_false(json_object_get(answer, "on")))
-		db_ctl_say_line(stdout,
-		                "health = off: no values are taken, see drivebridge.conf(5)");
-	else if (trouble[0])
-		db_ctl_say_line(stdout, "the values cannot be written: %s; a restart loses them",
-		                trouble);
-	else if (json_is_false(json_object_get(answer, "kept")))
-		db_ctl_say_line(
-			stdout,
-			"the service has no folder for its state: a restart loses the values");
-}
-
 enum db_ctl_status db_ctl_health(struct db_ctl *ctl, int count, char **arguments)
 {
 	const char *drive = count > 0 ? arguments[0] : NULL;
@@ -221,6 +205,7 @@ enum db_ctl_status db_ctl_health(struct db_ctl *ctl, int count, char **arguments
 	json_int_t since_us = ctl->since ? db_ctl_parse_since(ctl->since) : now - DAY_US;
 	json_int_t hours = (now - since_us) / (INT64_C(3600) * 1000000);
 	enum db_ctl_status status = DB_CTL_OK;
+	const char *trouble;
 	json_t *answer;
 
 	if (since_us == 0)
@@ -242,7 +227,19 @@ enum db_ctl_status db_ctl_health(struct db_ctl *ctl, int count, char **arguments
 			print_charts(json_object_get(fine, "values"));
 			json_decref(fine);
 		}
-		print_state(answer);
+		trouble = db_words_text(answer, "trouble");
+		if (json_is_false(json_object_get(answer, "on")))
+			db_ctl_say_line(
+				stdout,
+				"health = off: no values are taken, see drivebridge.conf(5)");
+		else if (trouble[0])
+			db_ctl_say_line(stdout,
+			                "the values cannot be written: %s; a restart loses them",
+			                trouble);
+		else if (json_is_false(json_object_get(answer, "kept")))
+			db_ctl_say_line(stdout,
+			                "the service has no folder for its state: a restart loses "
+			                "the values");
 	}
 	json_decref(answer);
 	return status;

@@ -105,25 +105,6 @@ static json_t *describe(const struct kept *kept, unsigned number)
 	                 "user", text_of(kept, number, "user"));
 }
 
-/* "target_position=6400 target_velocity=0", as run takes them. */
-static void write_arguments(const struct kept *kept, json_t *arguments, char *text, size_t size)
-{
-	char value[DB_WORDS_VALUE_MAX];
-	size_t used = 0;
-	const char *name;
-	json_t *argument;
-
-	text[0] = '\0';
-	json_object_foreach(arguments, name, argument)
-	{
-		db_words_write_bare_value(db_words_look_up(kept->registers, name), argument, value,
-		                          sizeof(value));
-		if (used < size)
-			used += (size_t)snprintf(text + used, size - used, "%s%s=%s",
-			                         used > 0 ? " " : "", name, value);
-	}
-}
-
 static void add_row(struct db_ctl_grid *grid, const struct kept *kept, const json_t *entry)
 {
 	const char *address = db_words_text(entry, "address");
@@ -133,13 +114,25 @@ static void add_row(struct db_ctl_grid *grid, const struct kept *kept, const jso
 	            strcmp(result, "unproven") == 0;
 	json_int_t port = json_integer_value(json_object_get(entry, "port"));
 	json_int_t took = json_integer_value(json_object_get(entry, "duration_us"));
-	char text[DB_WORDS_VALUE_MAX];
+	char text[DB_WORDS_VALUE_MAX] = "";
+	char value[DB_WORDS_VALUE_MAX];
 	char when[DB_WORDS_TIME_MAX];
+	size_t used = 0;
+	const char *name;
+	json_t *argument;
 
 	db_words_write_time(json_integer_value(json_object_get(entry, "time_us")), when);
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", when);
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_words_text(entry, "command"));
-	write_arguments(kept, json_object_get(entry, "arguments"), text, sizeof(text));
+	/* "target_position=6400 target_velocity=0", as run takes them. */
+	json_object_foreach(json_object_get(entry, "arguments"), name, argument)
+	{
+		db_words_write_bare_value(db_words_look_up(kept->registers, name), argument, value,
+		                          sizeof(value));
+		if (used < sizeof(text))
+			used += (size_t)snprintf(text + used, sizeof(text) - used, "%s%s=%s",
+			                         used > 0 ? " " : "", name, value);
+	}
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", text);
 	db_ctl_grid_add(grid, good ? DB_CTL_PLAIN : DB_CTL_YELLOW, "%s", db_ctl_say_name(result));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%.1f ms", (double)took / 1000.0);

@@ -36,14 +36,19 @@ static void quote(const char *path, char text[2 * PATH_LETTERS + 3])
 	text[used] = '\0';
 }
 
-static void write_script(const char *csv, size_t columns, const char *picture, char *text,
-                         size_t size)
+enum db_ctl_status db_ctl_plot(const struct db_ctl *ctl, const char *csv, size_t columns,
+                               const char *picture)
 {
 	char data[2 * PATH_LETTERS + 3];
 	char output[2 * PATH_LETTERS + 3];
 	char terminal[2 * PATH_LETTERS + 128];
+	char script[8 * PATH_LETTERS];
 	unsigned lines = 24;
 	unsigned width = 80;
+	char *arguments[] = { (char[]){ "gnuplot" }, (char[]){ "-e" }, script, NULL };
+	int ended = 0;
+	pid_t child;
+	int error;
 
 	quote(csv, data);
 	quote(picture, output);
@@ -54,22 +59,10 @@ static void write_script(const char *csv, size_t columns, const char *picture, c
 	else
 		(void)snprintf(terminal, sizeof(terminal),
 		               "set terminal svg noenhanced size 1000,600; set output %s", output);
-	(void)snprintf(text, size,
+	(void)snprintf(script, sizeof(script),
 	               "%s; set datafile separator ','; set key autotitle columnhead below; "
 	               "set xlabel 'seconds'; set grid; plot for [i=3:%zu] %s using 1:i with lines",
 	               terminal, columns, data);
-}
-
-enum db_ctl_status db_ctl_plot(const struct db_ctl *ctl, const char *csv, size_t columns,
-                               const char *picture)
-{
-	char script[8 * PATH_LETTERS];
-	char *arguments[] = { (char[]){ "gnuplot" }, (char[]){ "-e" }, script, NULL };
-	int ended = 0;
-	pid_t child;
-	int error;
-
-	write_script(csv, columns, picture, script, sizeof(script));
 	(void)fflush(stdout);
 	error = posix_spawnp(&child, "gnuplot", NULL, NULL, arguments, environ);
 	if (error == ENOENT)

@@ -243,22 +243,13 @@ static enum db_ctl_status wait_until_known(const struct replacement *of)
 	return status;
 }
 
-static enum db_ctl_status restore(const struct replacement *of)
-{
-	char drive[256];
-	char path[PATH_MAX];
-	char *words[] = { drive, path, NULL };
-
-	(void)snprintf(drive, sizeof(drive), "%s", name_of(of));
-	(void)snprintf(path, sizeof(path), "%s", of->path);
-	of->ctl->save = db_ctl_params_can_save(of->ctl, drive);
-	return db_ctl_params_restore(of->ctl, 2, words);
-}
-
 static enum db_ctl_status carry_out(const struct replacement *of)
 {
 	struct db_ctl *ctl = of->ctl;
 	enum db_ctl_status status = DB_CTL_OK;
+	char drive[256];
+	char path[PATH_MAX];
+	char *words[] = { drive, path, NULL };
 
 	if (!ctl->json)
 		db_ctl_say_line(stdout, "%s: bus %s, address %lld; its parameters are in %s%s%s%s",
@@ -276,7 +267,10 @@ static enum db_ctl_status carry_out(const struct replacement *of)
 	}
 	if (status == DB_CTL_OK) {
 		tell_step(of, 3, DB_CTL_TEXT("write the parameters into it, and save them"));
-		status = restore(of);
+		(void)snprintf(drive, sizeof(drive), "%s", name_of(of));
+		(void)snprintf(path, sizeof(path), "%s", of->path);
+		ctl->save = db_ctl_params_can_save(ctl, drive);
+		status = db_ctl_params_restore(ctl, 2, words);
 	}
 	if (status == DB_CTL_OK && !ctl->json) {
 		(void)putchar('\n');

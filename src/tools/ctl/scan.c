@@ -20,32 +20,6 @@ static const char *verdict_of(const json_t *find)
 
 /* --- the table -------------------------------------------------------------------------------- */
 
-/* Its name in the configuration. */
-static void add_place(struct db_ctl_grid *grid, const json_t *find)
-{
-	const json_t *drives = json_object_get(find, "drives");
-	const char *verdict = verdict_of(find);
-	char text[DB_WORDS_VALUE_MAX];
-	size_t used = 0;
-	size_t i;
-	const json_t *name;
-
-	(void)snprintf(text, sizeof(text), "%s", db_ctl_say("new"));
-	json_array_foreach(drives, i, name)
-	{
-		if (used < sizeof(text))
-			used += (size_t)snprintf(text + used, sizeof(text) - used, "%s%s",
-			                         i > 0 ? ", " : "", json_string_value(name));
-	}
-	if (strcmp(verdict, "one") == 0)
-		db_ctl_grid_add(grid, used > 0 ? DB_CTL_PLAIN : DB_CTL_GREEN, "%s", text);
-	else
-		db_ctl_grid_add(grid, DB_CTL_RED, "%s%s%s",
-		                strcmp(verdict, "two") == 0 ? db_ctl_say("two drives") :
-		                                              db_ctl_say("nothing readable"),
-		                used > 0 ? ": " : "", used > 0 ? text : "");
-}
-
 static void add_time(struct db_ctl_grid *grid, const json_t *find, const char *name)
 {
 	if (db_words_number(find, "answered") == 0)
@@ -59,6 +33,11 @@ static void add_find(struct db_ctl_grid *grid, const json_t *find, const json_t 
 {
 	char identity[DB_WORDS_VALUE_MAX];
 	const char *other = db_words_text(find, "other");
+	const char *verdict = verdict_of(find);
+	char place[DB_WORDS_VALUE_MAX];
+	size_t used = 0;
+	size_t i;
+	const json_t *name;
 
 	(void)snprintf(identity, sizeof(identity), "%s%s%s", db_words_text(find, "identity"),
 	               other[0] ? db_ctl_say(" and ") : "", other);
@@ -70,7 +49,21 @@ static void add_find(struct db_ctl_grid *grid, const json_t *find, const json_t 
 	add_time(grid, find, "time_min_us");
 	add_time(grid, find, "time_mean_us");
 	add_time(grid, find, "time_max_us");
-	add_place(grid, find);
+	/* Its name in the configuration. */
+	(void)snprintf(place, sizeof(place), "%s", db_ctl_say("new"));
+	json_array_foreach(json_object_get(find, "drives"), i, name)
+	{
+		if (used < sizeof(place))
+			used += (size_t)snprintf(place + used, sizeof(place) - used, "%s%s",
+			                         i > 0 ? ", " : "", json_string_value(name));
+	}
+	if (strcmp(verdict, "one") == 0)
+		db_ctl_grid_add(grid, used > 0 ? DB_CTL_PLAIN : DB_CTL_GREEN, "%s", place);
+	else
+		db_ctl_grid_add(grid, DB_CTL_RED, "%s%s%s",
+		                strcmp(verdict, "two") == 0 ? db_ctl_say("two drives") :
+		                                              db_ctl_say("nothing readable"),
+		                used > 0 ? ": " : "", used > 0 ? place : "");
 }
 
 static void print_table(const struct db_ctl *ctl, const struct db_ctl_search *search,

@@ -134,13 +134,21 @@ json_t *db_ctl_find_unit(const struct db_ctl *ctl, const char *name)
 	return unit ? unit : db_ctl_find_drive(ctl, name);
 }
 
-/* A register whose description has "codes as in NAME" gets those of the register of that name. */
-static void copy_codes(json_t *registers)
+json_t *db_ctl_read_registers(struct db_ctl *ctl, const char *drive, enum db_ctl_status *status)
 {
 	static const char words[] = "codes as in ";
+	json_t *answer = db_ctl_call(ctl, "Registers", json_pack("{s:s}", "drive", drive),
+	                             DB_CTL_TIMEOUT_MS, status);
+	json_t *registers = json_incref(json_object_get(answer, "registers"));
 	size_t i;
 	json_t *reg;
 
+	json_decref(answer);
+	if (*status == DB_CTL_OK && !registers)
+		*status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_BAD_ANSWER,
+		                          "the service does not say which registers there are");
+	/* A register whose description has "codes as in NAME" gets those of the register of that
+	 * name. */
 	json_array_foreach(registers, i, reg)
 	{
 		const char *at = strstr(db_words_text(reg, "description"), words);
@@ -156,19 +164,6 @@ static void copy_codes(json_t *registers)
 		if (codes)
 			(void)json_object_set(reg, "codes", codes);
 	}
-}
-
-json_t *db_ctl_read_registers(struct db_ctl *ctl, const char *drive, enum db_ctl_status *status)
-{
-	json_t *answer = db_ctl_call(ctl, "Registers", json_pack("{s:s}", "drive", drive),
-	                             DB_CTL_TIMEOUT_MS, status);
-	json_t *registers = json_incref(json_object_get(answer, "registers"));
-
-	json_decref(answer);
-	if (*status == DB_CTL_OK && !registers)
-		*status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_BAD_ANSWER,
-		                          "the service does not say which registers there are");
-	copy_codes(registers);
 	return registers;
 }
 
