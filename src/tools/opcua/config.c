@@ -17,23 +17,6 @@ static bool is_name(const char *text)
 	return true;
 }
 
-static void check_show(struct db_settings *settings, const struct db_opcua_config *config)
-{
-	for (const char *at = config->show.names; at && *at; at += strlen(at) + 1) {
-		bool known = false;
-
-		for (int group = DB_OPCUA_COMMAND; group < DB_OPCUA_DIAGNOSIS; group++)
-			known = known ||
-			        strcmp(db_opcua_group_folder((enum db_opcua_group)group), at) == 0;
-		if (!known)
-			db_messages_add_error(settings->messages,
-			                      db_settings_line(settings, "server", "show"),
-			                      "show has '%s'; there are CommandBlock, Parameters, "
-			                      "Service, Bits and History",
-			                      at);
-	}
-}
-
 /* "opc.tcp://10.0.0.7:4844" or "opc.tcp://[fd00::7]:4844". A name would have to be resolved, which
  * takes the time of everybody's stops. */
 static bool is_url(const char *url)
@@ -81,7 +64,19 @@ static void check_whole(struct db_settings *settings, const void *host_name)
 		                      "gateway = %s cannot be a part of a certificate: letters, "
 		                      "digits, - . and _ only",
 		                      config->gateway);
-	check_show(settings, config);
+	for (const char *at = config->show.names; at && *at; at += strlen(at) + 1) {
+		bool known = false;
+
+		for (int group = DB_OPCUA_COMMAND; group < DB_OPCUA_DIAGNOSIS; group++)
+			known = known ||
+			        strcmp(db_opcua_group_folder((enum db_opcua_group)group), at) == 0;
+		if (!known)
+			db_messages_add_error(settings->messages,
+			                      db_settings_line(settings, "server", "show"),
+			                      "show has '%s'; there are CommandBlock, Parameters, "
+			                      "Service, Bits and History",
+			                      at);
+	}
 	for (const char *at = config->reverse_connect.names; at && *at; at += strlen(at) + 1) {
 		if (!is_url(at))
 			db_messages_add_error(

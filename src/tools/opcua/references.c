@@ -332,32 +332,12 @@ static UA_Byte tie_of_row(const struct db_opcua_type_row *row)
 	                                                UA_REFERENCETYPEINDEX_HASCOMPONENT;
 }
 
-/* Those below it, each kind of references by itself. */
-static void refer_to_rows(const struct db_opcua_roster *roster, const struct db_opcua_type_row *row,
-                          struct db_opcua_references *references)
+static void refer_of_row(const struct db_opcua_roster *roster, const struct db_opcua_type_row *row,
+                         struct db_opcua_references *references)
 {
 	static const UA_Byte ties[] = { UA_REFERENCETYPEINDEX_HASSUBTYPE,
 		                        UA_REFERENCETYPEINDEX_HASCOMPONENT,
 		                        UA_REFERENCETYPEINDEX_HASPROPERTY };
-
-	for (size_t i = 0; i < sizeof(ties) / sizeof(ties[0]); i++) {
-		if (!db_opcua_store_wants(references, ties[i], false))
-			continue;
-		for (size_t j = 0; j < db_opcua_type_count; j++) {
-			const struct db_opcua_type_row *below = &db_opcua_type_rows[j];
-
-			if (below->above == row - db_opcua_type_rows &&
-			    tie_of_row(below) == ties[i])
-				db_opcua_store_refer(references, ties[i], false,
-				                     db_opcua_type_id(roster, below),
-				                     db_opcua_row_name(roster, below));
-		}
-	}
-}
-
-static void refer_of_row(const struct db_opcua_roster *roster, const struct db_opcua_type_row *row,
-                         struct db_opcua_references *references)
-{
 	if (row->above >= 0) {
 		const struct db_opcua_type_row *above = &db_opcua_type_rows[row->above];
 
@@ -385,7 +365,20 @@ static void refer_of_row(const struct db_opcua_roster *roster, const struct db_o
 		                  row->always ? UA_NS0ID_MODELLINGRULE_MANDATORY :
 		                                UA_NS0ID_MODELLINGRULE_OPTIONAL,
 		                  "");
-	refer_to_rows(roster, row, references);
+	/* Those below it, each kind of references by itself. */
+	for (size_t i = 0; i < sizeof(ties) / sizeof(ties[0]); i++) {
+		if (!db_opcua_store_wants(references, ties[i], false))
+			continue;
+		for (size_t j = 0; j < db_opcua_type_count; j++) {
+			const struct db_opcua_type_row *below = &db_opcua_type_rows[j];
+
+			if (below->above == row - db_opcua_type_rows &&
+			    tie_of_row(below) == ties[i])
+				db_opcua_store_refer(references, ties[i], false,
+				                     db_opcua_type_id(roster, below),
+				                     db_opcua_row_name(roster, below));
+		}
+	}
 }
 
 static void refer_of_bus(const struct db_opcua_roster *roster, const struct db_opcua_bus *bus,

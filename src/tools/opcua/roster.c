@@ -34,24 +34,6 @@ struct db_opcua_shown *db_opcua_roster_find(const struct db_opcua_roster *roster
 	return roster->drives[place];
 }
 
-/* The tree of the drive's kind: another drive's, or a new one. */
-static struct db_opcua_tree *take_tree(const struct db_opcua_roster *roster,
-                                       const struct db_opcua_config *config,
-                                       const struct db_opcua_shown *shown)
-{
-	struct db_opcua_tree *tree = NULL;
-
-	for (size_t i = 0; i < roster->count && !tree; i++) {
-		if (roster->drives[i]->drive->kind == shown->drive->kind)
-			tree = roster->drives[i]->tree;
-	}
-	if (!tree)
-		tree = db_opcua_tree_new(shown->drive->kind, config, shown->gateway);
-	if (tree)
-		tree->users++;
-	return tree;
-}
-
 static void free_shown(struct db_opcua_shown *shown)
 {
 	if (shown->tree && --shown->tree->users == 0)
@@ -78,11 +60,18 @@ struct db_opcua_shown *db_opcua_roster_add(struct db_opcua_roster *roster,
 	shown->drive = drive;
 	shown->gateway = drive->name[0] == '\0';
 	shown->name = shown->gateway ? DB_OPCUA_GATEWAY : drive->name;
-	shown->tree = take_tree(roster, config, shown);
+	/* The tree of the drive's kind: another drive's, or a new one. */
+	for (size_t i = 0; i < roster->count && !shown->tree; i++) {
+		if (roster->drives[i]->drive->kind == drive->kind)
+			shown->tree = roster->drives[i]->tree;
+	}
+	if (!shown->tree)
+		shown->tree = db_opcua_tree_new(drive->kind, config, shown->gateway);
 	if (!shown->tree) {
 		free_shown(shown);
 		return NULL;
 	}
+	shown->tree->users++;
 	(void)snprintf(shown->location, sizeof(shown->location), "%s/%lld%s%s", drive->bus,
 	               (long long)json_integer_value(json_object_get(description, "address")),
 	               axis && axis[0] ? "/" : "", axis ? axis : "");

@@ -177,19 +177,28 @@ static void forget_node(struct db_opcua_store *store, struct db_opcua_node *node
 	store->unheld = node;
 }
 
-static const UA_Node *make_node(struct db_opcua_store *store, const UA_NodeId *node_id,
-                                const struct db_opcua_subject *subject, UA_UInt32 attributes,
-                                UA_ReferenceTypeSet references, UA_BrowseDirection direction)
+/* --- callbacks of the library ----------------------------------------------------------------- */
+
+static const UA_Node *get_node(void *context, const UA_NodeId *node_id, UA_UInt32 attributes,
+                               UA_ReferenceTypeSet references, UA_BrowseDirection direction)
 {
+	struct db_opcua_store *store = context;
 	struct db_opcua_node *node = store->unheld;
 	UA_String id = node_id->identifier.string;
+	struct db_opcua_subject subject;
 
+	if (store->space == 0 ||
+	    (node_id->namespaceIndex != store->space && node_id->namespaceIndex != store->types) ||
+	    node_id->identifierType != UA_NODEIDTYPE_STRING || id.length >= DB_OPCUA_ID_MAX ||
+	    !store->ops->find(store->context, node_id->namespaceIndex, id, &subject))
+		return store->plain.getNode(store->plain.context, node_id, attributes, references,
+		                            direction);
 	if (!node) {
 		db_client_log(DB_CLIENT_ERROR, "more nodes are held than there can be");
 		return NULL;
 	}
 	store->unheld = node->next;
-	*node = (struct db_opcua_node){ .subject = *subject };
+	*node = (struct db_opcua_node){ .subject = subject };
 	/* It reads single attributes, and writes to nodes with all of them (seen in 1.4.11). */
 	node->written = attributes == UA_NODEATTRIBUTESMASK_ALL;
 	node->described = !node->written && (attributes & DESCRIPTION_HINTS) != 0;
@@ -211,23 +220,6 @@ static const UA_Node *make_node(struct db_opcua_store *store, const UA_NodeId *n
 		return NULL;
 	}
 	return &node->node;
-}
-
-/* --- callbacks of the library ----------------------------------------------------------------- */
-
-static const UA_Node *get_node(void *context, const UA_NodeId *id, UA_UInt32 attributes,
-                               UA_ReferenceTypeSet references, UA_BrowseDirection direction)
-{
-	struct db_opcua_store *store = context;
-	struct db_opcua_subject subject;
-
-	if (store->space != 0 &&
-	    (id->namespaceIndex == store->space || id->namespaceIndex == store->types) &&
-	    id->identifierType == UA_NODEIDTYPE_STRING &&
-	    id->identifier.string.length < DB_OPCUA_ID_MAX &&
-	    store->ops->find(store->context, id->namespaceIndex, id->identifier.string, &subject))
-		return make_node(store, id, &subject, attributes, references, direction);
-	return store->plain.getNode(store->plain.context, id, attributes, references, direction);
 }
 
 static const UA_Node *get_node_from_pointer(void *context, UA_NodePointer pointer,
