@@ -179,23 +179,11 @@ static void complete_trace(struct db_web_additions *additions, json_t *answer)
 
 /* --- all -------------------------------------------------------------------------------------- */
 
-static void complete_scan(struct db_web_additions *additions, json_t *answer)
-{
-	const json_t *description = additions->service->description;
-	const json_t *bus = find_bus(additions);
-	char *text;
-
-	(void)json_array_extend(additions->finds, json_object_get(answer, "finds"));
-	text = bus ? db_setup_write_sections(bus, additions->finds,
-	                                     json_object_get(description, "drives")) :
-	             NULL;
-	if (text)
-		(void)json_object_set_new(answer, "configuration", json_string(text));
-	free(text);
-}
-
 void db_web_additions_complete(struct db_web_additions *additions, json_t *answer)
 {
+	const json_t *description;
+	const json_t *bus;
+	char *text;
 	size_t i;
 	json_t *sample;
 
@@ -206,7 +194,15 @@ void db_web_additions_complete(struct db_web_additions *additions, json_t *answe
 		return;
 	}
 	if (additions->finds) {
-		complete_scan(additions, answer);
+		description = additions->service->description;
+		bus = find_bus(additions);
+		(void)json_array_extend(additions->finds, json_object_get(answer, "finds"));
+		text = bus ? db_setup_write_sections(bus, additions->finds,
+		                                     json_object_get(description, "drives")) :
+		             NULL;
+		if (text)
+			(void)json_object_set_new(answer, "configuration", json_string(text));
+		free(text);
 		return;
 	}
 	/* Samples that fulfil the trigger's condition are marked. */

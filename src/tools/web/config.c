@@ -13,27 +13,6 @@ const struct db_users_keeper db_web_keeper = {
 	.former = DB_USERS_FORMER_WEB,
 };
 
-static void check_certificate(struct db_settings *settings)
-{
-	struct db_web_config *config = settings->values;
-	struct db_certificate_pair pair;
-	char why[DB_CERTIFICATE_WHY];
-
-	db_settings_check_certificate(settings, "server", config->certificate_file,
-	                              config->key_file);
-	config->tls = config->certificate_file[0] && config->key_file[0];
-	if (!config->tls)
-		return;
-	if (db_certificate_pair_load(&pair, config->certificate_file, config->key_file,
-	                             db_client_wall_us() / 1000000, why) == DB_CERTIFICATE_WRONG)
-		db_messages_add_error(settings->messages,
-		                      db_settings_line(settings, "server", "certificate-file"),
-		                      "%s", why);
-	db_certificate_pair_clear(&pair);
-	db_settings_check_secret(settings, "server", "key-file", config->key_file,
-	                         "drivebridge-web");
-}
-
 static void check_networks(struct db_settings *settings, const char *section, const char *name,
                            const struct db_setting_list *list)
 {
@@ -51,6 +30,8 @@ static void check_whole(struct db_settings *settings, const void *context)
 	struct db_web_config *config = settings->values;
 	struct sockaddr_storage endpoint;
 	struct db_web_address address;
+	struct db_certificate_pair pair;
+	char why[DB_CERTIFICATE_WHY];
 	socklen_t size;
 
 	(void)context;
@@ -63,7 +44,21 @@ static void check_whole(struct db_settings *settings, const void *context)
 				settings->messages, db_settings_line(settings, "server", "hosts"),
 				"hosts: %s is no host name; without a scheme, port or path", at);
 	}
-	check_certificate(settings);
+	db_settings_check_certificate(settings, "server", config->certificate_file,
+	                              config->key_file);
+	config->tls = config->certificate_file[0] && config->key_file[0];
+	if (config->tls) {
+		if (db_certificate_pair_load(&pair, config->certificate_file, config->key_file,
+		                             db_client_wall_us() / 1000000,
+		                             why) == DB_CERTIFICATE_WRONG)
+			db_messages_add_error(
+				settings->messages,
+				db_settings_line(settings, "server", "certificate-file"), "%s",
+				why);
+		db_certificate_pair_clear(&pair);
+		db_settings_check_secret(settings, "server", "key-file", config->key_file,
+		                         "drivebridge-web");
+	}
 	if (!db_web_endpoint_parse(config->listen, &endpoint, &size))
 		db_messages_add_error(
 			settings->messages, db_settings_line(settings, "server", "listen"),

@@ -38,27 +38,6 @@ static void resume(struct file *file)
 
 /* --- reading ---------------------------------------------------------------------------------- */
 
-static void write_lines(struct file *file, const json_t *records)
-{
-	FILE *out = open_memstream(&file->lines, &file->size);
-	json_t *record;
-	size_t i;
-
-	json_array_foreach(out ? records : NULL, i, record)
-	{
-		if (!db_web_trail_filter_has(&file->filter, record))
-			continue;
-		if (file->cef) {
-			db_capture_audit_write_cef(record, out);
-		} else {
-			(void)json_dumpf(record, out, JSON_COMPACT | JSON_REAL_PRECISION(9));
-			(void)fputc('\n', out);
-		}
-	}
-	file->sent = 0;
-	file->broken = !out || fclose(out) != 0;
-}
-
 static void take_turn(struct db_web_trail_reader *reader)
 {
 	struct file *file = (struct file *)(void *)reader;
@@ -80,6 +59,9 @@ static void take_page(struct db_web_trail_reader *reader, json_t *page,
 {
 	struct file *file = (struct file *)(void *)reader;
 	struct db_web_trail *trail = file->request->server->trail;
+	FILE *out;
+	json_t *record;
+	size_t i;
 
 	free(file->lines);
 	file->lines = NULL;
@@ -89,7 +71,21 @@ static void take_page(struct db_web_trail_reader *reader, json_t *page,
 	} else {
 		file->next = json_integer_value(json_object_get(page, "next"));
 		file->over = json_is_true(json_object_get(page, "over"));
-		write_lines(file, json_object_get(page, "records"));
+		out = open_memstream(&file->lines, &file->size);
+		json_array_foreach(out ? json_object_get(page, "records") : NULL, i, record)
+		{
+			if (!db_web_trail_filter_has(&file->filter, record))
+				continue;
+			if (file->cef) {
+				db_capture_audit_write_cef(record, out);
+			} else {
+				(void)json_dumpf(record, out,
+				                 JSON_COMPACT | JSON_REAL_PRECISION(9));
+				(void)fputc('\n', out);
+			}
+		}
+		file->sent = 0;
+		file->broken = !out || fclose(out) != 0;
 	}
 	/* A page without any that are wanted is followed by the next one. */
 	if (file->size == 0 && !file->over && !file->broken) {
