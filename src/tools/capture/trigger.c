@@ -59,34 +59,23 @@ bool db_capture_trigger_set(struct db_capture_trigger *trigger, const json_t *re
 	return true;
 }
 
-static bool is_met(const struct db_capture_trigger *trigger, const json_t *value)
-{
-	double number = json_is_boolean(value) ? json_is_true(value) : json_number_value(value);
-	bool equal = trigger->bits ? (json_integer_value(value) & trigger->mask) == trigger->mask :
-	                             number == trigger->value;
-
-	switch (trigger->relation) {
-	case DB_CAPTURE_ABOVE:
-		return number > trigger->value;
-	case DB_CAPTURE_BELOW:
-		return number < trigger->value;
-	case DB_CAPTURE_UNEQUAL:
-		return !equal;
-	case DB_CAPTURE_EQUAL:
-	default:
-		return equal;
-	}
-}
-
 bool db_capture_trigger_take(struct db_capture_trigger *trigger, const json_t *values)
 {
 	const json_t *value = json_object_get(values, trigger->name);
-	bool met;
+	double number = json_is_boolean(value) ? json_is_true(value) : json_number_value(value);
+	bool equal = trigger->bits ? (json_integer_value(value) & trigger->mask) == trigger->mask :
+	                             number == trigger->value;
+	bool met = equal;
 	bool comes;
 
 	if (!json_is_number(value) && !json_is_boolean(value))
 		return false;
-	met = is_met(trigger, value);
+	if (trigger->relation == DB_CAPTURE_ABOVE)
+		met = number > trigger->value;
+	else if (trigger->relation == DB_CAPTURE_BELOW)
+		met = number < trigger->value;
+	else if (trigger->relation == DB_CAPTURE_UNEQUAL)
+		met = !equal;
 	comes = met && trigger->known && !trigger->met;
 	trigger->known = true;
 	trigger->met = met;

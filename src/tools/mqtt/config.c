@@ -236,27 +236,12 @@ static void check_sparkplug(struct db_settings *settings)
 		                      "discovery announces texts; payload = sparkplug has none");
 }
 
-/* Without its texts the names are English, and the program runs. */
-static void open_language(struct db_settings *settings)
-{
-	static const char *const names[] = { "", "de", "zh_CN" };
-	struct db_mqtt_config *config = settings->values;
-	const char *folder = db_words_folder(getenv);
-
-	if (!config->discovery || config->discovery_language == 0)
-		return;
-	config->language = db_words_open_language(folder, names[config->discovery_language]);
-	if (!config->language)
-		db_messages_add_warning(
-			settings->messages,
-			db_settings_line(settings, "publish", "discovery-language"),
-			"discovery-language: no texts of %s in %s: %s; names are English",
-			names[config->discovery_language], folder, strerror(errno));
-}
-
 static void check_whole(struct db_settings *settings, const void *host_name)
 {
+	static const char *const languages[] = { "", "de", "zh_CN" };
 	struct db_mqtt_config *config = settings->values;
+	const char *language = languages[config->discovery_language];
+	const char *folder = db_words_folder(getenv);
 	size_t values = 0;
 
 	check_broker(settings);
@@ -274,7 +259,16 @@ static void check_whole(struct db_settings *settings, const void *host_name)
 	check_topic(settings, "publish", "prefix", config->prefix, true);
 	check_topic(settings, "publish", "discovery-prefix", config->discovery_prefix, true);
 	check_sparkplug(settings);
-	open_language(settings);
+	/* Without its texts the names are English, and the program runs. */
+	if (config->discovery && language[0]) {
+		config->language = db_words_open_language(folder, language);
+		if (!config->language)
+			db_messages_add_warning(
+				settings->messages,
+				db_settings_line(settings, "publish", "discovery-language"),
+				"discovery-language: no texts of %s in %s: %s; names are English",
+				language, folder, strerror(errno));
+	}
 	if (db_mqtt_config_commands(config) && config->version != DB_MQTT_VERSION_5)
 		db_messages_add_error(
 			settings->messages, db_settings_line(settings, "broker", "mqtt-version"),
