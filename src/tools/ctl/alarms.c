@@ -8,11 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static bool is_acknowledged(const json_t *alarm)
-{
-	return db_words_number(alarm, "acknowledged_us") != 0;
-}
-
 /* --- reading ---------------------------------------------------------------------------------- */
 
 static int compare_ids(const void *a, const void *b)
@@ -106,7 +101,7 @@ static void add_row(struct db_ctl_grid *grid, const json_t *alarm)
 	else
 		add_time(grid, db_words_number(alarm, "gone_us"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)db_words_number(alarm, "times"));
-	if (!is_acknowledged(alarm)) {
+	if (db_words_number(alarm, "acknowledged_us") == 0) {
 		db_ctl_grid_add(grid, DB_CTL_YELLOW, "%s", db_ctl_say("no"));
 		return;
 	}
@@ -202,7 +197,7 @@ static enum db_ctl_status acknowledge_all(struct db_ctl *ctl)
 
 	json_array_foreach(alarms, i, alarm)
 	{
-		if (status == DB_CTL_OK && !is_acknowledged(alarm))
+		if (status == DB_CTL_OK && db_words_number(alarm, "acknowledged_us") == 0)
 			status = acknowledge(ctl, db_words_number(alarm, "id"));
 	}
 	json_decref(state);

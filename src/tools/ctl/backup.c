@@ -147,26 +147,6 @@ static enum db_ctl_status put_together(struct backup *backup)
 	return status;
 }
 
-static void print_end(const struct backup *backup)
-{
-	json_t *object;
-	size_t i;
-	const json_t *name;
-
-	if (backup->ctl->json) {
-		object = json_pack("{s:s, s:O}", "file", backup->file, "missing", backup->missing);
-		db_ctl_print_json(object);
-		json_decref(object);
-		return;
-	}
-	db_ctl_say_line(stdout, "%s: the configuration, and the parameters of %zu drives",
-	                backup->file,
-	                json_array_size(json_object_get(backup->ctl->description, "drives")) -
-	                        json_array_size(backup->missing));
-	json_array_foreach(backup->missing, i, name)
-		db_ctl_say_line(stdout, "without the parameters of %s", json_string_value(name));
-}
-
 enum db_ctl_status db_ctl_backup(struct db_ctl *ctl, int count, char **arguments)
 {
 	struct backup backup = { .ctl = ctl,
@@ -177,6 +157,10 @@ enum db_ctl_status db_ctl_backup(struct db_ctl *ctl, int count, char **arguments
 	char all[] = "-rf";
 	char *words[] = { rm, all, backup.folder, NULL };
 	enum db_ctl_status status;
+	size_t drives = json_array_size(json_object_get(ctl->description, "drives"));
+	json_t *object;
+	size_t i;
+	const json_t *name;
 
 	(void)count;
 	(void)umask(077);
@@ -186,10 +170,18 @@ enum db_ctl_status db_ctl_backup(struct db_ctl *ctl, int count, char **arguments
 	}
 	status = put_together(&backup);
 	(void)db_ctl_child_run(words, true);
-	if (status == DB_CTL_OK) {
-		print_end(&backup);
-		status = json_array_size(backup.missing) > 0 ? DB_CTL_NO : DB_CTL_OK;
+	if (status == DB_CTL_OK && ctl->json) {
+		object = json_pack("{s:s, s:O}", "file", backup.file, "missing", backup.missing);
+		db_ctl_print_json(object);
+		json_decref(object);
+	} else if (status == DB_CTL_OK) {
+		db_ctl_say_line(stdout, "%s: the configuration, and the parameters of %zu drives",
+		                backup.file, drives - json_array_size(backup.missing));
+		json_array_foreach(backup.missing, i, name) db_ctl_say_line(
+			stdout, "without the parameters of %s", json_string_value(name));
 	}
+	if (status == DB_CTL_OK && json_array_size(backup.missing) > 0)
+		status = DB_CTL_NO;
 	json_decref(backup.missing);
 	return status;
 }

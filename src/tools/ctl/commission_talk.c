@@ -21,27 +21,10 @@ static char *trim(char *text)
 	return text;
 }
 
-static json_t *read_answers(FILE *file)
-{
-	json_t *answers = json_object();
-	char *line = NULL;
-	size_t size = 0;
-
-	while (getline(&line, &size, file) > 0) {
-		char *equals = strchr(line, '=');
-
-		line[strcspn(line, "#")] = '\0';
-		if (!equals || equals >= line + strlen(line))
-			continue;
-		*equals = '\0';
-		(void)json_object_set_new(answers, trim(line), json_string(trim(equals + 1)));
-	}
-	free(line);
-	return answers;
-}
-
 enum db_ctl_status db_ctl_talk_open(struct db_ctl_talk *talk, const struct db_ctl *ctl)
 {
+	char *line = NULL;
+	size_t size = 0;
 	FILE *file;
 
 	*talk = (struct db_ctl_talk){ .ctl = ctl };
@@ -54,7 +37,18 @@ enum db_ctl_status db_ctl_talk_open(struct db_ctl_talk *talk, const struct db_ct
 	if (!file)
 		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage", "%s: %s",
 		                       ctl->answers, strerror(errno));
-	talk->prepared = read_answers(file);
+	talk->prepared = json_object();
+	while (getline(&line, &size, file) > 0) {
+		char *equals = strchr(line, '=');
+
+		line[strcspn(line, "#")] = '\0';
+		if (!equals || equals >= line + strlen(line))
+			continue;
+		*equals = '\0';
+		(void)json_object_set_new(talk->prepared, trim(line),
+		                          json_string(trim(equals + 1)));
+	}
+	free(line);
 	(void)fclose(file);
 	return DB_CTL_OK;
 }

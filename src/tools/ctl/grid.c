@@ -69,12 +69,6 @@ void db_ctl_grid_add_heads(struct db_ctl_grid *grid, const char *const *heads, s
 		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", db_ctl_say(heads[i]));
 }
 
-/* Columns, not bytes: units may be in any script. */
-static size_t count_letters(const char *text)
-{
-	return text ? db_words_columns(text, strlen(text)) : 0;
-}
-
 const char *db_ctl_colour_begin(bool coloured, enum db_ctl_colour colour)
 {
 	static const char *const begin[] = {
@@ -96,7 +90,9 @@ static size_t width_of(const struct db_ctl_grid *grid, size_t column)
 	size_t width = 0;
 
 	for (size_t i = column; i < grid->count; i += grid->column_count) {
-		size_t letters = count_letters(grid->cells[i].text);
+		const char *text = grid->cells[i].text;
+		/* Columns, not bytes: units may be in any script. */
+		size_t letters = text ? db_words_columns(text, strlen(text)) : 0;
 
 		width = letters > width ? letters : width;
 	}
@@ -140,7 +136,7 @@ void db_ctl_grid_print(const struct db_ctl_grid *grid, bool coloured, unsigned w
 			const struct cell *cell = &grid->cells[row + column];
 			const char *text = cell->text ? cell->text : "";
 			bool to_the_right = grid->columns[column] == 'r';
-			size_t letters = count_letters(text);
+			size_t letters = db_words_columns(text, strlen(text));
 			size_t gap = width_of(grid, column) - letters;
 
 			if (!to_the_right && column + 1 == filled)

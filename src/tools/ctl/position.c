@@ -37,18 +37,27 @@ static void add_row(struct db_ctl_grid *grid, const json_t *position)
 	add_text(grid, DB_CTL_PLAIN, position, "taught_by");
 }
 
-static void print_positions(const struct db_ctl *ctl, const char *drive, const json_t *answer)
+static enum db_ctl_status list(struct db_ctl *ctl, const char *drive)
 {
-	const json_t *positions = json_object_get(answer, "positions");
-	const char *trouble = db_words_text(answer, "trouble");
-	struct db_ctl_grid *grid = db_ctl_grid_new("lrrlll");
-	char room[DB_WORDS_TEXT_MAX];
 	static const char *const heads[] = { DB_CTL_TEXT("NAME"),   DB_CTL_TEXT("POSITION"),
 		                             DB_CTL_TEXT("COUNTS"), DB_CTL_TEXT("STATE"),
 		                             DB_CTL_TEXT("TAUGHT"), DB_CTL_TEXT("BY") };
+	enum db_ctl_status status = DB_CTL_OK;
+	json_t *answer = db_ctl_call(ctl, "Positions", json_pack("{s:s}", "drive", drive),
+	                             DB_CTL_TIMEOUT_MS, &status);
+	const json_t *positions = json_object_get(answer, "positions");
+	const char *trouble = db_words_text(answer, "trouble");
+	struct db_ctl_grid *grid;
+	char room[DB_WORDS_TEXT_MAX];
 	const json_t *position;
 	size_t i;
 
+	if (!answer || ctl->json) {
+		json_array_foreach(positions, i, position) db_ctl_print_json(position);
+		json_decref(answer);
+		return status;
+	}
+	grid = db_ctl_grid_new("lrrlll");
 	db_ctl_grid_add_heads(grid, heads, sizeof(heads) / sizeof(heads[0]));
 	json_array_foreach(positions, i, position) add_row(grid, position);
 	if (json_array_size(positions) > 0)
@@ -66,22 +75,6 @@ static void print_positions(const struct db_ctl *ctl, const char *drive, const j
 	}
 	if (trouble[0])
 		(void)printf("%s\n", db_ctl_translate(trouble, room));
-}
-
-static enum db_ctl_status list(struct db_ctl *ctl, const char *drive)
-{
-	enum db_ctl_status status = DB_CTL_OK;
-	json_t *answer = db_ctl_call(ctl, "Positions", json_pack("{s:s}", "drive", drive),
-	                             DB_CTL_TIMEOUT_MS, &status);
-	const json_t *position;
-	size_t i;
-
-	if (answer && ctl->json) {
-		json_array_foreach(json_object_get(answer, "positions"), i, position)
-			db_ctl_print_json(position);
-	} else if (answer) {
-		print_positions(ctl, drive, answer);
-	}
 	json_decref(answer);
 	return status;
 }

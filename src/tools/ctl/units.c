@@ -44,20 +44,6 @@ static const char *find_unit(const char *text)
 	return *end != '\0' ? end : NULL;
 }
 
-static void name_units(const json_t *reg, const char *users, const char *unit, char *problem,
-                       size_t size)
-{
-	const char *own = db_words_text(reg, "unit");
-
-	if (own[0] == '\0')
-		(void)snprintf(problem, size, "it has no unit, and \"%s\" is none of it", unit);
-	else if (users)
-		(void)snprintf(problem, size, "\"%s\" is no unit of it; right are %s and %s", unit,
-		               own, users);
-	else
-		(void)snprintf(problem, size, "\"%s\" is no unit of it; right is %s", unit, own);
-}
-
 json_t *db_ctl_parse_quantity(const json_t *reg, const char *users, double per_unit,
                               const char *text, char *problem, size_t size)
 {
@@ -66,14 +52,24 @@ json_t *db_ctl_parse_quantity(const json_t *reg, const char *users, double per_u
 	                                   strncmp(type, "bits", 4) == 0 ?
 	                           NULL :
 	                           find_unit(text);
-	bool own = unit && strcmp(unit, db_words_text(reg, "unit")) == 0;
+	const char *regs = db_words_text(reg, "unit");
+	bool own = unit && strcmp(unit, regs) == 0;
 	char number[64];
 	size_t length;
 
 	if (!unit)
 		return db_words_parse_value(reg, text, problem, size);
 	if (!own && (!users || strcmp(unit, users) != 0)) {
-		name_units(reg, users, unit, problem, size);
+		if (regs[0] == '\0')
+			(void)snprintf(problem, size, "it has no unit, and \"%s\" is none of it",
+			               unit);
+		else if (users)
+			(void)snprintf(problem, size,
+			               "\"%s\" is no unit of it; right are %s and %s", unit, regs,
+			               users);
+		else
+			(void)snprintf(problem, size, "\"%s\" is no unit of it; right is %s", unit,
+			               regs);
 		return NULL;
 	}
 	if (own) {
@@ -82,8 +78,7 @@ json_t *db_ctl_parse_quantity(const json_t *reg, const char *users, double per_u
 			length--;
 		(void)snprintf(number, sizeof(number), "%.*s", (int)length, text);
 	} else if (!(per_unit > 0.0) || !isfinite(per_unit)) {
-		(void)snprintf(problem, size, "how many %s one %s is is not known",
-		               db_words_text(reg, "unit"), users);
+		(void)snprintf(problem, size, "how many %s one %s is is not known", regs, users);
 		return NULL;
 	} else if (strcmp(type, "f32") == 0) {
 		(void)snprintf(number, sizeof(number), "%.10g", strtod(text, NULL) * per_unit);
