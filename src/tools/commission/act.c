@@ -24,33 +24,11 @@
 /* A position that does not change for this time counts as standstill. */
 #define STANDS_FOR_MS 300
 
-static void take_sample(struct db_commission_act *act, const json_t *sample)
-{
-	const json_t *values = json_object_get(sample, "values");
-	const json_t *status = json_object_get(values, "status");
-	const json_t *reg = db_words_look_up(act->registers, "status");
-	const json_t *position = json_object_get(values, "position");
-	double ms = json_number_value(json_object_get(sample, "time_us")) / 1000;
-	struct db_trial_sample taken = {
-		.ms = ms,
-		.position = json_number_value(position),
-		.velocity = json_number_value(json_object_get(values, "velocity")),
-		.online = db_words_has_bit(reg, status, "online"),
-		.enabled = db_words_has_bit(reg, status, "enabled"),
-		.moving = db_words_has_bit(reg, status, "moving"),
-		.late_ms = (double)db_client_wall_us() / 1000 - ms,
-	};
-
-	act->latest = taken;
-	taken.ms -= (double)act->wall_us / 1000;
-	if (act->recording && taken.online && json_is_number(position))
-		(void)db_trial_add(&act->trial, &taken);
-}
-
 static void take_samples(void *data, json_t *parameters, const struct db_client_error *error,
                          bool more)
 {
 	struct db_commission_act *act = data;
+	const json_t *reg = db_words_look_up(act->registers, "status");
 	size_t i;
 	const json_t *sample;
 
@@ -59,7 +37,26 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 		return;
 	(void)snprintf(act->token, sizeof(act->token), "%s", db_words_text(parameters, "token"));
 	json_array_foreach(json_object_get(parameters, "samples"), i, sample)
-		take_sample(act, sample);
+	{
+		const json_t *values = json_object_get(sample, "values");
+		const json_t *status = json_object_get(values, "status");
+		const json_t *position = json_object_get(values, "position");
+		double ms = json_number_value(json_object_get(sample, "time_us")) / 1000;
+		struct db_trial_sample taken = {
+			.ms = ms,
+			.position = json_number_value(position),
+			.velocity = json_number_value(json_object_get(values, "velocity")),
+			.online = db_words_has_bit(reg, status, "online"),
+			.enabled = db_words_has_bit(reg, status, "enabled"),
+			.moving = db_words_has_bit(reg, status, "moving"),
+			.late_ms = (double)db_client_wall_us() / 1000 - ms,
+		};
+
+		act->latest = taken;
+		taken.ms -= (double)act->wall_us / 1000;
+		if (act->recording && taken.online && json_is_number(position))
+			(void)db_trial_add(&act->trial, &taken);
+	}
 }
 
 static void take_result(void *data, json_t *parameters, const struct db_client_error *error,

@@ -460,22 +460,6 @@ static void take_look(struct db_setup_move *move, const json_t *find, db_time no
 	}
 }
 
-static void take_answer(struct db_setup_move *move, bool yes)
-{
-	if (yes)
-		move->step = move->step == ASK      ? SET :
-		             move->step == ASK_SAVE ? SAVE :
-		                                      WAIT_FOR_POWER;
-	else if (move->step == ASK_SAVE)
-		doubt(move, "it was not saved");
-	else if (move->step == ASK_POWER)
-		doubt(move, "standard input is not a terminal, so nobody can confirm");
-	else if (move->on_page)
-		fail(move, FOUND_ERROR("Interrupted"), "nothing was changed");
-	else
-		move->step = END;
-}
-
 void db_setup_move_take(struct db_setup_move *move, const json_t *finds, bool yes, db_time now)
 {
 	move->text[0] = '\0';
@@ -496,7 +480,18 @@ void db_setup_move_take(struct db_setup_move *move, const json_t *finds, bool ye
 	case ASK:
 	case ASK_SAVE:
 	case ASK_POWER:
-		take_answer(move, yes);
+		if (yes)
+			move->step = move->step == ASK      ? SET :
+			             move->step == ASK_SAVE ? SAVE :
+			                                      WAIT_FOR_POWER;
+		else if (move->step == ASK_SAVE)
+			doubt(move, "it was not saved");
+		else if (move->step == ASK_POWER)
+			doubt(move, "standard input is not a terminal, so nobody can confirm");
+		else if (move->on_page)
+			fail(move, FOUND_ERROR("Interrupted"), "nothing was changed");
+		else
+			move->step = END;
 		break;
 	default:
 		take_look(move, json_array_get(finds, 0), now);
