@@ -126,15 +126,6 @@ static int add_hosts(gnutls_x509_crt_t crt, const struct db_authority_request *r
 	return result;
 }
 
-static int add_role(gnutls_x509_crt_t crt, const char *role)
-{
-	unsigned char value[2 + ROLE_MAX] = { UTF8_STRING, (unsigned char)strlen(role) };
-
-	// NOLINTNEXTLINE(bugprone-not-null-terminated-result) ; a length stands before it
-	memcpy(value + 2, role, strlen(role));
-	return gnutls_x509_crt_set_extension_by_oid(crt, ROLE_OID, value, 2 + strlen(role), 0);
-}
-
 /* Signed by the issuer, or by itself. */
 static int sign(const struct pair *pair, const struct pair *issuer)
 {
@@ -321,6 +312,8 @@ static bool issue(const struct db_authority_request *request, const char *purpos
 {
 	struct pair authority;
 	struct pair pair = { .key = NULL };
+	unsigned char role[2 + ROLE_MAX] = { UTF8_STRING };
+	size_t length = request->role ? strlen(request->role) : 0;
 	bool good = false;
 	int result;
 
@@ -336,8 +329,13 @@ static bool issue(const struct db_authority_request *request, const char *purpos
 		result = gnutls_x509_crt_set_key_purpose_oid(pair.certificate, purpose, 0);
 	if (result == 0)
 		result = add_hosts(pair.certificate, request);
-	if (result == 0 && request->role)
-		result = add_role(pair.certificate, request->role);
+	if (result == 0 && request->role) {
+		role[1] = (unsigned char)length;
+		// NOLINTNEXTLINE(bugprone-not-null-terminated-result) ; a length stands before it
+		memcpy(role + 2, request->role, length);
+		result = gnutls_x509_crt_set_extension_by_oid(pair.certificate, ROLE_OID, role,
+		                                              2 + length, 0);
+	}
 	if (result == 0)
 		result = sign(&pair, &authority);
 	good = result < 0 ? fail(request->name, result) :

@@ -273,20 +273,6 @@ unsigned long db_users_digest(const struct db_user *user)
 
 /* --- changing --------------------------------------------------------------------------------- */
 
-/* The text without the user's line. */
-static void put_others(FILE *file, const char *text, const char *name)
-{
-	size_t size = strlen(name);
-
-	while (*text) {
-		size_t length = strcspn(text, "\n");
-
-		if (strncmp(text, name, size) != 0 || text[size] != ':')
-			(void)fprintf(file, "%.*s\n", (int)length, text);
-		text += length + (text[length] == '\n');
-	}
-}
-
 /* Owner and mode of the old file; without one, the group that reads it. */
 static bool give_rights(int fd, const struct stat *old)
 {
@@ -313,6 +299,7 @@ static bool give_rights(int fd, const struct stat *old)
 static bool replace_file(const char *path, const char *text, const struct stat *old,
                          const char *name, const struct db_user *user)
 {
+	size_t size = strlen(name);
 	char *other = NULL;
 	FILE *file = NULL;
 	int fd = -1;
@@ -323,7 +310,13 @@ static bool replace_file(const char *path, const char *text, const struct stat *
 	fd = mkostemp(other, O_CLOEXEC);
 	file = fd >= 0 ? fdopen(fd, "w") : NULL;
 	if (file) {
-		put_others(file, text, name);
+		while (*text) {
+			size_t length = strcspn(text, "\n");
+
+			if (strncmp(text, name, size) != 0 || text[size] != ':')
+				(void)fprintf(file, "%.*s\n", (int)length, text);
+			text += length + (text[length] == '\n');
+		}
 		if (user)
 			(void)fprintf(file, "%s:%s:%s:%s\n", user->name,
 			              db_role_name(user->grant.role), user->grant.drives,
