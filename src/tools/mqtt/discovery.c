@@ -117,19 +117,6 @@ static const struct {
 	{ "s", "duration", "s" },        { "W", "power", "W" },
 };
 
-static void put_unit(json_t *document, const char *unit)
-{
-	const char *word = unit;
-
-	for (size_t i = 0; i < sizeof(classes) / sizeof(classes[0]); i++) {
-		if (strcmp(unit, classes[i].unit) != 0)
-			continue;
-		word = classes[i].word;
-		(void)json_object_set_new(document, "device_class", json_string(classes[i].class));
-	}
-	(void)json_object_set_new(document, "unit_of_measurement", json_string(word));
-}
-
 /* The words that a value may be, in the order of their numbers; NULL unless each of its numbers has
  * one: Home Assistant refuses others. */
 static json_t *list_words(const json_t *reg)
@@ -212,8 +199,18 @@ static void put_value(const struct announcement *announcement, const char *name,
 	(void)snprintf(value, sizeof(value), "{{ value_json['values']['%s']%s }}", name,
 	               bits ? " | join(', ')" : "");
 	document = json_pack("{s:s, s:s}", "state_topic", topic.text, "value_template", value);
-	if (unit && unit[0])
-		put_unit(document, unit);
+	if (unit && unit[0]) {
+		const char *word = unit;
+
+		for (size_t i = 0; i < sizeof(classes) / sizeof(classes[0]); i++) {
+			if (strcmp(unit, classes[i].unit) != 0)
+				continue;
+			word = classes[i].word;
+			(void)json_object_set_new(document, "device_class",
+			                          json_string(classes[i].class));
+		}
+		(void)json_object_set_new(document, "unit_of_measurement", json_string(word));
+	}
 	words = codes && !bits ? list_words(reg) : NULL;
 	if (words) {
 		(void)json_object_set_new(document, "device_class", json_string("enum"));

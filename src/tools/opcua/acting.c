@@ -279,24 +279,6 @@ static void wait_for(struct call *call)
 	}
 }
 
-/* From now on commands for the drive use `to`, with this session's part of the command block, and
- * with control. The former lane still feeds what was commanded over it. */
-static void move_drive(struct db_lane *from, struct db_lane *to, const char *name)
-{
-	json_t **before = db_lane_note(from, name);
-	json_t **after = db_lane_note(to, name);
-
-	json_decref(*after);
-	*after = *before;
-	*before = NULL;
-	/* The next write takes control. Without control in the configuration the service answers
-	 * with an error, which is ignored. */
-	(void)db_link_send(
-		from->link, "Write",
-		json_pack("{s:s, s:{s:i}}", "drive", name, "values", "control_request", 0), false,
-		NULL, NULL);
-}
-
 /* The lane to use, without an unanswered call: no other call waits for its end, because it could
  * then be carried out when nobody expects it. */
 static struct db_lane *take_lane(struct db_opcua_acting *acting, unsigned session,
@@ -305,6 +287,8 @@ static struct db_lane *take_lane(struct db_opcua_acting *acting, unsigned sessio
 	struct db_lane *before = find_own(acting, session, drive);
 	struct db_lane *lane = find_lane(acting, session, drive, drive[0] == '\0' ? SHARED : way,
 	                                 outcome);
+	json_t **from;
+	json_t **to;
 
 	if (!lane)
 		return NULL;
@@ -318,8 +302,21 @@ static struct db_lane *take_lane(struct db_opcua_acting *acting, unsigned sessio
 		fail(outcome, "NoMemory", "out of memory");
 		return NULL;
 	}
-	if (before && before != lane)
-		move_drive(before, lane, drive);
+	if (!before || before == lane)
+		return lane;
+	/* From now on commands for the drive use this lane, with this session's part of the command
+	 * block, and with control. The former lane still feeds what was commanded over it. */
+	from = db_lane_note(before, drive);
+	to = db_lane_note(lane, drive);
+	json_decref(*to);
+	*to = *from;
+	*from = NULL;
+	/* The next write takes control. Without control in the configuration the service answers
+	 * with an error, which is ignored. */
+	(void)db_link_send(
+		before->link, "Write",
+		json_pack("{s:s, s:{s:i}}", "drive", drive, "values", "control_request", 0), false,
+		NULL, NULL);
 	return lane;
 }
 
@@ -408,12 +405,6 @@ static bool has_right_place(const struct db_opcua_actor *actor, bool stops,
 	return false;
 }
 
-/* NULL leaves it out. */
-static const char *token_of(const struct db_opcua_actor *actor)
-{
-	return actor->token[0] ? actor->token : NULL;
-}
-
 void db_opcua_acting_run(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
                          const char *drive, const char *command, bool stops, json_t *arguments,
                          struct db_opcua_outcome *outcome)
@@ -424,7 +415,7 @@ void db_opcua_acting_run(struct db_opcua_acting *acting, const struct db_opcua_a
 	}
 	act(acting, actor, drive, command, stops ? PASSING : OWN, "Run",
 	    json_pack("{s:s, s:s, s:o, s:s*}", "drive", drive, "command", command, "arguments",
-	              arguments, "token", token_of(actor)),
+	              arguments, "token", actor->token[0] ? actor->token : NULL),
 	    outcome);
 }
 
@@ -455,7 +446,7 @@ void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua
 	(void)snprintf(what, sizeof(what), "write of %s", reg);
 	act(acting, actor, drive, what, way_of_write(reg, stops), "Write",
 	    json_pack("{s:s, s:o, s:s*}", "drive", drive, "values", values, "token",
-	              token_of(actor)),
+	              actor->token[0] ? actor->token : NULL),
 	    outcome);
 	if (!block || uses_block || outcome->pending || outcome->reason[0] != '\0')
 		return;
