@@ -8,9 +8,10 @@ struct db_web_connections {
 	unsigned most;
 	unsigned most_per_address;
 	unsigned count;
+	size_t room; /* `most`, and those that are leaving */
 	uint64_t last;
 	struct db_attempts arrivals;
-	struct db_web_connection places[]; /* `most`, and those that are leaving */
+	struct db_web_connection places[];
 };
 
 /* Ticks until a first head has to be there, or a whole request, and when places run short. */
@@ -20,19 +21,15 @@ struct db_web_connections {
 /* Which connection is closed first; the highest rank never is. Up to WAITING nobody is logged in. */
 enum rank { HEADLESS, STRANGER, WAITING, IDLE, STAYS };
 
-static size_t places(const struct db_web_connections *connections)
-{
-	return connections->most + DB_WEB_CONNECTIONS_LEAVING;
-}
-
 struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_per_address,
                                                   uint64_t seed)
 {
+	size_t room = most + DB_WEB_CONNECTIONS_LEAVING;
 	struct db_web_connections *connections = calloc(
-		1, sizeof(*connections) +
-			   (most + DB_WEB_CONNECTIONS_LEAVING) * sizeof(connections->places[0]));
+		1, sizeof(*connections) + room * sizeof(connections->places[0]));
 
 	if (connections) {
+		connections->room = room;
 		connections->most = most;
 		connections->most_per_address = most_per_address;
 		connections->arrivals.seed = seed;
@@ -64,16 +61,21 @@ static enum rank rank_of(const struct db_web_connection *connection)
 	return connection->busy ? STAYS : IDLE;
 }
 
-/* Connections of this address with this rank or a lower one. */
+/* Connections of this address with this rank or a lower one. `home`: somebody is logged in from it, and may open
+ * another one. */
 static unsigned count_of(const struct db_web_connections *connections,
-                         const struct db_web_address *address, enum rank rank)
+                         const struct db_web_address *address, enum rank rank, bool *home)
 {
 	unsigned count = 0;
 
-	for (size_t i = 0; i < places(connections); i++) {
+	*home = false;
+	for (size_t i = 0; i < connections->room; i++) {
 		const struct db_web_connection *one = &connections->places[i];
 
-		count += is_there(one) && rank_of(one) <= rank && is_same(&one->address, address);
+		if (!is_there(one) || !is_same(&one->address, address))
+			continue;
+		count += rank_of(one) <= rank;
+		*home = *home || one->known;
 	}
 	return count;
 }
@@ -82,19 +84,6 @@ static bool goes_before(const struct db_web_connection *one, const struct db_web
 {
 	return rank_of(one) != rank_of(other) ? rank_of(one) < rank_of(other) :
 	                                        one->number < other->number;
-}
-
-/* Whether somebody is logged in from this address: he may open another one. */
-static bool is_home(const struct db_web_connections *connections,
-                    const struct db_web_address *address)
-{
-	for (size_t i = 0; i < places(connections); i++) {
-		const struct db_web_connection *one = &connections->places[i];
-
-		if (is_there(one) && one->known && is_same(&one->address, address))
-			return true;
-	}
-	return false;
 }
 
 /*
@@ -111,7 +100,7 @@ static struct db_web_connection *find_leaver(struct db_web_connections *connecti
 	bool leaver_is_home = false;
 	unsigned most = 0;
 
-	for (size_t i = 0; i < places(connections); i++) {
+	for (size_t i = 0; i < connections->room; i++) {
 		struct db_web_connection *one = &connections->places[i];
 		unsigned count;
 		bool home;
@@ -124,8 +113,7 @@ static struct db_web_connection *find_leaver(struct db_web_connections *connecti
 			leaver = goes_before(one, leaver) ? one : leaver;
 			continue;
 		}
-		home = is_home(connections, &one->address);
-		count = count_of(connections, &one->address, highest);
+		count = count_of(connections, &one->address, highest, &home);
 		if (leaver && (home != leaver_is_home ?
 		                       home :
 		                       count < most || (count == most && goes_before(leaver, one))))
@@ -141,7 +129,7 @@ bool db_web_connections_crowd(const struct db_web_connections *connections)
 {
 	unsigned headless = 0;
 
-	for (size_t i = 0; i < places(connections); i++)
+	for (size_t i = 0; i < connections->room; i++)
 		headless += is_there(&connections->places[i]) &&
 		            rank_of(&connections->places[i]) == HEADLESS;
 	return headless >= DB_WEB_CONNECTIONS_HEADLESS;
@@ -176,7 +164,7 @@ bool db_web_connections_admit(struct db_web_connections *connections,
 	if (most_headless < DB_WEB_CONNECTIONS_HEADLESS)
 		most_headless = DB_WEB_CONNECTIONS_HEADLESS;
 	*leaver = NULL;
-	for (size_t i = 0; i < places(connections); i++) {
+	for (size_t i = 0; i < connections->room; i++) {
 		const struct db_web_connection *one = &connections->places[i];
 
 		if (!is_there(one))
@@ -186,7 +174,7 @@ bool db_web_connections_admit(struct db_web_connections *connections,
 		strangers += rank_of(one) <= WAITING;
 		headless += rank_of(one) == HEADLESS;
 	}
-	if (connections->count >= places(connections) ||
+	if (connections->count >= connections->room ||
 	    (counted && !may_come(connections, &prefix, now)))
 		return false;
 	if (counted && alike >= connections->most_per_address)
@@ -209,7 +197,7 @@ void db_web_connections_tick(struct db_web_connections *connections, void (*clos
 {
 	unsigned patience = connections->count > connections->most / 2 ? PATIENCE_SHORT : PATIENCE;
 
-	for (size_t i = 0; i < places(connections); i++) {
+	for (size_t i = 0; i < connections->room; i++) {
 		struct db_web_connection *one = &connections->places[i];
 		bool headless = rank_of(one) == HEADLESS;
 
@@ -225,7 +213,7 @@ struct db_web_connection *db_web_connections_add(struct db_web_connections *conn
                                                  const struct db_web_address *address, bool counted,
                                                  void *handle)
 {
-	for (size_t i = 0; i < places(connections); i++) {
+	for (size_t i = 0; i < connections->room; i++) {
 		struct db_web_connection *one = &connections->places[i];
 
 		if (one->number != 0)

@@ -219,25 +219,6 @@ static void lose(void *data)
 	overview->failed = true;
 }
 
-static void connect_values(struct db_web_overview *overview)
-{
-	struct db_client_error error = { .parameters = NULL };
-	json_t *chosen = json_array();
-
-	for (size_t i = 0; i < NAMES; i++) {
-		if (overview->known[i])
-			(void)json_array_append_new(chosen, json_string(names[i]));
-	}
-	overview->link = db_web_service_open(overview->server->service, lose, overview, &error);
-	if (overview->link && db_link_send(overview->link, "Subscribe",
-	                                   json_pack("{s:[], s:O, s:i}", "drives", "names", chosen,
-	                                             "interval_ms", INTERVAL_MS),
-	                                   true, on_samples, overview) != 0)
-		overview->failed = true;
-	json_decref(chosen);
-	db_client_error_clear(&error);
-}
-
 /* The records with a trouble or a hint. */
 static json_t *choose_records(json_t *records)
 {
@@ -323,7 +304,9 @@ void db_web_overview_tick(struct db_web_overview *overview, db_time now)
 {
 	struct db_link *reader = db_web_service_reader(overview->server->service);
 	bool wanted = reader && db_web_stream_count_shared(overview->server) > 0;
+	const json_t *description;
 	struct db_client_error error = { .parameters = NULL };
+	json_t *chosen;
 
 	if (overview->failed || (!wanted && (overview->link || overview->watch)))
 		disconnect(overview);
@@ -338,9 +321,23 @@ void db_web_overview_tick(struct db_web_overview *overview, db_time now)
 			overview->failed = true;
 		db_client_error_clear(&error);
 	}
-	if (!overview->link &&
-	    json_array_size(json_object_get(overview->server->service->description, "drives")) > 0)
-		connect_values(overview);
+	description = overview->server->service->description;
+	if (!overview->link && json_array_size(json_object_get(description, "drives")) > 0) {
+		chosen = json_array();
+		for (size_t i = 0; i < NAMES; i++) {
+			if (overview->known[i])
+				(void)json_array_append_new(chosen, json_string(names[i]));
+		}
+		overview->link = db_web_service_open(overview->server->service, lose, overview,
+		                                     &error);
+		if (overview->link && db_link_send(overview->link, "Subscribe",
+		                                   json_pack("{s:[], s:O, s:i}", "drives", "names",
+		                                             chosen, "interval_ms", INTERVAL_MS),
+		                                   true, on_samples, overview) != 0)
+			overview->failed = true;
+		json_decref(chosen);
+		db_client_error_clear(&error);
+	}
 	if (now >= overview->figures_at && !overview->asking) {
 		overview->asking = db_link_send(reader, "Figures", NULL, false, on_figures,
 		                                overview) == 0;
