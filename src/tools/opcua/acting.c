@@ -108,22 +108,6 @@ static void fail(struct db_opcua_outcome *outcome, const char *result, const cha
 	(void)snprintf(outcome->reason, sizeof(outcome->reason), "%.255s", reason);
 }
 
-static struct db_lane *open_lane(struct db_opcua_acting *acting, unsigned session,
-                                 struct db_opcua_outcome *outcome)
-{
-	struct db_client_error error = { .parameters = NULL };
-	struct db_lane *lane = db_lanes_open(acting->lanes, &error);
-
-	if (lane)
-		lane->session = session;
-	else if (strcmp(error.name, DB_LANES_FULL) == 0)
-		fail(outcome, "busy", "too many sessions command at the same time");
-	else
-		fail(outcome, "Unreachable", error.text);
-	db_client_error_clear(&error);
-	return lane;
-}
-
 /* The lane over which this session commands the drive; NULL: there is none yet. */
 static struct db_lane *find_own(const struct db_opcua_acting *acting, unsigned session,
                                 const char *drive)
@@ -154,6 +138,7 @@ static struct db_lane *find_lane(struct db_opcua_acting *acting, unsigned sessio
 {
 	struct db_lane *lane = way == SHARED ? NULL : find_own(acting, session, drive);
 	struct db_lane *least = NULL;
+	struct db_client_error error = { .parameters = NULL };
 	size_t own = 0;
 
 	for (struct db_lane *other = NULL; !lane && (other = next_lane(acting, session, other));) {
@@ -164,8 +149,16 @@ static struct db_lane *find_lane(struct db_opcua_acting *acting, unsigned sessio
 		    (!other->call == !least->call && other->count < least->count))
 			least = other;
 	}
-	if (!lane && own < LANES_PER_SESSION)
-		lane = open_lane(acting, session, outcome);
+	if (!lane && own < LANES_PER_SESSION) {
+		lane = db_lanes_open(acting->lanes, &error);
+		if (lane)
+			lane->session = session;
+		else if (strcmp(error.name, DB_LANES_FULL) == 0)
+			fail(outcome, "busy", "too many sessions command at the same time");
+		else
+			fail(outcome, "Unreachable", error.text);
+		db_client_error_clear(&error);
+	}
 	if (!lane)
 		lane = least;
 	if (lane && way == SHARED)
@@ -175,15 +168,15 @@ static struct db_lane *find_lane(struct db_opcua_acting *acting, unsigned sessio
 
 /* --- answers ---------------------------------------------------------------------------------- */
 
-static const char *words_of(const struct db_opcua_outcome *outcome)
+/* `ends`: of a call that was waited for in vain. */
+static void log_outcome(enum db_client_level level, const struct call *call, const char *ends,
+                        const struct db_opcua_outcome *outcome)
 {
-	return outcome->reason[0] ? outcome->reason : outcome->result[0] ? outcome->result : "done";
-}
-
-/* Precedes its name in the log. */
-static const char *kind_of(const char *drive)
-{
-	return drive[0] != '\0' ? "drive " : "gateway";
+	db_client_log(level, "%s%s: %s%s: %s", call->drive[0] ? "drive " : "gateway", call->drive,
+	              call->what, ends,
+	              outcome->reason[0] ? outcome->reason :
+	              outcome->result[0] ? outcome->result :
+	                                   "done");
 }
 
 static void on_result(void *data, json_t *parameters, const struct db_client_error *error,
@@ -220,8 +213,7 @@ static void on_result(void *data, json_t *parameters, const struct db_client_err
 	(void)snprintf(outcome->result, sizeof(outcome->result), "%.31s", result ? result : "");
 	if (!call->left)
 		return;
-	db_client_log(error ? DB_CLIENT_WARNING : DB_CLIENT_INFO, "%s%s: %s ended: %s",
-	              kind_of(call->drive), call->drive, call->what, words_of(outcome));
+	log_outcome(error ? DB_CLIENT_WARNING : DB_CLIENT_INFO, call, " ended", outcome);
 	call->acting->ended(call->acting->context, call->drive, outcome);
 	free(call);
 }
@@ -389,8 +381,7 @@ static void act(struct db_opcua_acting *acting, const struct db_opcua_actor *act
 		             call->outcome.reason :
 		             "the drive has not confirmed it yet; it goes on, and Result tells how it "
 		             "ends");
-	db_client_log(DB_CLIENT_NOTICE, "%s%s: %s: %s", kind_of(drive), drive, call->what,
-	              words_of(outcome));
+	log_outcome(DB_CLIENT_NOTICE, call, "", outcome);
 	if (call->done)
 		free(call);
 }

@@ -321,10 +321,11 @@ static void set_text(UA_String *text, const char *value)
 	*text = UA_STRING_ALLOC(value);
 }
 
-static void describe(UA_ServerConfig *settings, const struct db_opcua_config *config)
+static UA_StatusCode describe(UA_ServerConfig *settings, const struct db_opcua_config *config)
 {
+	bool numeric6 = strchr(config->address, ':') != NULL;
 	char uri[DB_OPCUA_URI_MAX];
-	char text[160];
+	char text[300];
 
 	set_text(&settings->buildInfo.productUri, "urn:drivebridge");
 	set_text(&settings->buildInfo.manufacturerName, "drivebridge");
@@ -338,6 +339,15 @@ static void describe(UA_ServerConfig *settings, const struct db_opcua_config *co
 	(void)snprintf(text, sizeof(text), "drivebridge on %s", config->gateway);
 	UA_LocalizedText_clear(&settings->applicationDescription.applicationName);
 	settings->applicationDescription.applicationName = UA_LOCALIZEDTEXT_ALLOC("en", text);
+	(void)snprintf(text, sizeof(text), "opc.tcp://%s%s%s:%u", numeric6 ? "[" : "",
+	               config->address, numeric6 ? "]" : "", config->port);
+	UA_Array_delete(settings->serverUrls, settings->serverUrlsSize, &UA_TYPES[UA_TYPES_STRING]);
+	settings->serverUrls = UA_Array_new(1, &UA_TYPES[UA_TYPES_STRING]);
+	settings->serverUrlsSize = settings->serverUrls ? 1 : 0;
+	if (!settings->serverUrls)
+		return UA_STATUSCODE_BADOUTOFMEMORY;
+	settings->serverUrls[0] = UA_STRING_ALLOC(text);
+	return UA_STATUSCODE_GOOD;
 }
 
 /* Sets a limit for everything that a client can request. */
@@ -384,22 +394,6 @@ static void set_limits(UA_ServerConfig *settings, const struct db_opcua_config *
 	settings->maxReturnEventValues = DB_OPCUA_TRAIL_PAGE;
 }
 
-static UA_StatusCode set_url(UA_ServerConfig *settings, const struct db_opcua_config *config)
-{
-	bool numeric6 = strchr(config->address, ':') != NULL;
-	char url[300];
-
-	(void)snprintf(url, sizeof(url), "opc.tcp://%s%s%s:%u", numeric6 ? "[" : "",
-	               config->address, numeric6 ? "]" : "", config->port);
-	UA_Array_delete(settings->serverUrls, settings->serverUrlsSize, &UA_TYPES[UA_TYPES_STRING]);
-	settings->serverUrls = UA_Array_new(1, &UA_TYPES[UA_TYPES_STRING]);
-	settings->serverUrlsSize = settings->serverUrls ? 1 : 0;
-	if (!settings->serverUrls)
-		return UA_STATUSCODE_BADOUTOFMEMORY;
-	settings->serverUrls[0] = UA_STRING_ALLOC(url);
-	return UA_STATUSCODE_GOOD;
-}
-
 /* The library takes the configuration over, even if it fails. */
 static UA_Server *new_library(struct db_opcua_server *server)
 {
@@ -411,9 +405,8 @@ static UA_Server *new_library(struct db_opcua_server *server)
 	db_opcua_network_give(server->network, &settings);
 	status = UA_ServerConfig_setBasics_withPort(&settings, (UA_UInt16)server->config->port);
 	if (status == UA_STATUSCODE_GOOD)
-		status = set_url(&settings, server->config);
+		status = describe(&settings, server->config);
 	if (status == UA_STATUSCODE_GOOD) {
-		describe(&settings, server->config);
 		set_limits(&settings, server->config);
 		settings.monitoredItemRegisterCallback = count_watchers;
 		status = db_opcua_access_set_up(server->access, &settings);
