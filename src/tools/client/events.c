@@ -6,11 +6,6 @@ static int64_t integer_of(const json_t *event, const char *key)
 	return json_integer_value(json_object_get(event, key));
 }
 
-void db_client_events_connect(struct db_client_events *seen)
-{
-	seen->connected = false;
-}
-
 static size_t count_seen(const struct db_client_events *seen, const json_t *events)
 {
 	size_t i;

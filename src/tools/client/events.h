@@ -19,11 +19,9 @@ struct db_client_events {
 	/* The latest event seen; number 0: none yet. */
 	int64_t number;
 	int64_t time_us;
-	bool connected; /* the first answer has arrived: all later ones are new */
+	/* The first answer has arrived: all later ones are new. False again for a new connection. */
+	bool connected;
 };
-
-/* There is a new connection: the next answer is its first one. */
-void db_client_events_connect(struct db_client_events *seen);
 
 /* The number of events at the beginning of an answer's `events` that are not new. The others count
  * as seen from now on. */

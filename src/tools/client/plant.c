@@ -401,7 +401,7 @@ static void connect_all(struct db_plant *plant)
 {
 	if (plant->events.from_us == 0)
 		plant->events.from_us = db_client_wall_us();
-	db_client_events_connect(&plant->events);
+	plant->events.connected = false;
 	open_link(plant, CALLS);
 	if (plant->wishes.events)
 		open_link(plant, EVENTS);
