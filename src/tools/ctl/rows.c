@@ -1,17 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/rows.h"
+#include "words/value.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-static json_int_t time_of(const json_t *sample)
-{
-	return json_integer_value(json_object_get(sample, "time_us"));
-}
-
 static void write_row(struct db_ctl_rows *rows, const json_t *sample)
 {
-	json_int_t since = time_of(sample) - rows->zero_us;
+	json_int_t since = db_words_number(sample, "time_us") - rows->zero_us;
 
 	if (rows->ended)
 		return;
@@ -34,14 +30,15 @@ static void forget_oldest(struct db_ctl_rows *rows)
 
 static bool hold(struct db_ctl_rows *rows, json_t *sample)
 {
-	json_int_t from = time_of(sample) - rows->before_us;
+	json_int_t from = db_words_number(sample, "time_us") - rows->before_us;
 
 	if (!rows->held)
 		rows->held = calloc(DB_CTL_ROWS_HELD, sizeof(*rows->held));
 	if (!rows->held)
 		return false;
-	while (rows->held_count > 0 && (rows->held_count == DB_CTL_ROWS_HELD ||
-	                                time_of(rows->held[rows->held_first]) < from))
+	while (rows->held_count > 0 &&
+	       (rows->held_count == DB_CTL_ROWS_HELD ||
+	        db_words_number(rows->held[rows->held_first], "time_us") < from))
 		forget_oldest(rows);
 	rows->held[(rows->held_first + rows->held_count++) % DB_CTL_ROWS_HELD] = json_incref(
 		sample);
@@ -54,7 +51,7 @@ bool db_ctl_rows_take(struct db_ctl_rows *rows, json_t *sample)
 	bool comes = !rows->trigger_drive;
 
 	/* A drive that never answered has no values. */
-	if (rows->ended || time_of(sample) == 0)
+	if (rows->ended || db_words_number(sample, "time_us") == 0)
 		return true;
 	if (rows->begun) {
 		write_row(rows, sample);
@@ -67,7 +64,7 @@ bool db_ctl_rows_take(struct db_ctl_rows *rows, json_t *sample)
 	if (!comes)
 		return true;
 	rows->begun = true;
-	rows->zero_us = time_of(sample);
+	rows->zero_us = db_words_number(sample, "time_us");
 	while (rows->held_count > 0) {
 		write_row(rows, rows->held[rows->held_first]);
 		forget_oldest(rows);

@@ -136,40 +136,6 @@ static void say_that_it_is_disabled(struct db_ctl *ctl, const struct running *ru
 	json_decref(answer);
 }
 
-/* What `run` can be told for this drive, in the form of the help. */
-static void print_commands(const struct db_ctl *ctl, const json_t *commands)
-{
-	size_t i;
-	size_t at;
-	const json_t *command;
-	const json_t *name;
-
-	if (ctl->json) {
-		json_t *object = json_pack("{s:O}", "commands", commands);
-
-		db_ctl_print_json(object);
-		json_decref(object);
-		return;
-	}
-	json_array_foreach(commands, i, command)
-	{
-		char usage[512];
-		char room[DB_WORDS_TEXT_MAX];
-		size_t length;
-
-		(void)snprintf(usage, sizeof(usage), "%s", db_words_text(command, "name"));
-		json_array_foreach(json_object_get(command, "arguments"), at, name)
-		{
-			length = strlen(usage);
-			(void)snprintf(usage + length, sizeof(usage) - length, " %s",
-			               json_string_value(name));
-		}
-		db_ctl_wrap(stdout, DB_CTL_WIDTH, 0, 4, usage);
-		db_ctl_wrap(stdout, DB_CTL_WIDTH, 8, 8,
-		            db_ctl_translate(db_words_text(command, "description"), room));
-	}
-}
-
 /* Runs the command of that name with the arguments after it. */
 static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, const char *name,
                                       int count, char **arguments)
@@ -255,13 +221,40 @@ enum db_ctl_status db_ctl_run(struct db_ctl *ctl, int count, char **arguments)
 {
 	enum db_ctl_status status = DB_CTL_USAGE;
 	json_t *answer = NULL;
+	json_t *object;
+	size_t i;
+	size_t at;
+	const json_t *command;
+	const json_t *name;
 
 	if (count > 1)
 		return run_command(ctl, arguments[0], arguments[1], count - 2, arguments + 2);
+	/* What can be told to this drive, in the form of the help. */
 	if (db_ctl_find_drive(ctl, arguments[0]))
 		answer = db_ctl_call(ctl, "Commands", json_pack("{s:s}", "drive", arguments[0]),
 		                     DB_CTL_TIMEOUT_MS, &status);
-	print_commands(ctl, json_object_get(answer, "commands"));
+	if (ctl->json) {
+		object = json_pack("{s:O}", "commands", json_object_get(answer, "commands"));
+		db_ctl_print_json(object);
+		json_decref(object);
+	}
+	json_array_foreach(ctl->json ? NULL : json_object_get(answer, "commands"), i, command)
+	{
+		char usage[512];
+		char room[DB_WORDS_TEXT_MAX];
+		size_t length;
+
+		(void)snprintf(usage, sizeof(usage), "%s", db_words_text(command, "name"));
+		json_array_foreach(json_object_get(command, "arguments"), at, name)
+		{
+			length = strlen(usage);
+			(void)snprintf(usage + length, sizeof(usage) - length, " %s",
+			               json_string_value(name));
+		}
+		db_ctl_wrap(stdout, DB_CTL_WIDTH, 0, 4, usage);
+		db_ctl_wrap(stdout, DB_CTL_WIDTH, 8, 8,
+		            db_ctl_translate(db_words_text(command, "description"), room));
+	}
 	json_decref(answer);
 	return status;
 }

@@ -86,24 +86,6 @@ static void print_table(const struct db_ctl *ctl, const struct db_ctl_search *se
 	db_ctl_grid_free(grid);
 }
 
-static void print_foreign(const struct db_ctl_search *search)
-{
-	size_t i;
-	const json_t *frame;
-
-	if (json_array_size(search->foreign) > 0) {
-		(void)putchar('\n');
-		db_ctl_say_line(stdout,
-		                "other frames on this bus, of nobody who is configured here:");
-	}
-	json_array_foreach(search->foreign, i, frame)
-	{
-		(void)printf("  %0*llX ", json_is_true(json_object_get(frame, "extended")) ? 8 : 3,
-		             (unsigned long long)db_words_number(frame, "id"));
-		db_ctl_say_line(stdout, "%lld times", (long long)db_words_number(frame, "count"));
-	}
-}
-
 /* Prints what the user has to do about it. */
 static void print_advice(const struct db_ctl_search *search)
 {
@@ -146,6 +128,8 @@ static void print_found(const struct db_ctl *ctl, const struct db_ctl_search *se
 	char *configuration = db_setup_write_sections(bus, search->finds,
 	                                              json_object_get(ctl->description, "drives"));
 	json_t *object;
+	size_t i;
+	const json_t *frame;
 
 	if (ctl->json) {
 		object = json_pack("{s:s, s:O, s:O, s:I, s:b, s:s}", "bus",
@@ -160,7 +144,17 @@ static void print_found(const struct db_ctl *ctl, const struct db_ctl_search *se
 	}
 	if (json_array_size(search->finds) > 0)
 		print_table(ctl, search, bus);
-	print_foreign(search);
+	if (json_array_size(search->foreign) > 0) {
+		(void)putchar('\n');
+		db_ctl_say_line(stdout,
+		                "other frames on this bus, of nobody who is configured here:");
+	}
+	json_array_foreach(search->foreign, i, frame)
+	{
+		(void)printf("  %0*llX ", json_is_true(json_object_get(frame, "extended")) ? 8 : 3,
+		             (unsigned long long)db_words_number(frame, "id"));
+		db_ctl_say_line(stdout, "%lld times", (long long)db_words_number(frame, "count"));
+	}
 	if (!search->interrupted)
 		print_advice(search);
 	if (search->wait_us < WAIT_SHORT_US) {
