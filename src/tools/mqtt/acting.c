@@ -87,19 +87,27 @@ static void on_introduced(void *data, json_t *parameters, const struct db_client
 		              call->command, call->drive, error->text);
 }
 
-/* Reports an answer, or an error, with the command that is in `outcome`. */
-static void report(const struct db_mqtt_acting *acting, struct db_mqtt_outcome *outcome,
-                   const json_t *parameters, const struct db_client_error *error)
+static void on_answer(void *data, json_t *parameters, const struct db_client_error *error,
+                      bool more)
 {
+	struct call *call = data;
 	const json_t *words = error ? error->parameters : parameters;
+	struct db_mqtt_outcome outcome = {
+		.drive = call->drive,
+		.sender = call->user,
+		.id = call->id,
+		.command = call->command,
+		.result = json_string_value(json_object_get(words, "result")),
+		.repeated = json_is_true(json_object_get(words, "repeated")),
+		.why = error ? error->text : "",
+	};
 	char name[64] = "";
 	size_t used = 0;
 
-	outcome->result = json_string_value(json_object_get(words, "result"));
-	outcome->repeated = json_is_true(json_object_get(words, "repeated"));
-	outcome->why = error ? error->text : "";
+	if (!more && call->lane)
+		call->lane->call = NULL;
 	/* For an error the service gives the reason. */
-	if (error && !outcome->result) {
+	if (error && !outcome.result) {
 		/* In the form of results: BadValue is bad_value. */
 		for (const char *at = db_client_error_short(error); *at && used + 2 < sizeof(name);
 		     at++) {
@@ -107,30 +115,13 @@ static void report(const struct db_mqtt_acting *acting, struct db_mqtt_outcome *
 				name[used++] = '_';
 			name[used++] = (char)tolower((unsigned char)*at);
 		}
-		outcome->refused = strcmp(error->name, DB_CLIENT_LOST) != 0 &&
-		                   strcmp(error->name, DB_STOPS_PENDING) != 0;
+		outcome.refused = strcmp(error->name, DB_CLIENT_LOST) != 0 &&
+		                  strcmp(error->name, DB_STOPS_PENDING) != 0;
 	}
-	if (!outcome->result)
-		outcome->result = name;
-	acting->result(acting->context, outcome);
-}
-
-static void on_answer(void *data, json_t *parameters, const struct db_client_error *error,
-                      bool more)
-{
-	struct call *call = data;
-
-	if (!more && call->lane)
-		call->lane->call = NULL;
+	if (!outcome.result)
+		outcome.result = name;
 	if (!call->acting->drops)
-		report(call->acting,
-		       &(struct db_mqtt_outcome){
-			       .drive = call->drive,
-			       .sender = call->user,
-			       .id = call->id,
-			       .command = call->command,
-		       },
-		       parameters, error);
+		call->acting->result(call->acting->context, &outcome);
 	if (!more)
 		free(call);
 }

@@ -151,47 +151,50 @@ static bool add_command(struct db_mqtt_points *points, const json_t *registers,
 	return added;
 }
 
-static bool add_simple(struct db_mqtt_points *points, enum db_mqtt_point_kind kind,
-                       const char *folder, const char *what, enum db_mqtt_type type,
-                       const char *text)
+bool db_mqtt_device_add_common(struct db_mqtt_points *points, enum db_mqtt_point_kind kind)
 {
+	static const struct {
+		enum db_mqtt_point_kind kind;
+		const char *folder;
+		const char *what;
+		enum db_mqtt_type type;
+		const char *text;
+	} rows[] = {
+		{ DB_MQTT_MARK, "sender", "id", DB_MQTT_STRING,
+		  "With a command: its id; the same one is carried out once" },
+		{ DB_MQTT_MARK, "sender", "user", DB_MQTT_STRING,
+		  "With a command: who it is from; not checked" },
+		{ DB_MQTT_MARK, "sender", "token", DB_MQTT_STRING,
+		  "With a command: the newest token of the service's clock" },
+		{ DB_MQTT_MARK, "sender", "alive", DB_MQTT_BOOLEAN,
+		  "True, again and again: a motion without an end goes on" },
+		{ DB_MQTT_RESULT, "result", "id", DB_MQTT_STRING,
+		  "The id of the command: its own, or its time and name" },
+		{ DB_MQTT_RESULT, "result", "command", DB_MQTT_STRING, "The command, or write" },
+		{ DB_MQTT_RESULT, "result", "result", DB_MQTT_STRING, "How it ended, or pending" },
+		{ DB_MQTT_RESULT, "result", "reason", DB_MQTT_STRING,
+		  "Why it was not carried out" },
+		{ DB_MQTT_RESULT, "result", "repeated", DB_MQTT_BOOLEAN,
+		  "It was received before, and not carried out again" },
+	};
+	bool added = true;
 	char name[96];
 
-	(void)snprintf(name, sizeof(name), "%s/%s", folder, what);
-	return db_mqtt_points_add(points,
-	                          &(struct db_mqtt_point){
-					  .kind = kind,
-					  .name = name,
-					  .what = what,
-					  .type = type,
-					  .properties = json_pack("{s:s}", "documentation", text),
-				  });
-}
-
-bool db_mqtt_device_add_results(struct db_mqtt_points *points)
-{
-	return add_simple(points, DB_MQTT_RESULT, "result", "id", DB_MQTT_STRING,
-	                  "The id of the command: its own, or its time and name") &&
-	       add_simple(points, DB_MQTT_RESULT, "result", "command", DB_MQTT_STRING,
-	                  "The command, or write") &&
-	       add_simple(points, DB_MQTT_RESULT, "result", "result", DB_MQTT_STRING,
-	                  "How it ended, or pending") &&
-	       add_simple(points, DB_MQTT_RESULT, "result", "reason", DB_MQTT_STRING,
-	                  "Why it was not carried out") &&
-	       add_simple(points, DB_MQTT_RESULT, "result", "repeated", DB_MQTT_BOOLEAN,
-	                  "It was received before, and not carried out again");
-}
-
-static bool add_marks(struct db_mqtt_points *points)
-{
-	return add_simple(points, DB_MQTT_MARK, "sender", "id", DB_MQTT_STRING,
-	                  "With a command: its id; the same one is carried out once") &&
-	       add_simple(points, DB_MQTT_MARK, "sender", "user", DB_MQTT_STRING,
-	                  "With a command: who it is from; not checked") &&
-	       add_simple(points, DB_MQTT_MARK, "sender", "token", DB_MQTT_STRING,
-	                  "With a command: the newest token of the service's clock") &&
-	       add_simple(points, DB_MQTT_MARK, "sender", "alive", DB_MQTT_BOOLEAN,
-	                  "True, again and again: a motion without an end goes on");
+	for (size_t i = 0; i < sizeof(rows) / sizeof(rows[0]) && added; i++) {
+		if (rows[i].kind != kind)
+			continue;
+		(void)snprintf(name, sizeof(name), "%s/%s", rows[i].folder, rows[i].what);
+		added = db_mqtt_points_add(
+			points,
+			&(struct db_mqtt_point){
+				.kind = kind,
+				.name = name,
+				.what = rows[i].what,
+				.type = rows[i].type,
+				.properties = json_pack("{s:s}", "documentation", rows[i].text),
+			});
+	}
+	return added;
 }
 
 struct db_mqtt_points *db_mqtt_device_new(const struct db_mqtt_config *config,
@@ -219,7 +222,8 @@ struct db_mqtt_points *db_mqtt_device_new(const struct db_mqtt_config *config,
 		added = added && add_command(points, drive->registers, one);
 	}
 	if (commands)
-		added = added && add_marks(points) && db_mqtt_device_add_results(points);
+		added = added && db_mqtt_device_add_common(points, DB_MQTT_MARK) &&
+		        db_mqtt_device_add_common(points, DB_MQTT_RESULT);
 	json_decref(chosen);
 	if (added)
 		return points;

@@ -139,7 +139,7 @@ static bool add_points(const struct node *node)
 	                "Messages that were dropped because too many waited");
 
 	if (added && db_mqtt_config_commands(node->config))
-		added = db_mqtt_device_add_results(points) &&
+		added = db_mqtt_device_add_common(points, DB_MQTT_RESULT) &&
 		        add_own(points, "command age ms", DB_MQTT_UINT32,
 		                "So far the clock of who commands may be from this gateway's, with the "
 		                "time on the way: an older command is refused, but for stops") &&
