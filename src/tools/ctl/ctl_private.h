@@ -227,6 +227,10 @@ void db_ctl_signals_close(int fd);
 /* The next signal, 0 when there is none. */
 int db_ctl_signals_read(int fd);
 
+/* A turn of a command that follows the service until the user ends it: waits for the service or a signal, at most
+ * `timeout_ms` (-1: without an end), and takes what the service has sent. 0: nothing came in time; -1: the user ends it. */
+int db_ctl_follow(struct db_ctl *ctl, int signals, int timeout_ms);
+
 /* --- stop ------------------------------------------------------------------------------------- */
 
 /* Stops drives: as a command, and for another command whose connection failed or is waiting. */

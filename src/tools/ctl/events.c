@@ -4,8 +4,6 @@
 #include "ctl/say.h"
 #include "words/value.h"
 
-#include <poll.h>
-#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -76,33 +74,24 @@ static void take_events(void *data, json_t *parameters, const struct db_client_e
 enum db_ctl_status db_ctl_events(struct db_ctl *ctl, int count, char **arguments)
 {
 	struct stream stream = { .ctl = ctl };
-	struct pollfd fds[2] = { { .fd = db_client_fd(ctl->client) },
-		                 { .fd = -1, .events = POLLIN } };
-	int signal_number;
+	int signals;
+	int turn = 1;
 
 	(void)count;
 	(void)arguments;
 	if (db_client_send(ctl->client, "Events", NULL, ctl->follow, take_events, &stream) != 0)
 		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
 		                       "the service has closed the connection");
-	fds[1].fd = db_ctl_signals_open();
-	while (!stream.ended) {
-		fds[0].events = db_client_poll_events(ctl->client);
-		/* Reading the kept events does not wait for a drive. */
-		if (poll(fds, 2, ctl->follow ? -1 : DB_CTL_TIMEOUT_MS) == 0) {
-			stream.status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_TIMEOUT,
-			                                "the service does not answer within %d ms",
-			                                DB_CTL_TIMEOUT_MS);
-			break;
-		}
-		signal_number = db_ctl_signals_read(fds[1].fd);
-		/* A pipe without a reader ends the command too. */
-		if ((signal_number != 0 && signal_number != SIGWINCH && signal_number != SIGTSTP) ||
-		    ferror(stdout))
-			break;
-		(void)db_client_handle(ctl->client);
-	}
-	if (fds[1].fd >= 0)
-		(void)close(fds[1].fd);
+	signals = db_ctl_signals_open();
+	/* Reading the kept events does not wait for a drive. A pipe without a reader ends the command
+	 * too. */
+	while (!stream.ended && turn > 0 && !ferror(stdout))
+		turn = db_ctl_follow(ctl, signals, ctl->follow ? -1 : DB_CTL_TIMEOUT_MS);
+	if (turn == 0)
+		stream.status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_TIMEOUT,
+		                                "the service does not answer within %d ms",
+		                                DB_CTL_TIMEOUT_MS);
+	if (signals >= 0)
+		(void)close(signals);
 	return stream.status;
 }

@@ -6,8 +6,6 @@
 #include "words/value.h"
 
 #include <errno.h>
-#include <poll.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -295,28 +293,21 @@ static int subscribe(struct recording *recording)
 static void follow(struct recording *recording)
 {
 	const struct db_ctl_rows *rows = &recording->rows;
-	struct pollfd fds[2] = { { .fd = db_client_fd(recording->ctl->client) },
-		                 { .fd = db_ctl_signals_open(), .events = POLLIN } };
+	int signals = db_ctl_signals_open();
 	db_time end = DB_TIME_NEVER;
-	int signal_number;
+	int turn = 1;
 
-	while (!recording->ended) {
+	/* A pipe without a reader ends the command too. */
+	while (!recording->ended && recording->error == 0 && turn >= 0) {
 		/* A silent drive sends no more sample times: end by the clock. */
 		if (end == DB_TIME_NEVER && rows->begun && rows->duration_us > 0)
 			end = db_client_now() + rows->duration_us * DB_NS_PER_US + GRACE;
 		if (db_client_now() >= end)
 			break;
-		fds[0].events = db_client_poll_events(recording->ctl->client);
-		(void)poll(fds, 2, end != DB_TIME_NEVER ? 100 : -1);
-		signal_number = db_ctl_signals_read(fds[1].fd);
-		/* A pipe without a reader ends the command too. */
-		if ((signal_number != 0 && signal_number != SIGWINCH && signal_number != SIGTSTP) ||
-		    recording->error != 0)
-			break;
-		(void)db_client_handle(recording->ctl->client);
+		turn = db_ctl_follow(recording->ctl, signals, end != DB_TIME_NEVER ? 100 : -1);
 	}
-	if (fds[1].fd >= 0)
-		(void)close(fds[1].fd);
+	if (signals >= 0)
+		(void)close(signals);
 }
 
 enum db_ctl_status db_ctl_record(struct db_ctl *ctl, int count, char **arguments)

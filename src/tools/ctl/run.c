@@ -3,8 +3,6 @@
 #include "ctl/ctl_private.h"
 #include "ctl/say.h"
 
-#include <poll.h>
-#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -69,40 +67,25 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	json_decref(object);
 }
 
-/* Ctrl-C during a motion stops it. */
-static enum db_ctl_status interrupt(struct db_ctl *ctl, const struct running *running)
-{
-	struct db_client_error error = { .parameters = NULL };
-	enum db_ctl_status status;
-
-	if (db_ctl_stop_drive(ctl, running->drive, &error) == 0)
-		status = db_ctl_complain(ctl, DB_CTL_NO, "io.drivebridge.Client.Interrupted",
-		                         "interrupted: %s has been told to stop", running->drive);
-	else
-		status = db_ctl_fail(ctl, &error);
-	db_client_error_clear(&error);
-	return status;
-}
-
 /* Until the command has ended or a signal comes. */
 static enum db_ctl_status wait_for_end(struct db_ctl *ctl, struct running *running)
 {
-	struct pollfd fds[2] = { { .fd = db_client_fd(ctl->client) },
-		                 { .fd = db_ctl_signals_open(), .events = POLLIN } };
-	int signal_number = 0;
+	struct db_client_error error = { .parameters = NULL };
+	int signals = db_ctl_signals_open();
+	int turn = 1;
 
-	while (!running->ended) {
-		fds[0].events = db_client_poll_events(ctl->client);
-		(void)poll(fds, 2, -1);
-		signal_number = db_ctl_signals_read(fds[1].fd);
-		if (signal_number != 0 && signal_number != SIGWINCH && signal_number != SIGTSTP) {
-			running->status = interrupt(ctl, running);
-			break;
-		}
-		(void)db_client_handle(ctl->client);
-	}
-	if (fds[1].fd >= 0)
-		(void)close(fds[1].fd);
+	while (!running->ended && turn >= 0)
+		turn = db_ctl_follow(ctl, signals, -1);
+	/* Ctrl-C during a motion stops it. */
+	if (turn < 0 && db_ctl_stop_drive(ctl, running->drive, &error) == 0)
+		running->status = db_ctl_complain(
+			ctl, DB_CTL_NO, "io.drivebridge.Client.Interrupted",
+			"interrupted: %s has been told to stop", running->drive);
+	else if (turn < 0)
+		running->status = db_ctl_fail(ctl, &error);
+	db_client_error_clear(&error);
+	if (signals >= 0)
+		(void)close(signals);
 	return running->status;
 }
 

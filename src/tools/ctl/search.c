@@ -3,8 +3,6 @@
 #include "ctl/ctl_private.h"
 #include "ctl/say.h"
 
-#include <poll.h>
-#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -63,24 +61,16 @@ enum db_ctl_status db_ctl_search(struct db_ctl *ctl, json_t *parameters,
 	struct stream stream = { .ctl = ctl,
 		                 .search = search,
 		                 .progress = !ctl->json && isatty(STDERR_FILENO) };
-	struct pollfd fds[2] = { { .fd = db_client_fd(ctl->client) },
-		                 { .fd = -1, .events = POLLIN } };
-	int signal_number;
+	int signals;
 
 	*search = (struct db_ctl_search){ .finds = json_array(), .foreign = json_array() };
 	if (db_client_send(ctl->client, "Scan", parameters, true, take_answer, &stream) != 0)
 		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
 		                       "the service has closed the connection");
-	fds[1].fd = db_ctl_signals_open();
-	while (!stream.ended && !search->interrupted) {
-		fds[0].events = db_client_poll_events(ctl->client);
-		(void)poll(fds, 2, -1);
-		signal_number = db_ctl_signals_read(fds[1].fd);
-		search->interrupted = signal_number != 0 && signal_number != SIGWINCH &&
-		                      signal_number != SIGTSTP;
-		(void)db_client_handle(ctl->client);
-	}
-	db_ctl_signals_close(fds[1].fd);
+	signals = db_ctl_signals_open();
+	while (!stream.ended && !search->interrupted)
+		search->interrupted = db_ctl_follow(ctl, signals, -1) < 0;
+	db_ctl_signals_close(signals);
 	if (stream.progress)
 		(void)fputs("\r\033[K", stderr);
 	/* Closing the connection ends the scan. */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "ctl/ctl_private.h"
 
+#include <poll.h>
 #include <signal.h>
 #include <sys/signalfd.h>
 #include <unistd.h>
@@ -39,4 +40,18 @@ int db_ctl_signals_read(int fd)
 	struct signalfd_siginfo info;
 
 	return read(fd, &info, sizeof(info)) == (ssize_t)sizeof(info) ? (int)info.ssi_signo : 0;
+}
+
+int db_ctl_follow(struct db_ctl *ctl, int signals, int timeout_ms)
+{
+	struct pollfd fds[2] = { { .fd = db_client_fd(ctl->client),
+		                   .events = db_client_poll_events(ctl->client) },
+		                 { .fd = signals, .events = POLLIN } };
+	int ready = poll(fds, 2, timeout_ms);
+	int number = db_ctl_signals_read(signals);
+
+	if (number != 0 && number != SIGWINCH && number != SIGTSTP)
+		return -1;
+	(void)db_client_handle(ctl->client);
+	return ready == 0 ? 0 : 1;
 }

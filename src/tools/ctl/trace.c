@@ -8,8 +8,6 @@
 #include "words/value.h"
 
 #include <errno.h>
-#include <poll.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -227,27 +225,21 @@ static void close_output(struct tracing *tracing)
 /* Until it ends, the time is over or the user ends it. */
 static void follow(struct tracing *tracing, double duration)
 {
-	struct pollfd fds[2] = { { .fd = db_client_fd(tracing->ctl->client) },
-		                 { .fd = db_ctl_signals_open(), .events = POLLIN } };
 	db_time end = db_client_now() + (db_time)(duration * (double)DB_NS_PER_S);
-	int signal_number;
+	int signals = db_ctl_signals_open();
+	int turn = 1;
 
-	while (!tracing->ended) {
+	/* A pipe without a reader ends the command too. */
+	while (!tracing->ended && turn >= 0 && !ferror(tracing->out)) {
 		db_time left = end - db_client_now();
 
 		if (duration > 0 && left <= 0)
 			break;
-		fds[0].events = db_client_poll_events(tracing->ctl->client);
-		(void)poll(fds, 2, duration > 0 ? (int)(left / DB_NS_PER_MS) + 1 : -1);
-		signal_number = db_ctl_signals_read(fds[1].fd);
-		/* A pipe without a reader ends the command too. */
-		if ((signal_number != 0 && signal_number != SIGWINCH && signal_number != SIGTSTP) ||
-		    ferror(tracing->out))
-			break;
-		(void)db_client_handle(tracing->ctl->client);
+		turn = db_ctl_follow(tracing->ctl, signals,
+		                     duration > 0 ? (int)(left / DB_NS_PER_MS) + 1 : -1);
 	}
-	if (fds[1].fd >= 0)
-		(void)close(fds[1].fd);
+	if (signals >= 0)
+		(void)close(signals);
 }
 
 enum db_ctl_status db_ctl_trace(struct db_ctl *ctl, int count, char **arguments)
