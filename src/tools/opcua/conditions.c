@@ -528,28 +528,6 @@ static UA_StatusCode take_plain_numbers(UA_Server *server, UA_UInt32 arguments)
 	return status;
 }
 
-/* A client that wants all there is asks for each member of the type. The library takes 64 fields, and
- * with all states that an alarm may have there are 85: those that no alarm here has are not shown. All
- * are optional in the standard. */
-static UA_StatusCode hide_states(UA_Server *server)
-{
-	static const UA_UInt32 states[] = {
-		UA_NS0ID_ALARMCONDITIONTYPE_SUPPRESSEDSTATE,
-		UA_NS0ID_ALARMCONDITIONTYPE_OUTOFSERVICESTATE,
-		UA_NS0ID_ALARMCONDITIONTYPE_LATCHEDSTATE,
-		UA_NS0ID_ALARMCONDITIONTYPE_SILENCESTATE,
-		UA_NS0ID_ALARMCONDITIONTYPE_SHELVINGSTATE,
-		/* There is no second step after the acknowledgement. */
-		UA_NS0ID_ACKNOWLEDGEABLECONDITIONTYPE_CONFIRMEDSTATE,
-		UA_NS0ID_ACKNOWLEDGEABLECONDITIONTYPE_CONFIRM,
-	};
-	UA_StatusCode status = UA_STATUSCODE_GOOD;
-
-	for (size_t i = 0; i < sizeof(states) / sizeof(states[0]); i++)
-		status |= UA_Server_deleteNode(server, UA_NODEID_NUMERIC(0, states[i]), true);
-	return status;
-}
-
 UA_StatusCode db_opcua_conditions_begin(struct db_opcua_conditions *conditions, UA_Server *server)
 {
 	static const struct {
@@ -562,6 +540,19 @@ UA_StatusCode db_opcua_conditions_begin(struct db_opcua_conditions *conditions, 
 		{ UA_NS0ID_CONDITIONTYPE_ENABLE, refuse },
 		{ UA_NS0ID_CONDITIONTYPE_DISABLE, refuse },
 		{ UA_NS0ID_CONDITIONTYPE_ADDCOMMENT, refuse },
+	};
+	/* A client that wants all there is asks for each member of the type. The library takes 64
+	 * fields, and with all states that an alarm may have there are 85: those that no alarm here
+	 * has are not shown. All are optional in the standard. */
+	static const UA_UInt32 hidden[] = {
+		UA_NS0ID_ALARMCONDITIONTYPE_SUPPRESSEDSTATE,
+		UA_NS0ID_ALARMCONDITIONTYPE_OUTOFSERVICESTATE,
+		UA_NS0ID_ALARMCONDITIONTYPE_LATCHEDSTATE,
+		UA_NS0ID_ALARMCONDITIONTYPE_SILENCESTATE,
+		UA_NS0ID_ALARMCONDITIONTYPE_SHELVINGSTATE,
+		/* There is no second step after the acknowledgement. */
+		UA_NS0ID_ACKNOWLEDGEABLECONDITIONTYPE_CONFIRMEDSTATE,
+		UA_NS0ID_ACKNOWLEDGEABLECONDITIONTYPE_CONFIRM,
 	};
 	UA_StatusCode status = UA_STATUSCODE_GOOD;
 
@@ -576,6 +567,7 @@ UA_StatusCode db_opcua_conditions_begin(struct db_opcua_conditions *conditions, 
 	                             UA_NS0ID_CONDITIONTYPE_CONDITIONREFRESH_INPUTARGUMENTS);
 	status |= take_plain_numbers(server,
 	                             UA_NS0ID_CONDITIONTYPE_CONDITIONREFRESH2_INPUTARGUMENTS);
-	status |= hide_states(server);
+	for (size_t i = 0; i < sizeof(hidden) / sizeof(hidden[0]); i++)
+		status |= UA_Server_deleteNode(server, UA_NODEID_NUMERIC(0, hidden[i]), true);
 	return status;
 }
