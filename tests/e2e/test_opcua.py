@@ -62,8 +62,9 @@ FAMILIES = {
                   "sim_drive": {"identity": None, "set": None}},
 }
 
-# A range that is all of the type's says nothing.
-WHOLE = {"u16": (0, 65535), "i16": (-32768, 32767), "u32": (0, 2 ** 32 - 1), "i32": (-2 ** 31, 2 ** 31 - 1)}
+# A range that ends only where its type does is not said.
+WHOLE = {"u16": (0, 65535), "i16": (-32768, 32767), "u32": (0, 2 ** 32 - 1), "i32": (-2 ** 31, 2 ** 31 - 1),
+         "f32": (-3.4e38, 3.4e38)}
 
 # Beside the registers; and those that tell of now, or of who asks.
 IDENTIFICATION = "drive1.Identification."
@@ -165,10 +166,13 @@ async def check_properties(entry, register, row):
     assert not {"EnumValues", "OptionSetValues"} & set(properties), row
     if row["type"].removesuffix("[]") not in ua.ObjectIdNames.values():
         assert "EURange" not in properties, row
-    elif (register.max is not None and row["table"] == "holding" and "[]" not in row["type"]
-          and (register.min, register.max) not in WHOLE.values()):
-        assert properties["EURange"].High == pytest.approx(register.max), row
-        assert properties["EURange"].Low == pytest.approx(register.min), row
+    elif register.max is not None and row["table"] == "holding" and "[]" not in row["type"]:
+        least, most = WHOLE[register.type]
+        if register.max >= most or least < 0 and register.min <= least:
+            assert "EURange" not in properties, row
+        else:
+            assert properties["EURange"].High == pytest.approx(register.max), row
+            assert properties["EURange"].Low == pytest.approx(register.min), row
     unit = register.unit.replace("user units", "mm")
     if unit and row["table"] == "holding" and "[]" not in row["type"]:
         assert properties["EngineeringUnits"].DisplayName.Text, row

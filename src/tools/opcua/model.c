@@ -4,9 +4,13 @@
 #include "client/objects.h"
 
 #include <ctype.h>
+#include <float.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+/* Tables write the largest float with ten digits, which is less than it. */
+#define FLOAT_END (0.999999 * (double)FLT_MAX)
 
 #define QUALITY_GOOD 192
 #define QUALITY_UNCERTAIN 64
@@ -190,17 +194,19 @@ static bool read_register(struct db_opcua_register *reg, const json_t *json, con
 	return true;
 }
 
-bool db_opcua_register_is_full(const struct db_opcua_register *reg)
+bool db_opcua_register_is_open(const struct db_opcua_register *reg)
 {
 	switch (reg->type) {
 	case DB_OPCUA_U16:
-		return reg->min <= 0.0 && reg->max >= UINT16_MAX;
+		return reg->max >= UINT16_MAX;
 	case DB_OPCUA_I16:
-		return reg->min <= INT16_MIN && reg->max >= INT16_MAX;
+		return reg->min <= INT16_MIN || reg->max >= INT16_MAX;
 	case DB_OPCUA_U32:
-		return reg->min <= 0.0 && reg->max >= UINT32_MAX;
+		return reg->max >= UINT32_MAX;
 	case DB_OPCUA_I32:
-		return reg->min <= INT32_MIN && reg->max >= INT32_MAX;
+		return reg->min <= INT32_MIN || reg->max >= INT32_MAX;
+	case DB_OPCUA_F32:
+		return reg->min <= -FLOAT_END || reg->max >= FLOAT_END;
 	default:
 		return false;
 	}

@@ -79,8 +79,9 @@ struct db_opcua_column {
 	size_t places[DB_OPCUA_HISTORY_MAX]; /* indexes in the kind's list */
 };
 
-/* True if its range is all that its type can hold, and need not be shown. */
-bool db_opcua_register_is_full(const struct db_opcua_register *reg);
+/* True if its range ends only where its type does. It bounds nothing then, and is not shown: a client's
+ * deadband of one percent of it would hide all changes. */
+bool db_opcua_register_is_open(const struct db_opcua_register *reg);
 
 /* What drives with the same registers and commands share. */
 struct db_opcua_kind {

@@ -117,7 +117,7 @@ static bool add_children(struct db_opcua_tree *tree, size_t parent,
 			good = add(tree, parent, DB_OPCUA_UNIT, "EngineeringUnits", place);
 		/* The names of values are the data type's. */
 		if (good && !reg->data && !reg->codes && reg->has_range &&
-		    !db_opcua_register_is_full(reg))
+		    !db_opcua_register_is_open(reg))
 			good = add(tree, parent, DB_OPCUA_RANGE, "EURange", place);
 		return good;
 	case DB_OPCUA_METHOD:
