@@ -7,11 +7,14 @@ import json
 import os
 import re
 import shutil
+import socket
 import subprocess
 from pathlib import Path
 
 import pytest
-from bridgelib import ROOT, eventually, find_program
+from bridgelib import ROOT, eventually, find_program, free_address, section
+from cryptography.x509.oid import ExtendedKeyUsageOID
+from tlslib import Authority
 
 VERSIONS = sorted((Path(__file__).parent / "upgrades").iterdir(), key=lambda folder: int(folder.name[3:]))
 FILES = [path for folder in VERSIONS for path in sorted(folder.glob("*.conf"))]
@@ -198,3 +201,46 @@ def test_an_upgrade_of_what_runs_is_told(make_bridge, tmp_path):
     assert "drivebridge_restart_needed 1" in ctl(bridge, "metrics")
     assert f"an upgrade has replaced {program}" in ctl(bridge, "status")
     assert json.loads(ctl(bridge, "--json", "status"))["restart_needed"] == str(program)
+
+
+def sections_of(name, place):
+    """A configuration with which it runs, without a service and a broker."""
+    host, port = free_address()
+    if name == "drivebridge-mqtt":
+        return {"broker": {"host": host, "port": port}}
+    if name == "drivebridge-opcua":
+        return {"server": {"address": host, "port": port}, "security": {"pki": place / "pki", "users": place / "users"}}
+    if name == "drivebridge-webd":
+        return {"server": {"listen": "127.0.0.1:0", "page": place}, "access": {"users-file": place / "users"}}
+    authority = Authority(place)
+    own = authority.issue("gateway", usage=ExtendedKeyUsageOID.SERVER_AUTH, hosts=["gateway"])
+    return {"server": {"address": "127.0.0.1", "port": 0},
+            "certificates": {"certificate-file": own.pem, "key-file": own.key_pem, "ca-file": authority.pem,
+                             "crl-file": authority.crl}}
+
+
+@pytest.mark.parametrize("name", ["drivebridge-mqtt", "drivebridge-opcua", "drivebridge-tls", "drivebridge-webd"])
+def test_an_upgrade_of_a_tool_that_runs_is_told(tmp_path, name):
+    """In its log, and to systemd, which shows it in the unit's state."""
+    program, config, log_path = tmp_path / name, tmp_path / "conf", tmp_path / "log"
+    shutil.copy(find_program(name), program)
+    (tmp_path / "index.html").write_text("<title>page</title>")
+    sections = {"service": {"socket": tmp_path / "nowhere"}, **sections_of(name, tmp_path)}
+    config.write_text("\n".join(section(title, keys) for title, keys in sections.items()))
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd, open(log_path, "wb") as log:
+        systemd.bind(str(tmp_path / "notify"))
+        systemd.settimeout(20)
+        process = subprocess.Popen([program, "--config", config], stdout=log, stderr=log,
+                                   env={**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify")})
+        try:
+            while systemd.recv(4096) != b"READY=1":
+                assert process.poll() is None, log_path.read_text()
+            assert "replaced" not in log_path.read_text()
+            shutil.copy(program, tmp_path / "new")
+            os.replace(tmp_path / "new", program)
+            while (text := systemd.recv(4096).decode()) != "STATUS=an upgrade needs a restart":
+                assert not text.startswith("STATUS="), text
+            assert log_path.read_text().count(f"{program} was replaced since the start") == 1
+        finally:
+            process.terminate()
+            assert process.wait(20) == 0, log_path.read_text()

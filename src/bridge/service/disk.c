@@ -3,6 +3,7 @@
 
 #include "drivebridge/config.h"
 #include "service/service_private.h"
+#include "upgrade/upgrade.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -174,7 +175,7 @@ static bool look_for_upgrade(struct disk *disk)
 	if (disk->replaced || disk->looks++ % LOOKS_PER_UPGRADE != 0)
 		return false;
 	pthread_mutex_unlock(&disk->lock);
-	news.newer = newer_look();
+	news.newer = db_upgrade_look();
 	pthread_mutex_lock(&disk->lock);
 	if (!news.newer || disk->has_news || disk->ending) {
 		free(news.newer);

@@ -29,7 +29,7 @@ struct disk_news {
 	char *messages;           /* one line each; null: out of memory */
 	bool kept;                /* a copy was to be written; see error */
 	int error;                /* errno, 0: it was written */
-	char *newer; /* running code that was replaced, see newer_find(); reported once. Null:
+	char *newer; /* running code that was replaced, see upgrade/upgrade.h; reported once. Null:
 	                nothing */
 };
 

@@ -278,15 +278,4 @@ void health_end(struct service *service);
  */
 int alone_take(const char *path, pid_t *holder);
 
-/* --- newer.c ---------------------------------------------------------------------------------- */
-
-/* Finds out whether an upgrade has replaced running code. */
-
-/* `maps` is in the form of /proc/self/maps: the path of the first program or library whose file is
- * no longer the running one, to be freed; null: none. Pure but for the stream. */
-char *newer_find(FILE *maps);
-
-/* The same for this process; null also when the kernel does not report it. */
-char *newer_look(void);
-
 #endif

@@ -3,6 +3,7 @@
 #include "client/clock.h"
 #include "client/log.h"
 #include "drivebridge/version.h"
+#include "upgrade/upgrade.h"
 #include "users/administration.h"
 
 #include <getopt.h>
@@ -15,6 +16,9 @@
 
 /* Longest time between two turns. */
 #define TURN_MAX (1 * DB_NS_PER_S)
+
+#define LOOK_FOR_UPGRADE_US (5 * UINT64_C(1000000))
+#define LOOK_ACCURACY_US UINT64_C(1000000)
 
 /* Most sources of events that are served before the next turn. */
 #define SERVED_MAX 64
@@ -103,6 +107,26 @@ static int check(const struct db_program *program, const char *path, void *confi
 	return good ? EXIT_SUCCESS : DB_CLIENT_EXIT_CONFIG;
 }
 
+/* Told once: this code stays the old one. */
+static int look_for_upgrade(sd_event_source *source, uint64_t us, void *data)
+{
+	char *replaced = db_upgrade_look();
+
+	(void)us;
+	(void)data;
+	if (!replaced) {
+		(void)sd_event_source_set_time_relative(source, LOOK_FOR_UPGRADE_US);
+		return sd_event_source_set_enabled(source, SD_EVENT_ONESHOT);
+	}
+	db_client_log(DB_CLIENT_WARNING,
+	              "%s was replaced since the start, but the old one still runs: restart this "
+	              "program when the machine may stand still",
+	              replaced);
+	(void)sd_notify(0, "STATUS=an upgrade needs a restart");
+	free(replaced);
+	return 0;
+}
+
 static int serve(const struct db_program *program, void *config)
 {
 	sd_event *loop = NULL;
@@ -119,7 +143,9 @@ static int serve(const struct db_program *program, void *config)
 	(void)sigprocmask(SIG_BLOCK, &set, NULL);
 	(void)check_users(program, config, &count);
 	srand((unsigned)(db_client_wall_us() ^ getpid()));
-	if (sd_event_new(&loop) >= 0)
+	if (sd_event_new(&loop) >= 0 &&
+	    sd_event_add_time_relative(loop, NULL, CLOCK_MONOTONIC, LOOK_FOR_UPGRADE_US,
+	                               LOOK_ACCURACY_US, look_for_upgrade, NULL) >= 0)
 		status = program->serve(config, loop);
 	else
 		db_client_log(DB_CLIENT_ERROR, "out of memory");

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "service/service_private.h"
+#include "upgrade/upgrade.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -28,7 +28,7 @@ static void expect(const char *program, const char *library, const char *more, c
 
 	maps = fmemopen(text, (size_t)length, "r");
 	assert_non_null(maps);
-	path = newer_find(maps);
+	path = db_upgrade_find(maps);
 	fclose(maps);
 	if (found)
 		assert_string_equal(path, found);
@@ -64,7 +64,7 @@ static void what_is_no_code_or_has_no_file_is_not(void **state)
 
 static void this_program_is_as_on_the_disk(void **state)
 {
-	char *path = newer_look();
+	char *path = db_upgrade_look();
 
 	(void)state;
 	assert_null(path);

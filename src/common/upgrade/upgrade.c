@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "service/service_private.h"
+#include "upgrade/upgrade.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -8,7 +8,7 @@
  * file. */
 #define REPLACED " (deleted)"
 
-char *newer_find(FILE *maps)
+char *db_upgrade_find(FILE *maps)
 {
 	char *line = NULL;
 	size_t size = 0;
@@ -36,10 +36,10 @@ char *newer_find(FILE *maps)
 	return found;
 }
 
-char *newer_look(void)
+char *db_upgrade_look(void)
 {
 	FILE *maps = fopen("/proc/self/maps", "re");
-	char *found = maps ? newer_find(maps) : NULL;
+	char *found = maps ? db_upgrade_find(maps) : NULL;
 
 	if (maps)
 		fclose(maps);
