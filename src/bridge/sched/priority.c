@@ -1,10 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "sched/priority.h"
 
+#include <errno.h>
 #include <pthread.h>
 #include <sched.h>
+#include <signal.h>
+#include <sys/resource.h>
 
 #define JUDGE_INTERVAL (500 * DB_NS_PER_MS)
+/* Twice the interval: a thread that still turns its loop has given the priority back by then. */
+#define WITHOUT_SLEEP_US ((rlim_t)(2 * JUDGE_INTERVAL / DB_NS_PER_US))
 
 static int set_priority(unsigned priority)
 {
@@ -14,9 +19,40 @@ static int set_priority(unsigned priority)
 	                             &param);
 }
 
+/* The kernel sends the signal to the thread that runs, which is the one that has not slept. In other
+ * threads it would change nothing. */
+static void lend_priority(int number)
+{
+	const struct sched_param none = { .sched_priority = 0 };
+	int before = errno;
+
+	(void)number;
+	(void)sched_setscheduler(0, SCHED_OTHER, &none);
+	errno = before;
+}
+
+/* A loop that hangs is judged by nobody, and on a computer with one processor nothing else would run:
+ * neither what tells of it, nor what ends it, nor what stops the drives of other buses. */
+static void guard_against_hanging(void)
+{
+	struct sigaction action = { .sa_handler = lend_priority, .sa_flags = SA_RESTART };
+	struct rlimit limit;
+
+	sigemptyset(&action.sa_mask);
+	if (sigaction(SIGXCPU, &action, NULL) != 0 || getrlimit(RLIMIT_RTTIME, &limit) != 0)
+		return;
+	if (limit.rlim_cur > WITHOUT_SLEEP_US)
+		limit.rlim_cur = WITHOUT_SLEEP_US;
+	(void)setrlimit(RLIMIT_RTTIME, &limit);
+}
+
 int priority_begin(struct priority *priority, unsigned wanted, db_time now, db_time used)
 {
-	int error = wanted > 0 ? set_priority(wanted) : 0;
+	int error;
+
+	if (wanted > 0)
+		guard_against_hanging();
+	error = wanted > 0 ? set_priority(wanted) : 0;
 
 	*priority = (struct priority){
 		.wanted = error == 0 ? wanted : 0,
@@ -39,7 +75,7 @@ enum priority_change priority_judge(struct priority *priority, db_time now, db_t
 
 	priority->judged_at = now;
 	priority->used = used;
-	if (priority->held && took > passed / 2) {
+	if (priority->held && (took > passed / 2 || sched_getscheduler(0) == SCHED_OTHER)) {
 		priority->held = set_priority(0) != 0;
 		return priority->held ? PRIORITY_AS_BEFORE : PRIORITY_GIVEN_UP;
 	}

@@ -2,7 +2,8 @@
 /*
  * The real-time priority of a bus's thread. Its work is short, so it may run before everything else
  * on the computer. A port that never falls silent would make it long: a thread that takes more than
- * half of a processor loses the priority until that is over. Internal to src/bridge/sched; the
+ * half of a processor loses the priority until that is over; one that has not slept for a second of
+ * processor time, and so may hang, loses it by a signal (SIGXCPU). Internal to src/bridge/sched; the
  * bus's thread only.
  */
 #ifndef DRIVEBRIDGE_SCHED_PRIORITY_H
@@ -25,8 +26,8 @@ struct priority {
 	db_time used;      /* and the thread's processor time then */
 };
 
-/* Gives the priority to the calling thread. 0, or an errno: the thread then runs without it for
- * good. */
+/* Gives the priority to the calling thread, and limits how long the threads of this process have
+ * one without sleeping. 0, or an errno: the thread then runs without it for good. */
 int priority_begin(struct priority *priority, unsigned wanted, db_time now, db_time used);
 
 /* True if it has to be judged again: twice a second. */

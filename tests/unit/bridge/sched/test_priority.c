@@ -2,6 +2,8 @@
 /* Who takes too much of a processor does without real-time priority, and has it back behind that. */
 #include "sched/priority.h"
 
+#include "drivebridge/clock.h"
+
 #include <errno.h>
 #include <pthread.h>
 #include <sched.h>
@@ -15,13 +17,10 @@
 #define WANTED 3
 #define SECOND DB_NS_PER_S
 
+/* The kernel's word: pthread_getschedparam() remembers what it has set itself. */
 static int policy(void)
 {
-	struct sched_param param;
-	int found;
-
-	assert_int_equal(pthread_getschedparam(pthread_self(), &found, &param), 0);
-	return found;
+	return sched_getscheduler(0);
 }
 
 static void test_none_is_asked_for(void **state)
@@ -76,6 +75,30 @@ static void test_too_much_is_lent(void **state)
 	assert_int_equal(priority_begin(&priority, 0, now, used), 0);
 }
 
+/* Where nothing else of this processor would run, and nobody judges any more. */
+static void test_a_thread_that_hangs_loses_it(void **state)
+{
+	struct priority priority;
+	db_time began = db_clock_read(CLOCK_THREAD_CPUTIME_ID);
+	db_time now = SECOND;
+
+	(void)state;
+	if (priority_begin(&priority, WANTED, now, 0) == EPERM)
+		skip();
+	assert_int_equal(policy(), SCHED_FIFO);
+	while (policy() == SCHED_FIFO &&
+	       db_clock_read(CLOCK_THREAD_CPUTIME_ID) - began < 10 * SECOND)
+		;
+	assert_int_equal(policy(), SCHED_OTHER);
+	assert_true(db_clock_read(CLOCK_THREAD_CPUTIME_ID) - began > SECOND / 2);
+
+	/* It goes on after all: that is told, and it has the priority again as after too much work. */
+	assert_int_equal(priority_judge(&priority, now += SECOND, 0), PRIORITY_GIVEN_UP);
+	assert_int_equal(policy(), SCHED_OTHER);
+	assert_int_equal(priority_judge(&priority, now += SECOND, 0), PRIORITY_RESTORED);
+	assert_int_equal(policy(), SCHED_FIFO);
+}
+
 /* What a test leaves is nobody else's. */
 static int reset(void **state)
 {
@@ -91,6 +114,7 @@ int main(void)
 		cmocka_unit_test(test_none_is_asked_for),
 		cmocka_unit_test(test_none_is_allowed),
 		cmocka_unit_test_teardown(test_too_much_is_lent, reset),
+		cmocka_unit_test_teardown(test_a_thread_that_hangs_loses_it, reset),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
