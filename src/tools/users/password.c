@@ -13,9 +13,6 @@
 #define METHOD "$y$"
 #define COST 3
 
-/* A repeated piece of at most this many bytes is no more than the piece. */
-#define PIECE_MAX 4
-
 /* What has to be left when the user's name is taken out of the password. */
 #define BESIDE_NAME_MIN 6
 
@@ -144,11 +141,12 @@ static bool is_row(const char *text)
 	return true;
 }
 
-static bool is_repeated(const char *text)
+/* A piece that would be too short alone. */
+static bool is_repeated(const char *text, unsigned least)
 {
 	size_t length = strlen(text);
 
-	for (size_t piece = 1; piece <= PIECE_MAX && 2 * piece <= length; piece++) {
+	for (size_t piece = 1; piece < least && 2 * piece <= length; piece++) {
 		if (strncmp(text, text + piece, length - piece) == 0)
 			return true;
 	}
@@ -222,7 +220,7 @@ const char *db_password_judge(const char *password, const char *user, unsigned l
 		wrong = "it is too short";
 	else if (is_made_of_name(text, user))
 		wrong = "it is made of the user's name";
-	else if (is_row(text) || is_repeated(text))
+	else if (is_row(text) || is_repeated(text, least))
 		wrong = "it is a row, or one piece again and again";
 	else if (is_common(text))
 		wrong = "it is one that everybody tries first";

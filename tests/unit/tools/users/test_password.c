@@ -113,7 +113,9 @@ static void a_bad_password_is_told_why(void **state)
 		{ "432109876543", row },
 		{ "acegikmoqsuw", NULL },
 		{ "liftliftlift", row },
-		{ "lift9lift9lift9", NULL },
+		{ "lift9lift9lift9", row },
+		{ "grease liftgrease lift", row },
+		{ "grease liftsgrease lifts", NULL }, /* one of them would do */
 		{ "qwerty123456", common },
 		{ "__P4$$w0rd__", common },
 		{ "12siemens!!34", common },

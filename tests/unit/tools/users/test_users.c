@@ -207,6 +207,7 @@ static void test_passwords_are_judged(void **state)
 		"Anna-anna-12",
 		"aaaaaaaaaaaa",
 		"abcabcabcabc",
+		"letmeinletmein",
 		"abcdefghijkl",
 		"123456789012",
 		"987654321098",
@@ -225,6 +226,7 @@ static void test_passwords_are_judged(void **state)
 		"turns-motors",
 		"qqwweerrttyz7",
 		"xK4#pT9!vQ2z",
+		"turns-motorsturns-motors", /* one of them would do */
 		("\xE4\xBD\xA0\xE5\xA5\xBD\xE4\xB8\x96\xE7\x95\x8C\xE6\x9C\xBA\xE5\x99\xA8\xE7\x94\xB5"
 		 "\xE6\x9C\xBA\xE6\x9C\xBA\xE5\x81\x9C\xE6\xAD\xA2\xE8\xA1\x8C"),
 	};
