@@ -77,3 +77,15 @@ move_and_check() {
 	echo "drive $2 is at $(read_i32 "$1" "$2" position)"
 	command_drive "$1" "$2" disable
 }
+
+# runs_nothing_else UNIT...: from where these services are, a shell cannot be executed; their own programs can.
+runs_nothing_else() {
+	for unit; do
+		pid=$(systemctl show --property MainPID --value "$unit")
+		nsenter --mount --target "$pid" "$(readlink "/proc/$pid/exe")" --help >/dev/null
+		if nsenter --mount --target "$pid" /bin/sh -c true; then
+			echo "$unit could execute a shell"
+			return 1
+		fi
+	done
+}
