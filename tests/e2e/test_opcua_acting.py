@@ -482,11 +482,25 @@ async def test_certificates(bridge, make_server, certificate, tmp_path):
             await connect(server.client(wrong, OPERATOR))
     rejected = await until(lambda: [path for path in (server.pki / "rejected").rglob("*")
                                     if path.is_file() and path.read_bytes() == stranger.der])
+    # What nobody can trust is not kept for it, and the log does not send anybody to move it.
+    assert list((server.pki / "rejected").iterdir()) == rejected
+    assert re.search(r"a client's certificate is not valid now.* \(.*expired.*\)", server.log())
+    assert server.log().count("to trust it, move") == 1
     shutil.move(rejected[0], server.pki / "trusted" / "stranger.der")
     async with server.session(stranger, OPERATOR) as session:
         await call(session, "drive1", "Enable")
     with pytest.raises((UaStatusCodeError, ConnectionError)):
         await connect(server.client(stranger, OPERATOR, uri="urn:somebody:else"))
+    # A file that does not belong there trusts nobody, and is named.
+    for folder, name in (("trusted", "notes.txt"), ("issuers", "notes.txt"), ("revoked", None)):
+        stray = server.pki / folder / "notes.txt"
+        stray.write_text("whom we trust, and why")
+        with pytest.raises((UaStatusCodeError, ConnectionError, asyncio.TimeoutError)):
+            await connect(server.client(stranger, OPERATOR))
+        assert f"{stray if name else f'a file in {stray.parent}'} is none that belongs there" in server.log()
+        stray.unlink()
+    async with server.session(stranger, OPERATOR) as session:
+        await call(session, "drive1", "Enable")
     # Its own certificate is the same for ever, and its key is nobody else's.
     own = [path for path in (server.pki / "own").rglob("*") if path.is_file()]
     before = {path: path.read_bytes() for path in own}

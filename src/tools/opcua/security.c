@@ -253,6 +253,53 @@ static void keep_rejected(struct guard *guard, const UA_ByteString *certificate,
 	UA_String_clear(&subject);
 }
 
+/* The file with which the library cannot do anything, in words. */
+static struct path find_stray(const struct db_opcua_config *config)
+{
+	static const char *const folders[] = { "trusted", "issuers" };
+	char why[DB_CERTIFICATE_WHY];
+	struct path found;
+
+	for (size_t i = 0; i < sizeof(folders) / sizeof(folders[0]); i++) {
+		struct path folder = path_of(config, folders[i], "");
+		DIR *stream = opendir(folder.text);
+		struct dirent *entry;
+		bool good = true;
+
+		while (good && stream && (entry = readdir(stream))) {
+			struct db_certificate_file file;
+			struct db_certificate_facts facts;
+
+			found = path_of(config, folders[i], entry->d_name);
+			if (entry->d_type != DT_REG)
+				continue;
+			good = db_certificate_file_read(&file, found.text, why) &&
+			       db_certificate_check_list(&file, wall_s(), &facts, why) !=
+			               DB_CERTIFICATE_WRONG;
+			db_certificate_file_clear(&file);
+		}
+		if (stream)
+			(void)closedir(stream);
+		if (!good)
+			return found;
+	}
+	(void)snprintf(found.text, sizeof(found.text), "a file in %s/revoked", config->pki);
+	return found;
+}
+
+/* Nobody can trust this one: it is not kept for that. */
+static void tell_useless(struct guard *guard, const UA_ByteString *certificate, const char *why)
+{
+	UA_ByteString copy = *certificate;
+	UA_String subject = UA_STRING_NULL;
+
+	(void)guard->parser.getSubjectName(&subject, &copy);
+	db_client_log_rationed(&guard->lines, db_client_now(), DB_CLIENT_WARNING,
+	                       "a client's certificate %s (%.*s)", why, (int)subject.length,
+	                       (const char *)subject.data);
+	UA_String_clear(&subject);
+}
+
 static UA_StatusCode verify(const UA_CertificateVerification *cv, const UA_ByteString *certificate)
 {
 	struct guard *guard = cv->context;
@@ -261,9 +308,15 @@ static UA_StatusCode verify(const UA_CertificateVerification *cv, const UA_ByteS
 	if (status == UA_STATUSCODE_BADINTERNALERROR)
 		db_client_log_rationed(
 			&guard->lines, db_client_now(), DB_CLIENT_ERROR,
-			"a file in %s, in trusted, issuers or revoked, is none that belongs "
-			"there; until it is taken out nobody is trusted",
-			guard->config->pki);
+			"%s is none that belongs there; until it is taken out nobody is trusted",
+			find_stray(guard->config).text);
+	else if (status == UA_STATUSCODE_BADCERTIFICATETIMEINVALID)
+		tell_useless(
+			guard, certificate,
+			"is not valid now, or its authority's or a list of revoked ones is not; "
+			"renew what has ended, or set the clock that is wrong");
+	else if (status == UA_STATUSCODE_BADCERTIFICATEREVOKED)
+		tell_useless(guard, certificate, "was revoked by its authority");
 	else if (status != UA_STATUSCODE_GOOD)
 		keep_rejected(guard, certificate, status);
 	return status;
