@@ -28,7 +28,7 @@ static void expect(const char *program, const char *library, const char *more, c
 
 	maps = fmemopen(text, (size_t)length, "r");
 	assert_non_null(maps);
-	path = db_upgrade_find(maps);
+	path = db_upgrade_find(maps, "/usr/sbin/named");
 	fclose(maps);
 	if (found)
 		assert_string_equal(path, found);
@@ -62,6 +62,15 @@ static void what_is_no_code_or_has_no_file_is_not(void **state)
 	expect("", "", "7f2000000000-7f2000021000 r-xp 00000000 fe:00 5 /a b (deleted)\n", "/a b");
 }
 
+/* ExecPaths= of a unit mounts the program's file by itself, and that goes with the name. */
+static void what_has_lost_its_path_is_the_program(void **state)
+{
+	(void)state;
+	expect("", "", "7f2000000000-7f2000021000 r-xp 00000000 fe:00 5 / (deleted)\n",
+	       "/usr/sbin/named");
+	expect("", "", "7f2000000000-7f2000021000 r-xp 00000000 fe:00 5 /\n", NULL);
+}
+
 static void this_program_is_as_on_the_disk(void **state)
 {
 	char *path = db_upgrade_look();
@@ -76,6 +85,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(what_was_replaced_is_found),
 		cmocka_unit_test(what_is_no_code_or_has_no_file_is_not),
+		cmocka_unit_test(what_has_lost_its_path_is_the_program),
 		cmocka_unit_test(this_program_is_as_on_the_disk),
 	};
 
