@@ -482,7 +482,6 @@ void answer_lost(struct db_engine *engine, struct node *node, db_time now)
 	engine->stats.timeouts++;
 	station->snapshot.stats.timeouts++;
 	node->in_step = false;
-	engine->any_out_of_step = true;
 	node->losses++;
 	/* What was received before it fell silent does not explain why. */
 	if (node->online && !node->flight.got_unusable)

@@ -143,7 +143,6 @@ void engine_take_offline(struct db_engine *engine, struct node *node, enum db_re
 {
 	bool was_online = node->online;
 
-	engine->any_out_of_step = true;
 	node->in_step = false;
 	for (struct station *s = node->first; s; s = s->next_axis) {
 		struct standing_rules rules;

@@ -413,14 +413,11 @@ static db_time next_run(struct db_engine *engine, bool more, db_time now)
 		wake = db_time_min(wake, engine->silent_at);
 	/* A node that does not wait for an answer may want something at its own time. */
 	if (may_send <= now &&
-	    (engine->drives_active || engine->any_out_of_step || engine->nodes_due > 0 ||
-	     engine->waiting_count > 0 || engine->may_identify ||
-	     engine->stats.online < engine->station_count)) {
-		engine->any_out_of_step = false;
+	    (engine->drives_active || engine->nodes_due > 0 || engine->waiting_count > 0 ||
+	     engine->may_identify || engine->stats.online < engine->station_count)) {
 		for (size_t i = 0; i < engine->node_count; i++) {
 			const struct node *node = engine->nodes[i];
 
-			engine->any_out_of_step |= !node->online || !node->in_step;
 			if (!is_flying(node))
 				wake = db_time_min(wake, node_run_at(engine, node, now));
 		}

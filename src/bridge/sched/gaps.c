@@ -56,8 +56,7 @@ void gaps_lost(struct db_engine *engine, struct node *node, db_time now)
 		return;
 	if (replier == node || flight->pause > LEARN_GAP_MOST) {
 		report_gap(engine, node, gap, learn_gap_lost(gap, own, now));
-	} else if (flight->in_step && node->online &&
-	           (node->answered_at == 0 || own > LEARN_GAP_MOST)) {
+	} else if (flight->in_step && node->online && own > LEARN_GAP_MOST) {
 		report_gap(engine, replier, &replier->hold,
 		           learn_gap_lost(&replier->hold, flight->pause, now));
 	}

@@ -51,13 +51,12 @@ bool learn_gap_wants_test(const struct learn_gap *gap)
 	return gap->sure > gap->now + NEAR;
 }
 
-/* The counts belong to the former gap. */
+/* The counts belong to the former gap. Those of answers in a row are 0: each caller begins them
+ * again whether or not it gets here. */
 static void set_gap(struct learn_gap *gap, db_time value)
 {
 	gap->now = to_int32(value);
 	gap->received = gap->lost = gap->lost_later = 0;
-	gap->received_in_row = 0;
-	gap->widest = 0;
 }
 
 void learn_gap_received(struct learn_gap *gap, db_time pause, db_time now)

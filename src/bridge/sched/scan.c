@@ -459,7 +459,6 @@ void scan_check(struct db_engine *engine, db_time now)
 	 * a new answer. */
 	if (node && node->online && !scan->plan.aside && !question->outcome.answered) {
 		node->in_step = false;
-		engine->any_out_of_step = true;
 		node_expect_late_answer(node, false, now);
 	}
 	visit_add_outcome(&scan->visit, &question->inquiry, &question->outcome);

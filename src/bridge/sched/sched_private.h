@@ -239,7 +239,6 @@ struct db_engine {
 	db_time idle_until;
 	/* Lets most turns avoid looking at every drive. */
 	bool drives_active;   /* a drive may have a command or a stop under way, or must stand */
-	bool any_out_of_step; /* a node may be offline or out of step */
 	size_t nodes_due;     /* number of nodes to be read */
 	db_time run_by;       /* the latest time at which it asked to be run again; 0: none */
 	db_time overslept_at; /* when it was last run later than that: the computer was busy */
