@@ -3,6 +3,7 @@
  * Answers that arrive, late or never: what becomes of a command whose request or answer is lost, and what
  * is learnt from it about the drive.
  */
+#include "sched/sched_private.h"
 #include "vsmd_world.h"
 
 static void a_command_is_sent_once_and_confirmed(void **state)
@@ -179,7 +180,6 @@ static void commands_to_a_drive_that_is_gone_end(void **state)
 	assert_int_equal(fake_result(world->bus), DB_RESULT_OFFLINE);
 }
 
-/* Nobody else would say the bridge's own stops again. */
 /*
  * The thread is not run for a while, again and again, and finds answers that came in time: nothing is lost, nobody is
  * late. `reads`: it finds them before it looks at the clock, as poll() tells; else poll() had just returned in vain.
@@ -236,6 +236,53 @@ static void a_busy_computer_is_no_drives_fault(void **state)
 	}
 	assert_false(status_of(world, 0) & DB_STATUS_ONLINE);
 	assert_true(status_of(world, 1) & DB_STATUS_ONLINE);
+}
+
+/* Asks the first drive, which keeps its answer, and has the bus run 5 ms later than it asked for, long before that is
+ * overdue. Returns when it is, if the bus had been run in time. */
+static db_time oversleep_while_asked(struct world *world)
+{
+	const struct flight *flight = &world->bus->engine->nodes[0]->flight;
+	db_time due;
+	db_time next;
+
+	world->late_length = 0;
+	fail_next(world, 0, VSMD_STS, FAULT_LATE_ANSWER);
+	while (world->late_length == 0)
+		fake_pass(world->bus, MS / 10);
+	due = flight->deadline;
+	next = db_engine_run(world->bus->engine, world->bus->now);
+	assert_true(next + 6 * MS < due);
+	world->bus->now = next + 5 * MS;
+	(void)db_engine_run(world->bus->engine, world->bus->now);
+	return due;
+}
+
+/* A drive has the time that it has otherwise, and no more. */
+static void what_a_busy_computer_takes_of_an_answers_time_is_given_back(void **state)
+{
+	struct world *world = *state;
+	uint32_t timeouts;
+	db_time due;
+
+	db_engine_free(world->bus->engine);
+	db_queue_free(world->bus->queue);
+	/* So that a cycle begins while an answer is awaited. */
+	world->bus->config.cycle_ms = 4;
+	fake_bus_open(world->bus, DRIVES, &ops);
+	start_bus(world);
+	timeouts = fake_stats(world->bus).timeouts;
+	due = oversleep_while_asked(world);
+	fake_pass(world->bus, due + 4 * MS - world->bus->now);
+	assert_int_equal(fake_stats(world->bus).timeouts, timeouts);
+	fake_receive(world->bus, world->late, world->late_length);
+	fake_pass(world->bus, 20 * MS);
+	assert_int_equal(fake_stats(world->bus).timeouts, timeouts);
+	assert_int_equal(fake_stats(world->bus).stray_frames, 0);
+	world->log[0] = '\0';
+	due = oversleep_while_asked(world);
+	fake_pass(world->bus, due + 6 * MS - world->bus->now);
+	assert_int_equal(fake_stats(world->bus).timeouts, timeouts + 1);
 }
 
 static void drives_get_time_to_turn_around(void **state)
@@ -319,6 +366,7 @@ int main(void)
 		TEST_OF_LINE(a_homing_run_whose_answer_was_lost_is_ended_by_a_stop),
 		TEST_OF_LINE(commands_to_a_drive_that_is_gone_end),
 		TEST_OF_LINE(a_busy_computer_is_no_drives_fault),
+		TEST_OF_LINE(what_a_busy_computer_takes_of_an_answers_time_is_given_back),
 		cmocka_unit_test_setup_teardown(drives_get_time_to_turn_around, open_turning_world,
 		                                close_world),
 		cmocka_unit_test_setup_teardown(a_drive_that_is_deaf_for_longer_is_logged,

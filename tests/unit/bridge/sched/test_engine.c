@@ -126,7 +126,6 @@ static void a_stop_overtakes_and_cancels(void **state)
 	assert_int_equal(world->sim[1].executed[VSMD_ENA], 1);
 }
 
-/* Other things may wake the thread. What comes in between is seen to at once all the same. */
 /* Runs until the bus is idle, with an empty log. Returns when the engine wants to be run again. */
 static db_time wait_idle(struct world *world)
 {
@@ -142,6 +141,7 @@ static db_time wait_idle(struct world *world)
 	return next;
 }
 
+/* Other things may wake the thread. What comes in between is seen to at once all the same. */
 static void a_turn_without_news_is_over_at_once(void **state)
 {
 	struct world *world = *state;
@@ -229,6 +229,21 @@ static void a_lost_port_ends_everything_and_comes_back(void **state)
 	assert_false(status_of(world, 0) & DB_STATUS_ONLINE);
 	start_bus(world);
 	assert_true(status_of(world, 0) & DB_STATUS_ONLINE);
+}
+
+/* Without its port the bus has asked to be run at no time, whatever it asked for before. */
+static void a_bus_without_its_port_oversleeps_nothing(void **state)
+{
+	struct world *world = *state;
+	struct db_engine *engine = world->bus->engine;
+
+	start_bus(world);
+	(void)wait_idle(world);
+	fake_port(world->bus, 5);
+	(void)db_engine_run(engine, world->bus->now);
+	world->bus->now += 500 * MS;
+	(void)db_engine_run(engine, world->bus->now);
+	assert_int_equal(fake_stats(world->bus).overslept_us, 0);
 }
 
 static void a_drive_that_lost_power_is_read_again(void **state)
@@ -381,6 +396,7 @@ int main(void)
 		TEST_OF_LINE(the_end_is_news),
 		TEST_OF_LINE(a_stop_is_repeated_until_confirmed),
 		TEST_OF_LINE(a_lost_port_ends_everything_and_comes_back),
+		TEST_OF_LINE(a_bus_without_its_port_oversleeps_nothing),
 		TEST_OF_LINE(a_drive_that_lost_power_is_read_again),
 		TEST_OF_LINE(no_drive_is_asked_for_its_parameters_while_another_moves),
 		TEST_OF_LINE(unknown_parameters_stay_unknown_while_a_drive_moves),
