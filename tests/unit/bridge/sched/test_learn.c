@@ -115,7 +115,7 @@ static void a_pause_is_sure_after_answers_in_a_row(void **state)
 	(void)state;
 	learn_gap_init(&gap, true, 1 * MS, 1 * MS);
 	count = proving(&gap, 1 * MS);
-	assert_true(count > 1);
+	assert_int_equal(count, 4);
 	/* Another pause counts from the beginning. */
 	assert_int_equal(proving(&gap, 500 * US), count);
 	/* So does everything after a loss, which may come just before it was proven. */
@@ -131,6 +131,36 @@ static void a_pause_is_sure_after_answers_in_a_row(void **state)
 	learn_gap_received(&gap, 1900 * US, S);
 	(void)learn_gap_lost(&gap, 1 * MS, S);
 	assert_int_equal(proving(&gap, 1 * MS), count);
+}
+
+/* What was received and lost with a shorter gap says nothing of the longer one. */
+static void a_longer_gap_is_judged_by_itself(void **state)
+{
+	struct learn_gap gap;
+
+	(void)state;
+	learn_gap_init(&gap, true, 1 * MS, 300 * US);
+	for (db_time longer = 2 * MS; longer <= 8 * MS; longer *= 2) {
+		assert_int_equal(learn_gap_lost(&gap, gap.now, S), LEARNT_NOTHING);
+		assert_int_equal(learn_gap_lost(&gap, gap.now, S), LEARNT_NOTHING);
+		assert_int_equal(learn_gap_lost(&gap, gap.now, S), LEARNT_MORE);
+		assert_int_equal(gap.now, longer);
+	}
+}
+
+/* Where the gap is already the shortest, one loss among five is chance, however often that is. */
+static void losses_among_many_answers_are_chance(void **state)
+{
+	struct learn_gap gap;
+
+	(void)state;
+	learn_gap_init(&gap, true, 1 * MS, 1 * MS);
+	for (unsigned i = 0; i < 99; i++) {
+		for (unsigned k = 0; k < 4; k++)
+			learn_gap_received(&gap, 1 * MS, S);
+		assert_int_equal(learn_gap_lost(&gap, 1 * MS, S), LEARNT_NOTHING);
+	}
+	assert_int_equal(gap.now, 1 * MS);
 }
 
 static void losses_that_a_gap_does_not_mend_leave_it(void **state)
@@ -207,6 +237,8 @@ int main(void)
 		cmocka_unit_test(a_gap_that_went_too_low_goes_back_at_once),
 		cmocka_unit_test(a_gap_that_goes_too_low_again_and_again_is_tried_ever_less_often),
 		cmocka_unit_test(a_pause_is_sure_after_answers_in_a_row),
+		cmocka_unit_test(a_longer_gap_is_judged_by_itself),
+		cmocka_unit_test(losses_among_many_answers_are_chance),
 		cmocka_unit_test(losses_that_a_gap_does_not_mend_leave_it),
 		cmocka_unit_test(losses_long_after_a_reply_say_nothing),
 		cmocka_unit_test(what_is_configured_stays_where_nothing_is_to_be_learnt),
