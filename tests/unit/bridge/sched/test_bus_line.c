@@ -1,10 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* When the filters of a CAN port are open: the line with a port that takes notes, in made-up time. */
+/* When the filters of a CAN port are open, and what is told of the port: the line with a port that takes notes, in made-up
+ * time. */
 #include "sched/bus_line.h"
 
 #include "codec/vsmd_can.h"
+#include "drivebridge/process.h"
+#include "drivebridge/trace.h"
 #include "drivebridge/transport.h"
 #include "fakes/bus.h"
+#include "log/log_private.h"
 #include "sched/scan.h"
 
 #include <errno.h>
@@ -12,7 +16,9 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -37,7 +43,7 @@ struct story {
 	unsigned closes;    /* ... and */
 	unsigned opened[8]; /* with this speed */
 	size_t filtered[8]; /* and so many filters */
-	bool has_no_port;   /* it cannot be opened */
+	int refuses;        /* it cannot be opened, because of this error */
 	struct scan *scan;
 };
 
@@ -52,8 +58,8 @@ static int open_port(const struct db_bus_config *bus, const struct db_can_filter
 	assert_true(told_of->opens < sizeof(told_of->opened) / sizeof(told_of->opened[0]));
 	told_of->opened[told_of->opens] = bus->bitrate;
 	told_of->filtered[told_of->opens++] = filter_count;
-	if (told_of->has_no_port)
-		return -ENODEV;
+	if (told_of->refuses != 0)
+		return -told_of->refuses;
 	told_of->open = filter_count == 0;
 	*port = (struct db_port *)told_of;
 	return 0;
@@ -222,6 +228,159 @@ static void answers_to_another_host_are_named(void **state)
 	end(&story);
 }
 
+/* --- what is told of the port ------------------------------------------------------------------- */
+
+#define LINES 8
+
+struct told {
+	size_t count;
+	char lines[LINES][256];
+};
+
+static void take_line(void *context, const struct db_log_record *record)
+{
+	struct told *told = context;
+
+	assert_true(told->count < LINES);
+	(void)snprintf(told->lines[told->count++], sizeof(told->lines[0]), "%s", record->text);
+}
+
+static pid_t this_process(const struct db_bus_config *bus)
+{
+	(void)bus;
+	return getpid();
+}
+
+static ssize_t read_nothing(struct db_port *port, void *bytes, size_t size, db_time now)
+{
+	(void)port;
+	(void)bytes;
+	(void)size;
+	(void)now;
+	return 0;
+}
+
+/* As begin(), with a log; end_told() ends it. */
+static void begin_told(struct story *story, struct told *told)
+{
+	story->log.level = DB_LOG_INFO;
+	assert_int_equal(db_log_new_to(take_line, told, &story->log.log), 0);
+	begin(story);
+	transport.holder = this_process;
+	transport.read = read_nothing;
+}
+
+static void end_told(struct story *story)
+{
+	end(story);
+	db_log_free(story->log.log);
+}
+
+static enum db_event event_behind(const struct story *story, struct db_trace_place *place)
+{
+	char drive[DB_TRACE_NAME_MAX + 1];
+	struct db_trace_record record;
+	uint32_t missed;
+
+	while (db_trace_read(db_engine_trace(story->bus->engine), place, &record, &missed)) {
+		if (record.kind != DB_TRACE_EVENT)
+			continue;
+		assert_true(record.time == story->bus->now);
+		return db_trace_event_of(&record, drive);
+	}
+	return DB_EVENT_COUNT;
+}
+
+/* It hung up. */
+static void lose_port(struct story *story)
+{
+	bus_line_polled(&story->line, POLLHUP, false);
+	assert_true(bus_line_check(&story->line, story->bus->now));
+}
+
+/* Each reason once, and what can be done. */
+static void a_port_that_cannot_be_opened_is_told_with_what_to_do(void **state)
+{
+	struct story story = { .answers = true };
+	struct told told = { .count = 0 };
+	char holder[DB_PROCESS_WORDS_MAX];
+	char words[256];
+
+	(void)state;
+	begin_told(&story, &told);
+	lose_port(&story);
+	story.refuses = ENODEV;
+	fake_pass(story.bus, 600 * MS);
+	story.refuses = EBUSY;
+	fake_pass(story.bus, 1600 * MS);
+	assert_int_equal(fake_stats(story.bus).last_error, EBUSY);
+	story.refuses = ENETDOWN;
+	fake_pass(story.bus, 600 * MS);
+	assert_int_equal(fake_stats(story.bus).last_error, ENETDOWN);
+	story.refuses = 0;
+	fake_pass(story.bus, 1000 * MS);
+	assert_true(fake_is_online(story.bus, 0));
+	end_told(&story);
+	db_process_words(getpid(), holder);
+	assert_int_equal(told.count, 5);
+	assert_string_equal(told.lines[0], "can0 is up");
+	assert_string_equal(told.lines[1],
+	                    "lost can0: No such device; is it plugged in, and is its name right?; "
+	                    "waiting for it to come back");
+	(void)snprintf(
+		words, sizeof(words),
+		"cannot open can0: Device or resource busy; %s has it: end that; trying again",
+		holder);
+	assert_string_equal(told.lines[2], words);
+	assert_string_equal(
+		told.lines[3],
+		"cannot open can0: Network is down; the interface is down: set it up with its "
+		"bit rate (systemd-networkd); trying again");
+	assert_string_equal(told.lines[4], "can0 is up");
+}
+
+static void a_port_that_was_lost_is_closed_and_opened_again(void **state)
+{
+	struct story story = { .answers = true };
+
+	(void)state;
+	begin(&story);
+	transport.read = read_nothing;
+	fake_pass(story.bus, 1000 * MS);
+	assert_false(bus_line_check(&story.line, story.bus->now));
+	lose_port(&story);
+	assert_int_equal(story.closes, 1);
+	assert_false(fake_is_online(story.bus, 0));
+	assert_false(bus_line_check(&story.line, story.bus->now));
+	/* Not at once: an adapter that was pulled comes back in a while. */
+	fake_pass(story.bus, 490 * MS);
+	assert_int_equal(story.opens, 1);
+	fake_pass(story.bus, 20 * MS);
+	assert_int_equal(story.opens, 2);
+	fake_pass(story.bus, 1000 * MS);
+	assert_false(bus_line_check(&story.line, story.bus->now));
+	assert_true(fake_is_online(story.bus, 0));
+	end(&story);
+}
+
+static void the_trace_has_when_the_port_came_and_went(void **state)
+{
+	struct story story = { .answers = true };
+	struct db_trace_place place = { .at = 0 };
+
+	(void)state;
+	begin(&story);
+	transport.read = read_nothing;
+	assert_int_equal(event_behind(&story, &place), DB_EVENT_BUS_UP);
+	assert_false(story.line.has_trouble);
+	fake_pass(story.bus, 100 * MS);
+	assert_int_equal(event_behind(&story, &place), DB_EVENT_COUNT);
+	lose_port(&story);
+	assert_int_equal(event_behind(&story, &place), DB_EVENT_BUS_LOST);
+	assert_true(story.line.has_trouble);
+	end(&story);
+}
+
 /* --- a scan that has the line to itself --------------------------------------------------------- */
 
 static struct db_scan_progress scan_at(struct story *story, unsigned first, unsigned second)
@@ -282,11 +441,11 @@ static void a_scan_ends_with_its_port(void **state)
 	(void)state;
 	begin(&story);
 	fake_pass(story.bus, 1000 * MS);
-	story.has_no_port = true;
+	story.refuses = ENODEV;
 	progress = scan_at(&story, 250000, 1000000);
 	assert_int_equal(progress.end, DB_SCAN_PORT);
 	assert_int_equal(progress.error, ENODEV);
-	story.has_no_port = false;
+	story.refuses = 0;
 	fake_pass(story.bus, 3000 * MS);
 	assert_true(fake_is_online(story.bus, 0));
 	assert_int_equal(story.opened[story.opens - 1], 500000);
@@ -300,6 +459,9 @@ int main(void)
 		cmocka_unit_test(a_drive_that_answers_leaves_them_closed),
 		cmocka_unit_test(they_are_open_while_a_silent_drive_is_asked),
 		cmocka_unit_test(answers_to_another_host_are_named),
+		cmocka_unit_test(a_port_that_cannot_be_opened_is_told_with_what_to_do),
+		cmocka_unit_test(a_port_that_was_lost_is_closed_and_opened_again),
+		cmocka_unit_test(the_trace_has_when_the_port_came_and_went),
 		cmocka_unit_test(a_scan_has_the_line_at_each_speed_and_gives_it_back),
 		cmocka_unit_test(a_scan_ends_with_its_port),
 	};
