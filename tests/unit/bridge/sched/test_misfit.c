@@ -7,6 +7,7 @@
 #include "drivebridge/transport.h"
 #include "drivebridge/trouble.h"
 #include "fakes/bus.h"
+#include "sched/sched_private.h"
 #include "transport/serial.h"
 
 #include <setjmp.h>
@@ -21,8 +22,12 @@
 
 struct story {
 	struct fake_bus *bus;
-	uint32_t standing; /* as it tells it */
+	uint32_t standing;             /* as it tells it */
+	uint8_t asked[XYZA_FRAME_MAX]; /* last */
+	size_t asked_length;
 	bool silent;
+	bool echoes;     /* the line, where it is silent ... */
+	uint8_t changes; /* ... with this much added to the byte before the sum */
 	unsigned told[DB_EVENT_COUNT];
 	unsigned timing;
 	struct db_unusable heard;
@@ -37,6 +42,14 @@ static db_time send(void *context, const uint8_t *bytes, size_t length)
 	uint8_t frame[XYZA_FRAME_MAX];
 	int answered;
 
+	memcpy(story->asked, bytes, length);
+	story->asked_length = length;
+	if (story->silent && story->echoes) {
+		memcpy(frame, bytes, length);
+		frame[length - 2] = (uint8_t)(frame[length - 2] + story->changes);
+		frame[length - 1] = (uint8_t)(frame[length - 1] + story->changes);
+		fake_answer_after(story->bus, MS, frame, length);
+	}
 	if (story->silent)
 		return story->bus->now;
 	assert_int_equal(xyza_decode_request(bytes, length, &request), XYZA_OK);
@@ -145,6 +158,67 @@ static void what_came_before_it_fell_silent_does_not_explain_that(void **state)
 	fake_bus_free(story.bus);
 }
 
+static void an_echo_is_no_answer(void **state)
+{
+	struct story story = { .silent = true, .echoes = true };
+
+	(void)state;
+	begin(&story);
+	fake_pass(story.bus, 10000 * MS);
+	assert_int_equal(story.told[DB_EVENT_DRIVE_HEARD], 0);
+	assert_int_equal(fake_snapshot(story.bus, 0).trouble.cause, DB_TROUBLE_NO_ANSWER);
+	fake_bus_free(story.bus);
+}
+
+/* As long as what was asked, but other bytes. */
+static void an_answer_in_the_form_of_a_question_is_named(void **state)
+{
+	struct story story = { .silent = true, .echoes = true, .changes = 1 };
+
+	(void)state;
+	begin(&story);
+	fake_pass(story.bus, 10000 * MS);
+	assert_int_equal(story.told[DB_EVENT_DRIVE_HEARD], 1);
+	assert_int_equal(fake_snapshot(story.bus, 0).trouble.cause, DB_TROUBLE_NOT_UNDERSTOOD);
+	fake_bus_free(story.bus);
+}
+
+/* The last question, for another address, as another host on the line would ask it. */
+static void ask_as_another_host(struct story *story, uint8_t address)
+{
+	uint8_t frame[XYZA_FRAME_MAX];
+	size_t last = story->asked_length - 1;
+
+	memcpy(frame, story->asked, story->asked_length);
+	frame[last - 1]++;
+	frame[last] = (uint8_t)(frame[last] + 1 + address - frame[5]);
+	frame[5] = address;
+	fake_receive(story->bus, frame, story->asked_length);
+}
+
+/* It is no explanation for the silence of one that was understood before, or was not asked, or is not there. */
+static void what_another_host_says_does_not_explain_a_silence(void **state)
+{
+	struct story story = { .standing = 1 };
+
+	(void)state;
+	begin(&story);
+	fake_pass(story.bus, 2000 * MS);
+	assert_true(fake_is_online(story.bus, 0));
+	story.silent = true;
+	for (unsigned i = 0; i < 8000; i++) {
+		fake_pass(story.bus, MS);
+		ask_as_another_host(&story, 9);
+		if (fake_is_online(story.bus, 0) || !story.bus->engine->nodes[0]->flight.station)
+			ask_as_another_host(&story, 3);
+	}
+	assert_false(fake_is_online(story.bus, 0));
+	assert_int_equal(story.told[DB_EVENT_DRIVE_LOST], 1);
+	assert_int_equal(story.told[DB_EVENT_DRIVE_HEARD], 0);
+	assert_int_equal(fake_snapshot(story.bus, 0).trouble.cause, DB_TROUBLE_NO_ANSWER);
+	fake_bus_free(story.bus);
+}
+
 /* It goes by its new number at once, and says so by that. */
 static void an_answer_from_the_new_number_is_one(void **state)
 {
@@ -170,6 +244,9 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_state_that_is_a_mask_is_named),
 		cmocka_unit_test(what_came_before_it_fell_silent_does_not_explain_that),
+		cmocka_unit_test(an_echo_is_no_answer),
+		cmocka_unit_test(an_answer_in_the_form_of_a_question_is_named),
+		cmocka_unit_test(what_another_host_says_does_not_explain_a_silence),
 		cmocka_unit_test(an_answer_from_the_new_number_is_one),
 	};
 
