@@ -332,7 +332,7 @@ static bool try_gap_test(struct db_engine *engine, db_time now)
 /*
  * Repeated stops leave every second exchange to the other drives that move or must stand, if one of
  * those is to be read: otherwise a drive that never obeys would keep all others from being read. A
- * stop that was never sent waits for none of them.
+ * stop that was never sent waits for none of them. Only while a drive is active: so there is one.
  */
 static bool try_sample_between_stops(struct db_engine *engine, db_time now)
 {
@@ -340,7 +340,7 @@ static bool try_sample_between_stops(struct db_engine *engine, db_time now)
 	struct node *node;
 	struct due due;
 
-	if (count == 0 || !engine->stop_was_last || engine->shutting_down ||
+	if (!engine->stop_was_last || engine->shutting_down ||
 	    exchange_may_begin_at(engine, false, now) > now || !stop_all_are_sent(engine))
 		return false;
 	engine->stop_was_last = false;

@@ -4,6 +4,7 @@
  * or begin to move after it, in made-up time.
  */
 #include "fakes/bus.h"
+#include "sched/sched_private.h"
 
 #include <math.h>
 #include <setjmp.h>
@@ -301,6 +302,88 @@ static void a_slow_drive_is_read_between_two_stops(void **state)
 	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 2);
 	assert_true(fake_count(world->bus, 1, FAKE_POLL) - polls > 3);
 	close_world(world);
+}
+
+/* Three move, and the first two do not obey their stops, which are said again and again: with the readings that follow them
+ * they could fill the line. */
+static struct world *two_that_do_not_stop(void)
+{
+	struct world *world = open_world(true);
+
+	for (unsigned i = 0; i < 3; i++)
+		fake_post(world->bus, i, DB_CMD_MOVE_VELOCITY);
+	fake_pass(world->bus, 200 * MS);
+	for (unsigned i = 0; i < 3; i++)
+		assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	for (unsigned i = 0; i < 2; i++) {
+		world->sim[i].deaf = 100000;
+		world->bus->drives[i].stop_reaction_ms = 10000;
+		fake_post(world->bus, i, DB_CMD_STOP);
+	}
+	world->answer_time = 30 * MS;
+	fake_pass(world->bus, 500 * MS);
+	fake_forget_sent(world->bus);
+	return world;
+}
+
+static void one_that_moves_is_read_between_stops_without_effect(void **state)
+{
+	struct world *world = two_that_do_not_stop();
+	db_time read = world->bus->now;
+
+	(void)state;
+	fake_pass(world->bus, 5000 * MS);
+	for (size_t i = 0; i < world->bus->sent_count; i++) {
+		const struct fake_sent *sent = &world->bus->sent[i];
+
+		if (sent->frame.address != 3)
+			continue;
+		assert_int_equal(sent->frame.kind, FAKE_POLL);
+		/* Every second exchange is another one's, and the three take turns. */
+		assert_true(sent->at - read <= 180 * MS);
+		read = sent->at;
+	}
+	/* It pays for that as for any reading while it moves. */
+	while (!world->bus->engine->nodes[2]->flight.station)
+		fake_pass(world->bus, MS);
+	assert_int_equal(world->bus->engine->nodes[2]->flight.share, DB_SHARE_MOVING);
+	/* And those are told to stop as often as before. */
+	assert_true(fake_count(world->bus, 1, FAKE_STOP) >= 18);
+	assert_true(fake_count(world->bus, 2, FAKE_STOP) >= 18);
+	close_world(world);
+}
+
+/* Also where standing drives are read as often as others in the cycle: what is read instead of saying a stop again is
+ * another one that moves, never one that stands, nor the one whose stop was said just now. */
+static void stops_without_effect_are_said_as_often_where_all_are_read_evenly(void **state)
+{
+	struct world *world = two_that_do_not_stop();
+
+	(void)state;
+	world->bus->config.polls_evenly = true;
+	fake_pass(world->bus, 5000 * MS);
+	assert_true(fake_count(world->bus, 1, FAKE_STOP) + fake_count(world->bus, 2, FAKE_STOP) >=
+	            55);
+	close_world(world);
+}
+
+static void a_stop_that_was_never_said_waits_for_no_reading(void **state)
+{
+	(void)state;
+	for (unsigned i = 0; i < 20; i++) {
+		struct world *world = two_that_do_not_stop();
+		const struct fake_sent *next;
+
+		fake_pass(world->bus, (50 + 17 * i) * MS);
+		fake_forget_sent(world->bus);
+		fake_post(world->bus, 2, DB_CMD_STOP);
+		fake_pass(world->bus, 31 * MS);
+		assert_true(world->bus->sent_count > 0);
+		next = &world->bus->sent[0];
+		assert_int_equal(next->frame.address, 3);
+		assert_int_equal(next->frame.kind, FAKE_STOP);
+		close_world(world);
+	}
 }
 
 /* The stop came to nothing, while the motion before it was on its way through zero. */
@@ -653,6 +736,9 @@ int main(void)
 		cmocka_unit_test(a_disable_is_not_undone_by_the_enable_on_the_wire),
 		cmocka_unit_test(a_long_deceleration_is_no_failure),
 		cmocka_unit_test(a_slow_drive_is_read_between_two_stops),
+		cmocka_unit_test(one_that_moves_is_read_between_stops_without_effect),
+		cmocka_unit_test(stops_without_effect_are_said_as_often_where_all_are_read_evenly),
+		cmocka_unit_test(a_stop_that_was_never_said_waits_for_no_reading),
 		cmocka_unit_test(a_reversal_is_no_stop),
 		cmocka_unit_test(a_motion_that_does_not_show_yet_is_waited_for),
 		cmocka_unit_test(another_motion_takes_its_place),
