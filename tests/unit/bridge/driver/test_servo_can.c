@@ -2193,6 +2193,37 @@ static void all_is_said_before_the_power(void **unused)
 	drop(f);
 }
 
+/* Where the modes of a drive are its own, its speed limit comes with that for speeds. */
+static void a_speed_limit_without_a_mode_is_said_before_the_power(void **unused)
+{
+	struct fixture *f = make();
+
+	(void)unused;
+	option(f, "max-speed", 1500);
+	switch_on(f);
+	poll(f, 0, 0, STILL);
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "045#00010105DC");
+	assert_string_equal(answer(f, "006#02"), "065#010000");
+	drop(f);
+}
+
+static void command_words_are_said_before_the_power(void **unused)
+{
+	static const struct db_setting limit[] = { WORD_BIT(5, 1) };
+	struct fixture *f = make();
+
+	(void)unused;
+	set_words(f);
+	switch_on(f);
+	poll(f, 0, 0, STILL);
+	assert_string_equal(set(f, 1, limit), "0A5#00100000");
+	assert_string_equal(answer(f, "006#07"), "=unproven");
+	assert_string_equal(plain(f, DB_CMD_ENABLE), "145#00");
+	assert_string_equal(tell(f, 0, 0, STILL), "0A5#00100000");
+	drop(f);
+}
+
 /* The profile's mode, also where a position move has left another. */
 static void enabling_goes_back_to_the_mode_of_the_profile(void **unused)
 {
@@ -2685,6 +2716,8 @@ int main(void)
 		cmocka_unit_test(power_that_goes_unasked_is_a_reset),
 		cmocka_unit_test(power_that_all_drives_lose_is_no_reset),
 		cmocka_unit_test(all_is_said_before_the_power),
+		cmocka_unit_test(a_speed_limit_without_a_mode_is_said_before_the_power),
+		cmocka_unit_test(command_words_are_said_before_the_power),
 		cmocka_unit_test(enabling_goes_back_to_the_mode_of_the_profile),
 		cmocka_unit_test(a_demand_that_is_not_loaded_is_no_obstacle),
 		cmocka_unit_test(a_speed_without_a_sign_has_its_bits),
