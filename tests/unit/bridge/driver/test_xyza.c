@@ -774,17 +774,24 @@ static void what_the_family_does_not_have_is_refused(void **state)
 		{ DB_CMD_MOVE_VELOCITY, { .target_velocity = 5e9f } },
 		{ DB_CMD_MOVE_VELOCITY, { .target_velocity = NAN } },
 		{ DB_CMD_SET_POSITION, { .target_position = INT32_MIN } },
+		{ DB_CMD_SET_OUTPUT, { .output_number = 0 } },
 		{ DB_CMD_SET_OUTPUT, { .output_number = 9 } },
 		{ DB_CMD_SET_OUTPUT, { .output_number = 1, .output_value = 2 } },
+		{ DB_CMD_SET_OUTPUTS, { .output_mask = 0 } },
 		{ DB_CMD_SET_OUTPUTS, { .output_mask = 0x100 } },
 		{ DB_CMD_START_PROGRAM, { .program_number = 256 } },
 		{ DB_CMD_START_PROGRAM, { .program_number = 1, .program_delay = 256 } },
 		{ DB_CMD_SINGLE_STEP, { .output_value = 2 } },
 	};
+	static const int none_at_all[] = { -1, DB_CMD_NONE, DB_CMD_LIMIT, 64, 999 };
 	struct fixture *f = make(1);
 	struct db_args none = { 0 };
 
 	(void)state;
+	for (size_t i = 0; i < sizeof none_at_all / sizeof none_at_all[0]; i++)
+		assert_int_equal(db_driver_xyza.check(&f->bus, &f->drives[0],
+		                                      (enum db_command)none_at_all[i], &none),
+		                 DB_RESULT_UNSUPPORTED);
 	for (size_t i = 0; i < sizeof others / sizeof others[0]; i++)
 		assert_int_equal(db_driver_xyza.check(&f->bus, &f->drives[0], others[i], &none),
 		                 DB_RESULT_UNSUPPORTED);
@@ -792,6 +799,32 @@ static void what_the_family_does_not_have_is_refused(void **state)
 		assert_int_equal(
 			db_driver_xyza.check(&f->bus, &f->drives[0], out[i].command, &out[i].args),
 			DB_RESULT_OUT_OF_RANGE);
+	drop(f);
+}
+
+static void the_last_values_of_a_range_are_in_it(void **state)
+{
+	static const struct {
+		enum db_command command;
+		struct db_args args;
+	} in[] = {
+		{ DB_CMD_MOVE_VELOCITY, { .target_velocity = 0.5f } },
+		{ DB_CMD_MOVE_VELOCITY, { .target_velocity = -4294967040.0f } },
+		{ DB_CMD_SET_POSITION, { .target_position = -INT32_MAX } },
+		{ DB_CMD_SET_OUTPUT, { .output_number = 1, .output_value = 1 } },
+		{ DB_CMD_SET_OUTPUT, { .output_number = 8, .output_value = 0 } },
+		{ DB_CMD_SET_OUTPUTS, { .output_mask = 1 } },
+		{ DB_CMD_SET_OUTPUTS, { .output_mask = 0xFF } },
+		{ DB_CMD_START_PROGRAM, { .program_number = 255, .program_delay = 255 } },
+		{ DB_CMD_SINGLE_STEP, { .output_value = 1 } },
+	};
+	struct fixture *f = make(1);
+
+	(void)state;
+	for (size_t i = 0; i < sizeof in / sizeof in[0]; i++)
+		assert_int_equal(
+			db_driver_xyza.check(&f->bus, &f->drives[0], in[i].command, &in[i].args),
+			DB_RESULT_OK);
 	drop(f);
 }
 
@@ -1794,6 +1827,30 @@ static void a_raw_frame_is_refused_unless_it_is_allowed(void **state)
 	drop(f);
 }
 
+static void count_warning(void *context, const struct db_drive_config *drive, bool error,
+                          const char *format, ...)
+{
+	assert_null(drive);
+	assert_false(error);
+	assert_non_null(strstr(format, "raw-frames is on"));
+	++*(unsigned *)context;
+}
+
+/* Such frames pass every limit and lock. */
+static void who_allows_raw_frames_is_warned(void **state)
+{
+	struct fixture *f = make(1);
+	unsigned warnings = 0;
+
+	(void)state;
+	db_driver_xyza.check_config(&f->bus, NULL, 0, count_warning, &warnings);
+	assert_int_equal(warnings, 0);
+	set_option(f, "raw-frames", 1);
+	db_driver_xyza.check_config(&f->bus, NULL, 0, count_warning, &warnings);
+	assert_int_equal(warnings, 1);
+	drop(f);
+}
+
 /* Nobody but the drive itself can be meant, and nothing but a whole frame goes out. */
 static void a_raw_frame_is_checked(void **state)
 {
@@ -2366,6 +2423,7 @@ int main(void)
 		cmocka_unit_test(the_probe_has_an_order_of_its_own),
 		cmocka_unit_test(every_command_in_bytes),
 		cmocka_unit_test(what_the_family_does_not_have_is_refused),
+		cmocka_unit_test(the_last_values_of_a_range_are_in_it),
 		cmocka_unit_test(a_refusal_is_told),
 		cmocka_unit_test(a_damaged_request_is_said_again),
 		cmocka_unit_test(an_axis_that_is_not_there_leaves_the_others),
@@ -2415,6 +2473,7 @@ int main(void)
 		cmocka_unit_test(passwords_are_not_shown),
 		cmocka_unit_test(what_is_never_answered_is_left_out),
 		cmocka_unit_test(a_raw_frame_is_refused_unless_it_is_allowed),
+		cmocka_unit_test(who_allows_raw_frames_is_warned),
 		cmocka_unit_test(a_raw_frame_is_checked),
 		cmocka_unit_test(the_answer_to_a_raw_frame_is_shown),
 		cmocka_unit_test(what_no_document_has_may_come_back),
