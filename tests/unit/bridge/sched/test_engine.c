@@ -322,6 +322,24 @@ static void the_end_stops_every_drive(void **state)
 	assert_int_equal(count_sent(world, " stp\n"), 4);
 }
 
+/* To all at once only what none was told yet. */
+static void a_stop_that_one_was_told_is_not_said_to_all(void **state)
+{
+	struct world *world = *state;
+
+	start_bus(world);
+	world->sim[0].dead = true;
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 5 * MS);
+	assert_int_equal(count_sent(world, "1 stp\n"), 1);
+	fake_post(world->bus, 1, DB_CMD_STOP);
+	fake_post(world->bus, 2, DB_CMD_STOP);
+	fake_pass(world->bus, 100 * MS);
+	assert_int_equal(count_sent(world, "0 stp\n"), 0);
+	assert_int_equal(count_sent(world, "2 stp\n"), 1);
+	assert_int_equal(count_sent(world, "3 stp\n"), 1);
+}
+
 static void a_stop_at_the_end_that_is_refused_is_repeated(void **state)
 {
 	struct world *world = *state;
@@ -401,6 +419,7 @@ int main(void)
 		TEST_OF_LINE(no_drive_is_asked_for_its_parameters_while_another_moves),
 		TEST_OF_LINE(unknown_parameters_stay_unknown_while_a_drive_moves),
 		TEST_OF_LINE(the_end_stops_every_drive),
+		TEST_OF_LINE(a_stop_that_one_was_told_is_not_said_to_all),
 		TEST_OF_LINE(a_stop_at_the_end_that_is_refused_is_repeated),
 		TEST_OF_LINE(a_drive_that_is_offline_at_the_end_is_stopped_when_it_answers),
 		TEST_OF_LINE(silent_drives_do_not_keep_a_stop_from_one_that_answers),

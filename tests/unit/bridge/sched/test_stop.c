@@ -632,6 +632,7 @@ static void figures_survive_a_clock_that_was_asleep(void **state)
 static bool write_stop(struct db_device *device, enum db_command command,
                        struct db_exchange *exchange)
 {
+	assert_true(db_command_is_stop(command));
 	const struct fake_frame frame = {
 		.address = device->address,
 		.kind = command == DB_CMD_DISABLE ? FAKE_DISABLE : FAKE_STOP,
@@ -647,6 +648,7 @@ static bool write_stop(struct db_device *device, enum db_command command,
 static void a_stop_waits_for_no_answer_that_is_outstanding(void **state)
 {
 	struct world *world = open_world_on(DB_MEDIUM_CAN, true);
+	uint32_t frames;
 	db_time asked;
 
 	(void)state;
@@ -659,17 +661,66 @@ static void a_stop_waits_for_no_answer_that_is_outstanding(void **state)
 		fake_pass(world->bus, MS / 4);
 	asked = world->bus->now;
 	fake_pass(world->bus, MS);
+	frames = fake_stats(world->bus).transactions;
 	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_post(world->bus, 2, DB_CMD_STOP);
 	fake_pass(world->bus, MS);
 	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 1);
+	assert_int_equal(fake_count(world->bus, 3, FAKE_STOP), 1);
 	assert_int_equal(fake_result(world->bus), DB_RESULT_NONE);
+	assert_int_equal(fake_stats(world->bus).transactions, frames + 2);
 	assert_true(world->bus->now - asked < 3 * MS);
+	/* Once, while the answer is outstanding. */
+	fake_pass(world->bus, 10 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 1);
 	/* The answer to the older question comes, and after it the stop is said once more, as usual. */
-	fake_pass(world->bus, 20 * MS);
+	fake_pass(world->bus, 10 * MS);
+	assert_int_equal(fake_snapshot(world->bus, 0).must_stand.count, 1);
 	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 2);
 	fake_pass(world->bus, 100 * MS);
 	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
 	assert_true(fake_is_online(world->bus, 0));
+	/* The others owed answers, too. */
+	assert_int_equal(
+		fake_count(world->bus, 2, FAKE_STOP) + fake_count(world->bus, 4, FAKE_STOP), 0);
+	close_world(world);
+}
+
+/* When its answer is what is outstanding. */
+static void a_stop_that_was_said_is_not_said_again_before_its_answer(void **state)
+{
+	struct world *world = open_world_on(DB_MEDIUM_CAN, true);
+
+	(void)state;
+	world->driver.interrupt = write_stop;
+	fake_pass(world->bus, 100 * MS);
+	while (world->bus->engine->flights > 0 || fake_count(world->bus, 1, FAKE_POLL) == 0)
+		fake_pass(world->bus, MS / 4);
+	world->answer_time = 15 * MS;
+	fake_forget_sent(world->bus);
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 14 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 1);
+	close_world(world);
+}
+
+/* Where the family has no frame for that, it waits for the answer. */
+static void a_stop_without_such_a_frame_is_said_after_the_answer(void **state)
+{
+	struct world *world = open_world_on(DB_MEDIUM_CAN, true);
+	db_time asked;
+
+	(void)state;
+	world->answer_time = 15 * MS;
+	fake_forget_sent(world->bus);
+	while (fake_count(world->bus, 1, FAKE_POLL) == 0)
+		fake_pass(world->bus, MS / 4);
+	asked = world->bus->sent[world->bus->sent_count - 1].at;
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, asked + 14 * MS - world->bus->now);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 0);
+	fake_pass(world->bus, 2 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 1);
 	close_world(world);
 }
 
@@ -725,6 +776,58 @@ static void drives_that_all_have_to_stop_get_one_frame_first(void **state)
 	assert_int_equal(count_broadcasts_at_the_end(1, &first), 0);
 }
 
+/* Sends this to all of three drives at once, over a family that says it to all if it is a stop. */
+static struct fake_bus *post_to_all(struct db_driver *driver, enum db_command command)
+{
+	struct fake_bus *bus;
+
+	*driver = fake_family;
+	driver->broadcast = write_broadcast;
+	bus = fake_bus_new(driver, 3);
+	fake_bus_open(bus, 3, NULL);
+	fake_port(bus, 0);
+	fake_pass(bus, 300 * MS);
+	while (bus->engine->flights > 0)
+		fake_pass(bus, MS / 4);
+	fake_forget_sent(bus);
+	for (size_t i = 0; i < 3; i++)
+		fake_post(bus, i, command);
+	fake_pass(bus, 100 * MS);
+	return bus;
+}
+
+static void drives_have_time_to_act_on_what_all_are_told(void **state)
+{
+	struct db_driver driver;
+	struct fake_bus *bus = post_to_all(&driver, DB_CMD_STOP);
+	struct db_request ended;
+
+	(void)state;
+	assert_int_equal(bus->sent[0].frame.address, FAKE_ALL);
+	assert_true(bus->sent[1].at - bus->sent[0].at >= 2 * MS);
+	for (size_t i = 0; i < 3; i++) {
+		assert_true(fake_collect(bus->queue, &ended));
+		assert_int_equal(ended.result, DB_RESULT_OK);
+		/* It left with the frame for all. */
+		assert_true(ended.sent == bus->sent[0].at);
+	}
+	fake_bus_free(bus);
+}
+
+static void what_cannot_be_said_to_all_is_said_to_each(void **state)
+{
+	struct db_driver driver;
+	struct fake_bus *bus = post_to_all(&driver, DB_CMD_DISABLE);
+
+	(void)state;
+	assert_int_equal(fake_count(bus, FAKE_ALL, FAKE_STOP), 0);
+	for (unsigned address = 1; address <= 3; address++) {
+		assert_int_equal(fake_count(bus, address, FAKE_DISABLE), 1);
+		assert_int_equal(fake_result(bus), DB_RESULT_OK);
+	}
+	fake_bus_free(bus);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -750,8 +853,12 @@ int main(void)
 		cmocka_unit_test(a_report_right_behind_a_stop_proves_nothing),
 		cmocka_unit_test(a_stop_that_ends_unsent_keeps_its_pace),
 		cmocka_unit_test(drives_that_all_have_to_stop_get_one_frame_first),
+		cmocka_unit_test(drives_have_time_to_act_on_what_all_are_told),
+		cmocka_unit_test(what_cannot_be_said_to_all_is_said_to_each),
 		cmocka_unit_test(figures_survive_a_clock_that_was_asleep),
 		cmocka_unit_test(a_stop_waits_for_no_answer_that_is_outstanding),
+		cmocka_unit_test(a_stop_that_was_said_is_not_said_again_before_its_answer),
+		cmocka_unit_test(a_stop_without_such_a_frame_is_said_after_the_answer),
 	};
 
 	return cmocka_run_group_tests_name("stop", tests, NULL, NULL);
