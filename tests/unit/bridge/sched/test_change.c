@@ -138,6 +138,34 @@ static void whoever_leaves_the_others_are_polled_in_every_cycle(void **state)
 	}
 }
 
+static db_time run_on(void *context, struct fake_frame *frame)
+{
+	(void)context;
+	frame->speed = 10.0f;
+	return 3 * MS;
+}
+
+/* Its time is over at every moment of a cycle, also before it was read in it: nobody waits for that reading. */
+static void one_that_leaves_unread_leaves_the_cycle_whole(void **state)
+{
+	(void)state;
+	for (db_time after = 0; after < 20 * MS; after += MS) {
+		struct fake_bus *bus = open_bus_of(3, DRIVES, 1);
+		uint32_t overruns;
+
+		bus->obey = run_on;
+		fake_pass(bus, 100 * MS + after);
+		change_drives(bus, 3, 2, -1);
+		fake_pass(bus, 3000 * MS);
+		assert_true(fetch_change(bus));
+		overruns = fake_stats(bus).overruns;
+		fake_pass(bus, 1000 * MS);
+		assert_int_equal(fake_stats(bus).overruns, overruns);
+		assert_true(fake_stats(bus).cycle_us <= 10000);
+		fake_bus_free(bus);
+	}
+}
+
 /* At every moment of a cycle: one leaves, and at once another one comes to its address. */
 static void whenever_it_happens_no_cycle_is_missed(void **state)
 {
@@ -493,6 +521,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(the_others_stay_on_schedule_when_one_leaves),
 		cmocka_unit_test(whoever_leaves_the_others_are_polled_in_every_cycle),
+		cmocka_unit_test(one_that_leaves_unread_leaves_the_cycle_whole),
 		cmocka_unit_test(whenever_it_happens_no_cycle_is_missed),
 		cmocka_unit_test(what_waits_for_it_ends_once),
 		cmocka_unit_test(a_stop_that_is_under_way_is_confirmed),
