@@ -231,6 +231,76 @@ static void a_lost_port_ends_everything_and_comes_back(void **state)
 	assert_true(status_of(world, 0) & DB_STATUS_ONLINE);
 }
 
+/* Who reads the registers sees it with the next read, of every drive. */
+static void a_port_that_is_lost_shows_at_once(void **state)
+{
+	struct world *world = *state;
+
+	start_bus(world);
+	fake_port(world->bus, 5);
+	for (size_t i = 0; i < DRIVES; i++)
+		assert_int_equal(status_of(world, i) & (DB_STATUS_BUS_UP | DB_STATUS_ONLINE), 0);
+	assert_int_equal(fake_stats(world->bus).last_error, 5);
+	assert_int_equal(fake_stats(world->bus).opens, 1);
+}
+
+/* Whatever was on the wire when it was lost. */
+static void a_port_that_is_back_begins_anew(void **state)
+{
+	struct world *world = *state;
+
+	start_bus(world);
+	for (unsigned i = 0; i < 40; i++) {
+		struct db_bus_stats before = fake_stats(world->bus);
+
+		fake_pass(world->bus, i * 530 * MS / 1000);
+		fake_port(world->bus, 5);
+		world->bus->answer_count = 0;
+		fake_pass(world->bus, 250 * MS);
+		fake_port(world->bus, 0);
+		assert_int_equal(fake_stats(world->bus).opens, before.opens + 1);
+		fake_pass(world->bus, 40 * MS);
+		world->log[0] = '\0';
+		world->told_count = 0;
+		for (size_t k = 0; k < DRIVES; k++)
+			assert_true(status_of(world, k) & DB_STATUS_ONLINE);
+		/* No cycle was missed that could have been kept. */
+		assert_int_equal(fake_stats(world->bus).overruns, before.overruns);
+		assert_int_equal(fake_stats(world->bus).timeouts, before.timeouts);
+		assert_in_range(fake_stats(world->bus).jitter_max_us, 0, 10000);
+	}
+}
+
+/* Whatever was the time of its next probe: the port may have been what was missing. */
+static void one_that_was_gone_for_long_is_looked_for_when_the_port_is_back(void **state)
+{
+	struct world *world = *state;
+
+	start_bus(world);
+	world->sim[0].dead = true;
+	pass_seconds(world, 10);
+	assert_false(status_of(world, 0) & DB_STATUS_ONLINE);
+	while (count_sent(world, "1 dev\n") == 0)
+		fake_pass(world->bus, MS);
+	fake_pass(world->bus, 50 * MS);
+	fake_port(world->bus, 5);
+	fake_pass(world->bus, 10 * MS);
+	world->sim[0].dead = false;
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 40 * MS);
+	assert_true(status_of(world, 0) & DB_STATUS_ONLINE);
+	/* Also if it needs a moment longer. */
+	world->sim[0].dead = true;
+	pass_seconds(world, 10);
+	fake_port(world->bus, 5);
+	fake_pass(world->bus, 10 * MS);
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 50 * MS);
+	world->sim[0].dead = false;
+	fake_pass(world->bus, 150 * MS);
+	assert_true(status_of(world, 0) & DB_STATUS_ONLINE);
+}
+
 /* Without its port the bus has asked to be run at no time, whatever it asked for before. */
 static void a_bus_without_its_port_oversleeps_nothing(void **state)
 {
@@ -414,6 +484,9 @@ int main(void)
 		TEST_OF_LINE(the_end_is_news),
 		TEST_OF_LINE(a_stop_is_repeated_until_confirmed),
 		TEST_OF_LINE(a_lost_port_ends_everything_and_comes_back),
+		TEST_OF_LINE(a_port_that_is_lost_shows_at_once),
+		TEST_OF_LINE(a_port_that_is_back_begins_anew),
+		TEST_OF_LINE(one_that_was_gone_for_long_is_looked_for_when_the_port_is_back),
 		TEST_OF_LINE(a_bus_without_its_port_oversleeps_nothing),
 		TEST_OF_LINE(a_drive_that_lost_power_is_read_again),
 		TEST_OF_LINE(no_drive_is_asked_for_its_parameters_while_another_moves),
