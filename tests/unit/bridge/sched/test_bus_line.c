@@ -10,6 +10,7 @@
 #include "fakes/bus.h"
 #include "log/log_private.h"
 #include "sched/scan.h"
+#include "sched/sched_private.h"
 
 #include <errno.h>
 #include <setjmp.h>
@@ -45,6 +46,12 @@ struct story {
 	size_t filtered[8]; /* and so many filters */
 	int refuses;        /* it cannot be opened, because of this error */
 	struct scan *scan;
+	size_t arrives; /* bytes that can be read: 0s */
+	int breaks;     /* what reading and writing fail with */
+	struct db_port_health health;
+	size_t takes; /* bytes at a time */
+	uint8_t taken[64];
+	size_t taken_length;
 };
 
 /* The transport's functions know no more than their port. */
@@ -320,9 +327,11 @@ static void a_port_that_cannot_be_opened_is_told_with_what_to_do(void **state)
 	story.refuses = 0;
 	fake_pass(story.bus, 1000 * MS);
 	assert_true(fake_is_online(story.bus, 0));
+	/* The same again, as it has been up. */
+	lose_port(&story);
 	end_told(&story);
 	db_process_words(getpid(), holder);
-	assert_int_equal(told.count, 5);
+	assert_int_equal(told.count, 6);
 	assert_string_equal(told.lines[0], "can0 is up");
 	assert_string_equal(told.lines[1],
 	                    "lost can0: No such device; is it plugged in, and is its name right?; "
@@ -337,6 +346,7 @@ static void a_port_that_cannot_be_opened_is_told_with_what_to_do(void **state)
 		"cannot open can0: Network is down; the interface is down: set it up with its "
 		"bit rate (systemd-networkd); trying again");
 	assert_string_equal(told.lines[4], "can0 is up");
+	assert_string_equal(told.lines[5], told.lines[1]);
 }
 
 static void a_port_that_was_lost_is_closed_and_opened_again(void **state)
@@ -379,6 +389,239 @@ static void the_trace_has_when_the_port_came_and_went(void **state)
 	assert_int_equal(event_behind(&story, &place), DB_EVENT_BUS_LOST);
 	assert_true(story.line.has_trouble);
 	end(&story);
+}
+
+/* --- a port that is full -------------------------------------------------------------------------- */
+
+static ssize_t take_some(struct db_port *port, const void *bytes, size_t length, db_time now)
+{
+	struct story *story = (struct story *)port;
+	size_t take = length < story->takes ? length : story->takes;
+
+	(void)now;
+	if (story->breaks != 0)
+		return -story->breaks;
+	assert_true(story->taken_length + take <= sizeof(story->taken));
+	memcpy(story->taken + story->taken_length, bytes, take);
+	story->taken_length += take;
+	return (ssize_t)take;
+}
+
+static int no_fd(const struct db_port *port)
+{
+	(void)port;
+	return 9;
+}
+
+/* With a port that takes so much of what is sent; it is not asked for more yet. */
+static void begin_full(struct story *story, size_t takes)
+{
+	begin(story);
+	transport.read = read_nothing;
+	transport.write = take_some;
+	transport.fd = no_fd;
+	transport.write_retry = 0;
+	fake_pass(story->bus, 1000 * MS);
+	story->takes = takes;
+}
+
+static bool is_held(const struct story *story)
+{
+	return story->bus->engine->port_full_since != 0;
+}
+
+static void what_a_port_does_not_take_is_sent_later_in_its_order(void **state)
+{
+	static const uint8_t bytes[] = "abcdefghijklmnopqrstuvwxyz";
+	struct story story = { .answers = true };
+	struct pollfd poll;
+
+	(void)state;
+	begin_full(&story, 10);
+	(void)bus_line_send(&story.line, bytes, 26);
+	assert_int_equal(story.taken_length, 10);
+	assert_true(is_held(&story));
+	(void)bus_line_poll(&story.line, &poll);
+	assert_int_equal(poll.events, POLLIN | POLLOUT);
+	bus_line_polled(&story.line, POLLOUT, false);
+	assert_int_equal(story.taken_length, 20);
+	assert_true(is_held(&story));
+	bus_line_polled(&story.line, POLLOUT, false);
+	assert_int_equal(story.taken_length, 26);
+	assert_memory_equal(story.taken, bytes, 26);
+	assert_false(is_held(&story));
+	(void)bus_line_poll(&story.line, &poll);
+	assert_int_equal(poll.events, POLLIN);
+	assert_false(bus_line_check(&story.line, story.bus->now));
+	end(&story);
+}
+
+/* It is closed, so that what is behind it may come back. */
+static void a_port_that_takes_nothing_is_given_up(void **state)
+{
+	struct story story = { .answers = true };
+	db_time begun;
+
+	(void)state;
+	begin_full(&story, 0);
+	begun = bus_line_send(&story.line, (const uint8_t *)"abc", 3);
+	assert_int_equal(bus_line_run(&story.line, begun), begun + 1000 * MS);
+	(void)bus_line_run(&story.line, begun + 1000 * MS);
+	assert_false(bus_line_check(&story.line, begun + 1000 * MS));
+	/* What it takes at last gives it time again. */
+	story.takes = 1;
+	(void)bus_line_run(&story.line, begun + 1000 * MS);
+	story.takes = 0;
+	(void)bus_line_run(&story.line, begun + 2000 * MS);
+	assert_false(bus_line_check(&story.line, begun + 2000 * MS));
+	(void)bus_line_run(&story.line, begun + 2001 * MS);
+	assert_true(bus_line_check(&story.line, begun + 2001 * MS));
+	assert_int_equal(fake_stats(story.bus).last_error, ENOBUFS);
+	assert_int_equal(story.closes, 1);
+	end(&story);
+}
+
+/* --- a port that breaks or has much ----------------------------------------------------------------- */
+
+static ssize_t read_zeros(struct db_port *port, void *bytes, size_t size, db_time now)
+{
+	struct story *story = (struct story *)port;
+	size_t count = story->arrives < size ? story->arrives : size;
+
+	(void)now;
+	if (story->breaks != 0)
+		return -story->breaks;
+	memset(bytes, 0, count);
+	story->arrives -= count;
+	return (ssize_t)count;
+}
+
+static void begin_reading(struct story *story)
+{
+	begin_full(story, sizeof(story->taken));
+	transport.read = read_zeros;
+}
+
+/* So many frames that no drive of this bus can have sent were received since the place. */
+static unsigned count_foreign(const struct story *story, struct db_trace_place *place)
+{
+	struct db_trace_record record;
+	unsigned count = 0;
+	uint32_t missed;
+
+	while (db_trace_read(db_engine_trace(story->bus->engine), place, &record, &missed))
+		count += record.kind == DB_TRACE_FOREIGN;
+	return count;
+}
+
+static void all_that_has_arrived_is_read(void **state)
+{
+	static const size_t lengths[] = { 16, 160, 512, 528, 1024, 4000 * 16 };
+	struct story story = { .answers = true };
+	struct db_trace_place place;
+
+	(void)state;
+	begin_reading(&story);
+	place = db_trace_end(db_engine_trace(story.bus->engine));
+	for (size_t i = 0; i < sizeof(lengths) / sizeof(lengths[0]); i++) {
+		/* Other things have their turn meanwhile. */
+		size_t at_once = lengths[i] < 8192 ? lengths[i] : 8192;
+
+		story.arrives = lengths[i];
+		/* It has hung up, and what came before that is read first. */
+		bus_line_polled(&story.line, POLLIN | POLLHUP, false);
+		assert_int_equal(story.arrives, lengths[i] - at_once);
+		assert_int_equal(count_foreign(&story, &place), at_once / 16);
+		assert_false(bus_line_check(&story.line, story.bus->now));
+	}
+	/* Byte by byte, too. */
+	for (unsigned i = 0; i < 16; i++) {
+		story.arrives = 1;
+		bus_line_polled(&story.line, POLLIN, false);
+	}
+	assert_int_equal(count_foreign(&story, &place), 1);
+	bus_line_polled(&story.line, POLLIN, false);
+	assert_false(bus_line_check(&story.line, story.bus->now));
+	bus_line_polled(&story.line, POLLHUP, false);
+	assert_true(bus_line_check(&story.line, story.bus->now));
+	assert_int_equal(fake_stats(story.bus).last_error, ENODEV);
+	end(&story);
+}
+
+static void a_port_that_breaks_is_given_up(void **state)
+{
+	(void)state;
+	for (unsigned way = 0; way < 3; way++) {
+		struct story story = { .answers = true };
+
+		begin_reading(&story);
+		if (way == 2) {
+			story.takes = 1;
+			(void)bus_line_send(&story.line, (const uint8_t *)"abc", 3);
+		}
+		story.breaks = EIO;
+		if (way == 0)
+			bus_line_polled(&story.line, POLLIN, false);
+		else if (way == 1)
+			(void)bus_line_send(&story.line, (const uint8_t *)"abc", 3);
+		else
+			bus_line_polled(&story.line, POLLOUT, false);
+		assert_true(bus_line_check(&story.line, story.bus->now));
+		assert_int_equal(fake_stats(story.bus).last_error, EIO);
+		end(&story);
+	}
+}
+
+static const struct db_port_health *tell_health(const struct db_port *port)
+{
+	return &((const struct story *)port)->health;
+}
+
+/* Its controller went off the bus: the port stays, and the bus is down until it is back. */
+static void a_controller_that_is_off_the_bus_is_waited_for(void **state)
+{
+	struct story story = { .answers = true, .health = { .up = true } };
+	struct told told = { .count = 0 };
+	struct db_trace_place place;
+
+	(void)state;
+	begin_told(&story, &told);
+	transport.write = take_some;
+	transport.fd = no_fd;
+	transport.health = tell_health;
+	fake_pass(story.bus, 1000 * MS);
+	/* Something was not sent yet. */
+	(void)bus_line_send(&story.line, (const uint8_t *)"abc", 3);
+	place = db_trace_end(db_engine_trace(story.bus->engine));
+	story.health = (struct db_port_health){ .up = false, .error = ENETRESET };
+	(void)bus_line_run(&story.line, story.bus->now);
+	assert_int_equal(event_behind(&story, &place), DB_EVENT_BUS_OFF);
+	assert_false(fake_stats(story.bus).up);
+	assert_int_equal(fake_stats(story.bus).last_error, ENETRESET);
+	story.takes = sizeof(story.taken);
+	story.health = (struct db_port_health){ .up = true, .bitrate = 250000 };
+	fake_pass(story.bus, 1000 * MS);
+	assert_true(fake_is_online(story.bus, 0));
+	/* What is old by now is not sent. */
+	assert_int_equal(story.taken_length, 0);
+	story.health = (struct db_port_health){ .up = false, .error = ENETDOWN };
+	(void)bus_line_run(&story.line, story.bus->now);
+	story.health = (struct db_port_health){ .up = true, .bitrate = 500000 };
+	(void)bus_line_run(&story.line, story.bus->now);
+	assert_int_equal(story.closes, 0);
+	end_told(&story);
+	assert_int_equal(told.count, 6);
+	assert_string_equal(
+		told.lines[1],
+		"can0: bus off, too many errors on the wire; check wiring, termination and "
+		"bit rate");
+	assert_string_equal(told.lines[2], "can0 is up");
+	assert_string_equal(
+		told.lines[3],
+		"can0 runs at 250000 bit/s, but the configuration says bitrate = 500000; set "
+		"both to that of the drives");
+	assert_string_equal(told.lines[4], "can0: Network is down");
+	assert_string_equal(told.lines[5], "can0 is up");
 }
 
 /* --- a scan that has the line to itself --------------------------------------------------------- */
@@ -462,6 +705,11 @@ int main(void)
 		cmocka_unit_test(a_port_that_cannot_be_opened_is_told_with_what_to_do),
 		cmocka_unit_test(a_port_that_was_lost_is_closed_and_opened_again),
 		cmocka_unit_test(the_trace_has_when_the_port_came_and_went),
+		cmocka_unit_test(what_a_port_does_not_take_is_sent_later_in_its_order),
+		cmocka_unit_test(a_port_that_takes_nothing_is_given_up),
+		cmocka_unit_test(all_that_has_arrived_is_read),
+		cmocka_unit_test(a_port_that_breaks_is_given_up),
+		cmocka_unit_test(a_controller_that_is_off_the_bus_is_waited_for),
 		cmocka_unit_test(a_scan_has_the_line_at_each_speed_and_gives_it_back),
 		cmocka_unit_test(a_scan_ends_with_its_port),
 	};
