@@ -43,6 +43,9 @@ enum db_result db_exception_result(uint8_t exception)
 		DB_RESULT_BUSY, DB_RESULT_BUS_DOWN, DB_RESULT_OFFLINE,
 	};
 
+	/* No result has this one of its own: the drive has no such register. */
+	if (exception == MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS)
+		return DB_RESULT_UNSUPPORTED;
 	for (size_t i = 0; i < sizeof(likely) / sizeof(likely[0]); i++) {
 		if (exceptions[likely[i]] == exception)
 			return likely[i];

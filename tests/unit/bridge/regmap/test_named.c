@@ -19,6 +19,7 @@
 #define MS DB_NS_PER_MS
 
 #define ILLEGAL_FUNCTION 0x01
+#define ILLEGAL_ADDRESS 0x02
 #define ILLEGAL_VALUE 0x03
 #define BUSY 0x06
 #define NO_PATH 0x0A
@@ -614,6 +615,22 @@ static void a_refused_write_has_a_result(void **state)
 	fake_registers_close(&fake);
 }
 
+/* Nothing was sent that the drive could have failed at. */
+static void a_write_to_what_the_drive_lacks_is_unsupported(void **state)
+{
+	const uint16_t value = 5;
+	const uint16_t xyza_slave_number = 430;
+
+	CONTROL_FAKE();
+	assert_int_equal(db_named_write(fake.registers, &session, 0, DB_TABLE_HOLDING,
+	                                xyza_slave_number, 1, &value, FAKE_TOKEN),
+	                 ILLEGAL_ADDRESS);
+	assert_int_equal(db_named_write_result(fake.registers, &session, 0, ILLEGAL_ADDRESS),
+	                 DB_RESULT_UNSUPPORTED);
+	assert_int_equal(fake.submitted, 0);
+	fake_registers_close(&fake);
+}
+
 /* What a page asks before it writes registers for somebody who may not be there. */
 static void registers_that_command_are_known(void **state)
 {
@@ -859,6 +876,7 @@ int main(void)
 		cmocka_unit_test(the_limit_of_a_velocity_is_told),
 		cmocka_unit_test(a_write_reaches_its_drive_or_the_gateway),
 		cmocka_unit_test(a_refused_write_has_a_result),
+		cmocka_unit_test(a_write_to_what_the_drive_lacks_is_unsupported),
 		cmocka_unit_test(registers_that_command_are_known),
 		cmocka_unit_test(a_command_runs_with_its_arguments),
 		cmocka_unit_test(everybody_may_stop),
