@@ -97,7 +97,7 @@ enum vsmd_param {
 	VSMD_N2RATIO,
 	VSMD_N3RATIO,
 	VSMD_RES,
-	/* In no document, but seen in the field. Their content is not described anywhere. */
+	/* Seen in the field, dmd also in a document's example; described nowhere. */
 	VSMD_DMD,
 	VSMD_SDS,
 	VSMD_SERIAL_PARAM_COUNT,
