@@ -36,6 +36,7 @@ struct rs485 {
 	struct sim_vsmd_config drives[FAKE_DRIVES];
 	struct sim_node nodes[FAKE_DRIVES];
 	unsigned told[DB_EVENT_COUNT];
+	unsigned told_others; /* that others do not receive what follows a drive's answers */
 	db_time learnt;
 
 	const char *
@@ -75,14 +76,14 @@ static inline db_time rs485_send(void *context, const uint8_t *bytes, size_t len
 }
 
 static inline void rs485_note_timing(void *context, const struct db_drive_config *drive,
-                                     enum db_event event, db_time time, db_time learnt)
+                                     const struct db_engine_timing *timing)
 {
 	struct rs485 *line = context;
 
 	(void)drive;
-	(void)time;
-	line->told[event]++;
-	line->learnt = learnt;
+	line->told[timing->event]++;
+	line->told_others += timing->others;
+	line->learnt = timing->learnt;
 }
 
 static const struct db_engine_ops rs485_ops = { .send = rs485_send,

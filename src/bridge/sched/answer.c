@@ -124,8 +124,11 @@ static bool learn_from_late_answer(struct db_engine *engine, struct node *node, 
 	if (!learnt && !node->online)
 		node->timing = DB_TROUBLE_LATE;
 	for (struct station *s = node->first; s; s = s->next_axis)
-		engine_report_timing(engine, s, DB_EVENT_DRIVE_LATE, latency,
-		                     learnt ? node->patience.now : 0);
+		engine_report_timing(
+			engine, s,
+			&(struct db_engine_timing){ .event = DB_EVENT_DRIVE_LATE,
+		                                    .time = latency,
+		                                    .learnt = learnt ? node->patience.now : 0 });
 	return true;
 }
 

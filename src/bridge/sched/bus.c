@@ -116,11 +116,11 @@ static db_time read_wait(const struct db_bus *bus)
 	return (db_time)waited;
 }
 
-static void log_timing(void *context, const struct db_drive_config *drive, enum db_event event,
-                       db_time time, db_time learnt)
+static void log_timing(void *context, const struct db_drive_config *drive,
+                       const struct db_engine_timing *told)
 {
 	struct db_bus *bus = context;
-	struct bus_timing timing = { .event = event, .time = time, .learnt = learnt };
+	struct bus_timing timing = { .told = *told };
 	struct db_bus_stats stats;
 	db_time overslept;
 
@@ -129,7 +129,7 @@ static void log_timing(void *context, const struct db_drive_config *drive, enum 
 	timing.missed = bus->missed_before +
 	                db_time_max(read_wait(bus) - bus->judged_wait, overslept);
 	timing.seconds = (unsigned)(2 * JUDGE_INTERVAL / DB_NS_PER_S);
-	bus_line_trace(&bus->line, event, drive, db_clock_now());
+	bus_line_trace(&bus->line, told->event, drive, db_clock_now());
 	bus_log_timing(&bus->log, bus->config, drive, &timing, db_clock_now());
 }
 

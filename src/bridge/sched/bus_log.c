@@ -19,43 +19,48 @@ void bus_log_timing(const struct db_log_source *log, const struct db_bus_config 
                     db_time now)
 {
 	struct db_log_about about = { .drive = drive->name, .unit = drive->unit };
-	bool late = timing->event == DB_EVENT_DRIVE_LATE;
+	bool late = timing->told.event == DB_EVENT_DRIVE_LATE;
 	bool busy = timing->missed * BUSY_SHARE > (db_time)timing->seconds * DB_NS_PER_S;
 	unsigned missed_ms = (unsigned)(timing->missed / DB_NS_PER_MS);
-	unsigned ms = (unsigned)((timing->time + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
-	unsigned learnt_ms = (unsigned)((timing->learnt + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
-	unsigned learnt_us = (unsigned)((timing->learnt + DB_NS_PER_US - 1) / DB_NS_PER_US);
+	unsigned ms = (unsigned)((timing->told.time + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
+	unsigned learnt_ms = (unsigned)((timing->told.learnt + DB_NS_PER_MS - 1) / DB_NS_PER_MS);
+	unsigned learnt_us = (unsigned)((timing->told.learnt + DB_NS_PER_US - 1) / DB_NS_PER_US);
 
-	if (late && timing->learnt > 0 && busy)
-		db_log(log, now, timing->event, &about,
+	if (late && timing->told.learnt > 0 && busy)
+		db_log(log, now, timing->told.event, &about,
 		       "answers up to %u ms after a request: the bus now waits %u ms for it; this "
 		       "computer is busy, the bus waited %u ms for a processor in the last %u s: find "
 		       "out what else runs, and set drive-latency-ms = %u to keep that after a restart "
 		       "only if it stays so",
 		       ms, learnt_ms, missed_ms, timing->seconds, learnt_ms);
-	else if (late && timing->learnt > 0)
-		db_log(log, now, timing->event, &about,
+	else if (late && timing->told.learnt > 0)
+		db_log(log, now, timing->told.event, &about,
 		       "answers up to %u ms after a request: the bus now waits %u ms for it; set "
 		       "drive-latency-ms = %u to keep that after a restart",
 		       ms, learnt_ms, learnt_ms);
 	else if (late && busy)
-		db_log(log, now, timing->event, &about,
+		db_log(log, now, timing->told.event, &about,
 		       "answers %u ms after a request, but the bus waits only drive-latency-ms = %u "
 		       "for it; this computer is busy, the bus waited %u ms for a processor in the last "
 		       "%u s: find out what else runs, and set drive-latency-ms = %u only if it stays so",
 		       ms, bus->drive_latency_ms, missed_ms, timing->seconds, ms + ms / 2);
 	else if (late)
-		db_log(log, now, timing->event, &about,
+		db_log(log, now, timing->told.event, &about,
 		       "answers %u ms after a request, but the bus waits only drive-latency-ms = %u "
 		       "for it; set drive-latency-ms = %u",
 		       ms, bus->drive_latency_ms, ms + ms / 2);
-	else if (timing->learnt > 0)
-		db_log(log, now, timing->event, &about,
+	else if (timing->told.others)
+		db_log(log, now, timing->told.event, &about,
+		       "requests to other drives sent %u us after its answers are lost: the bus now waits %u "
+		       "us; set turnaround-us = %u to keep that after a restart",
+		       bus->turnaround_us, learnt_us, learnt_us);
+	else if (timing->told.learnt > 0)
+		db_log(log, now, timing->told.event, &about,
 		       "does not receive requests sent %u us after its answers: the bus now waits %u "
 		       "us; set turnaround-us = %u to keep that after a restart",
 		       bus->turnaround_us, learnt_us, learnt_us);
 	else
-		db_log(log, now, timing->event, &about,
+		db_log(log, now, timing->told.event, &about,
 		       "does not receive requests that follow its answer within a few milliseconds, but "
 		       "receives later ones; raise turnaround-us, which is %u",
 		       bus->turnaround_us);

@@ -36,12 +36,8 @@ void bus_log_slow(const struct db_log_source *log, const struct db_bus_config *b
 void bus_log_port_advice(const struct db_bus_config *bus, int error, const char *holder,
                          char text[DB_TROUBLE_ADVICE_MAX]);
 
-/* A drive that answers later than the bus waits (DRIVE_LATE), or is asked sooner than it can
- * receive; see on_timing. */
 struct bus_timing {
-	enum db_event event;
-	db_time time;
-	db_time learnt;
+	struct db_engine_timing told;
 	db_time missed; /* time that the bus waited for a processor in the last `seconds` */
 	unsigned seconds;
 };

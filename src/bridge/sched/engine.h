@@ -37,6 +37,16 @@ struct db_outage {
 	db_time time;                /* measured from its last data */
 };
 
+/* How a drive does not keep to the times of the configuration: it answers too late (DRIVE_LATE), or
+ * requests that follow its answers too soon are not received (DRIVE_DEAF). */
+struct db_engine_timing {
+	enum db_event event;
+	/* DRIVE_DEAF: other drives do not receive them, so this one may hold the line. */
+	bool others;
+	db_time time;
+	db_time learnt; /* what it is allowed from now on; 0: only the configuration can help */
+};
+
 struct db_engine_ops {
 	/* Sends bytes and returns when they are sent. The engine expects transmission to begin at
 	 * once. */
@@ -53,12 +63,9 @@ struct db_engine_ops {
 	 * that could not be used (only its beginning if it is long). May be null. */
 	void (*on_unusable)(void *context, const struct db_drive_config *drive,
 	                    const struct db_unusable *unusable);
-	/* A drive does not keep to the times of the configuration: it answers too late
-	 * (DRIVE_LATE), or does not receive requests that follow its answers too soon (DRIVE_DEAF).
-	 * `learnt`: the time that it is allowed from now on; 0: only the configuration can help.
-	 * May be null. */
-	void (*on_timing)(void *context, const struct db_drive_config *drive, enum db_event event,
-	                  db_time time, db_time learnt);
+	/* A drive does not keep to the times of the configuration. May be null. */
+	void (*on_timing)(void *context, const struct db_drive_config *drive,
+	                  const struct db_engine_timing *timing);
 	/* A client's raw frame was sent (`sent`), or this is its answer; length 0: no answer. May
 	 * be null. */
 	void (*on_raw_frame)(void *context, const struct db_drive_config *drive, bool sent,

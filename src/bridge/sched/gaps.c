@@ -27,6 +27,10 @@ static void report_gap(struct db_engine *engine, struct node *node, const struct
                        enum learnt learnt)
 {
 	bool helps = learnt == LEARNT_MORE;
+	const struct db_engine_timing timing = { .event = DB_EVENT_DRIVE_DEAF,
+		                                 .others = gap == &node->hold,
+		                                 .time = gap->begin,
+		                                 .learnt = helps ? gap->now : 0 };
 
 	/* If a larger gap does not help the others to receive better, that may be their own
 	 * fault. */
@@ -35,8 +39,7 @@ static void report_gap(struct db_engine *engine, struct node *node, const struct
 	if (!helps && !node->online)
 		node->timing = DB_TROUBLE_DEAF;
 	for (struct station *s = node->first; s; s = s->next_axis)
-		engine_report_timing(engine, s, DB_EVENT_DRIVE_DEAF, gap->begin,
-		                     helps ? gap->now : 0);
+		engine_report_timing(engine, s, &timing);
 }
 
 /*

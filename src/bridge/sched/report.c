@@ -11,14 +11,14 @@ void engine_report_event(struct db_engine *engine, const struct station *station
 		                      &station->snapshot.feedback, NULL);
 }
 
-void engine_report_timing(struct db_engine *engine, struct station *station, enum db_event event,
-                          db_time time, db_time learnt)
+void engine_report_timing(struct db_engine *engine, struct station *station,
+                          const struct db_engine_timing *timing)
 {
 	/* While it cannot come online because of that, its late answers are no news. */
-	if (event == DB_EVENT_DRIVE_LATE && !station->last_logged.online)
+	if (timing->event == DB_EVENT_DRIVE_LATE && !station->last_logged.online)
 		station->last_logged.missing = true;
 	if (engine->ops->on_timing)
-		engine->ops->on_timing(engine->context, station->config, event, time, learnt);
+		engine->ops->on_timing(engine->context, station->config, timing);
 }
 
 void engine_report_missing(struct db_engine *engine, struct station *station)

@@ -462,8 +462,8 @@ void engine_report_unconfirmed(struct db_engine *engine, const struct station *s
 void engine_report_event(struct db_engine *engine, const struct station *station,
                          enum db_event event);
 /* Reports that a drive does not keep to the times of the configuration. */
-void engine_report_timing(struct db_engine *engine, struct station *station, enum db_event event,
-                          db_time time, db_time learnt);
+void engine_report_timing(struct db_engine *engine, struct station *station,
+                          const struct db_engine_timing *timing);
 /* Reports that a drive does not answer, once until it answers again. */
 void engine_report_missing(struct db_engine *engine, struct station *station);
 /* Reports what was received from it that is no answer, if anything; once while it does not

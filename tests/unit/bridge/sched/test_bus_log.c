@@ -165,24 +165,28 @@ static void a_busy_computer_is_not_blamed_on_the_bus(void **state)
 	assert_non_null(strstr(tell_slow(&slow), "what else has a real-time priority"));
 }
 
-static const char *tell_late(db_time learnt, db_time missed)
+static const char *tell_timing(const struct bus_timing *timing)
 {
 	static struct reader reader;
-	const struct db_bus_config bus = { .drive_latency_ms = 30 };
+	const struct db_bus_config bus = { .drive_latency_ms = 30, .turnaround_us = 1000 };
 	const struct db_drive_config drive = { .name = (char *)"feeder", .unit = 1 };
-	const struct bus_timing timing = { .event = DB_EVENT_DRIVE_LATE,
-		                           .time = 49 * DB_NS_PER_MS,
-		                           .learnt = learnt,
-		                           .missed = missed,
-		                           .seconds = 20 };
 	struct db_log_source source = { .bus = "press", .level = DB_LOG_INFO };
 
 	memset(&reader, 0, sizeof reader);
 	assert_int_equal(db_log_new_to(take, &reader, &source.log), 0);
-	bus_log_timing(&source, &bus, &drive, &timing, 1);
+	bus_log_timing(&source, &bus, &drive, timing, 1);
 	db_log_free(source.log);
 	assert_int_equal(reader.count, 1);
 	return reader.lines[0].text;
+}
+
+static const char *tell_late(db_time learnt, db_time missed)
+{
+	return tell_timing(&(struct bus_timing){ .told = { .event = DB_EVENT_DRIVE_LATE,
+	                                                   .time = 49 * DB_NS_PER_MS,
+	                                                   .learnt = learnt },
+	                                         .missed = missed,
+	                                         .seconds = 20 });
 }
 
 static void a_late_answer_on_a_busy_computer_may_not_be_the_drives(void **state)
@@ -197,6 +201,24 @@ static void a_late_answer_on_a_busy_computer_may_not_be_the_drives(void **state)
 	                       "processor in the last 20 s"));
 	assert_non_null(strstr(tell_late(0, 900 * DB_NS_PER_MS),
 	                       "find out what else runs, and set drive-latency-ms = 73 only if"));
+}
+
+/* Whoever is named is looked for first: a drive that receives well is not to be called deaf. */
+static void who_does_not_receive_is_said(void **state)
+{
+	struct bus_timing timing = { .told = { .event = DB_EVENT_DRIVE_DEAF,
+		                               .time = DB_NS_PER_MS,
+		                               .learnt = 2 * DB_NS_PER_MS } };
+
+	(void)state;
+	assert_non_null(strstr(
+		tell_timing(&timing),
+		"does not receive requests sent 1000 us after its answers: the bus now waits 2000 us"));
+	timing.told.others = true;
+	assert_non_null(strstr(
+		tell_timing(&timing),
+		"requests to other drives sent 1000 us after its answers are lost: the bus now waits "
+		"2000 us; set turnaround-us = 2000"));
 }
 
 static const char *advise(const struct db_bus_config *bus, int error)
@@ -244,6 +266,7 @@ int main(void)
 		cmocka_unit_test(events_of_others_are_not_told_of_a_drive),
 		cmocka_unit_test(a_busy_computer_is_not_blamed_on_the_bus),
 		cmocka_unit_test(a_late_answer_on_a_busy_computer_may_not_be_the_drives),
+		cmocka_unit_test(who_does_not_receive_is_said),
 		cmocka_unit_test(each_cause_of_a_lost_port_has_its_advice),
 	};
 

@@ -109,6 +109,7 @@ static void a_drive_that_holds_the_line_is_given_time(void **state)
 		rs485_begin(line);
 		for (size_t i = 0; i < 4; i++)
 			expect_obedience(line, i);
+		assert_int_equal(line->told_others > 0, hold > 1 * MS);
 		rs485_free(line);
 	}
 }

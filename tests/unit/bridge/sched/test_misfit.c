@@ -88,13 +88,11 @@ static void tell_heard(void *context, const struct db_drive_config *drive,
 	story->heard = *heard;
 }
 
-static void tell_timing(void *context, const struct db_drive_config *drive, enum db_event event,
-                        db_time time, db_time learnt)
+static void tell_timing(void *context, const struct db_drive_config *drive,
+                        const struct db_engine_timing *timing)
 {
 	(void)drive;
-	(void)event;
-	(void)time;
-	(void)learnt;
+	(void)timing;
 	((struct story *)context)->timing++;
 }
 

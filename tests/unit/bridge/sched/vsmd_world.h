@@ -183,14 +183,14 @@ static inline void on_tell(void *context, const struct db_drive_config *drive, e
 }
 
 static inline void on_tell_timing(void *context, const struct db_drive_config *drive,
-                                  enum db_event event, db_time time, db_time learnt)
+                                  const struct db_engine_timing *timing)
 {
 	struct world *world = context;
 
 	(void)drive;
-	world->told_timing[event]++;
-	world->timing = time;
-	world->learnt = learnt;
+	world->told_timing[timing->event]++;
+	world->timing = timing->time;
+	world->learnt = timing->learnt;
 }
 
 static const struct db_engine_ops ops = {
