@@ -286,6 +286,10 @@ struct db_origin_changes {
 };
 struct db_origin_changes db_commander_origin(const struct db_commander *commander);
 
+/* True while a motion is on its way to the drive, or was begun and has not been seen to end: the
+ * drive's status may not show it yet. */
+bool db_commander_is_to_move(const struct db_commander *commander);
+
 /* When the latest stop of the drive arrived, by whomever; 0: none since the commander was made. */
 db_time db_commander_stopped(const struct db_commander *commander);
 

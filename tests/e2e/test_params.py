@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from bridgelib import code, eventually, find_program
 from fakecontrol import Fake, register
+from holdlib import Failed, Hand
 from test_vendor_view import VENDOR, Plc
 
 SERIAL = ["spd=6400", "acc=64000", "dec=64000", "cra=0.1", "s1f=2", "pud=39"]
@@ -222,7 +223,7 @@ def test_a_restore_can_be_saved(plant, many):
     said = ctl(plant, "params", "restore", "drive2", many, "--yes", "--save")
     assert said.endswith("drive2: 11 written\ndrive2: save_parameters: ok\n")
     lines = objects(plant, "params", "restore", "drive2", many)
-    assert lines == [{"drive": "drive2", "file": str(many), "same_model": True, "written": [], "failed": {}, "ended": True, "saved": False}]
+    assert lines == [{"drive": "drive2", "file": str(many), "same_model": True, "written": [], "failed": {}, "not_tried": [], "ended": True, "saved": False}]
 
 
 def test_nothing_is_written_unasked(plant, many):
@@ -393,6 +394,34 @@ def test_what_a_drive_does_not_have_then_was_not_written(particular, tmp_path):
         ctl(particular, "params", "restore", "feeder", path, "--yes", status=1)
 
 
+@pytest.mark.parametrize("other, whose", [("min_speed", "written"), ("pair_a", "had before")])
+def test_what_another_writes_meanwhile_is_named(particular, tmp_path, other, whose):
+    """Two restores at once: the first value of one is overwritten by the other while it writes its last, or one that was
+    right at its beginning."""
+    path = tmp_path / "f"
+    particular.values["pair_a"] = 3
+    path.write_text(FILE % "min_speed = 500\nmax_speed = 900\npair_a = 3", encoding="utf-8")
+    write = particular.answers["Write"]
+
+    def write_beside(parameters):
+        answer = write(parameters)
+        if "max_speed" in parameters["values"]:
+            particular.values = particular.values | {other: 7}
+        return answer
+
+    particular.answers["Write"] = write_beside
+    said = ctl(particular, "params", "restore", "feeder", path, "--yes", status=1)
+    unit = " Hz"
+    assert re.search(rf"^{other} = \d+{unit}: failed: something has changed it since: the drive shows 7{unit}$", said, re.M), said
+    assert said.endswith(f"feeder: {1 if whose == 'written' else 2} written, 1 not\n"), said
+    del particular.answers["Write"]
+    particular.answers["Write"] = write
+    said = ctl(particular, "params", "restore", "feeder", path, "--yes")
+    assert said.endswith("feeder: 1 written\n")
+    *_, told = objects(particular, "params", "restore", "feeder", path, "--yes")
+    assert told["written"] == [] and told["failed"] == {} and told["not_tried"] == []
+
+
 @pytest.mark.parametrize("error, status, rest", [
     ({"error": "io.drivebridge.Control.Refused", "parameters": {"result": "offline", "code": 13, "reason": "x"}}, 1, 1),
     ({"error": "io.drivebridge.Control.NotAllowed", "parameters": {"reason": "x"}}, 1, 1),
@@ -466,6 +495,48 @@ def test_a_drive_that_moves_is_left_alone(plant, many):
     assert writes_of(plant, 2, mark) == []
     ctl(plant, "run", "drive2", "stop")
     ctl(plant, "params", "restore", "drive2", many, "--yes")
+
+
+def stop_and_stand(plant):
+    assert plant.drive(2).settle("stop") == code("result", "ok")
+    eventually(lambda: plant.drive(2).read("axis_state") == code("axis_state", "Standstill"), what="drive 2 to stand")
+
+
+def test_a_drive_that_is_set_going_meanwhile_gets_no_more(plant, many):
+    plc = plant.drive(2)
+    assert plc.settle("enable") == code("result", "ok")
+    mark = plant.sim.mark()
+    process = begin_restore(plant, many)
+    assert plc.command("move_velocity", target_velocity=2000.0) == 0
+    moved = plant.sim.mark()
+    said = process.stdout.read()
+    assert process.wait(30) == 1, said
+    # The one that was on its way may still have come behind the motion.
+    assert len(writes_of(plant, 2, moved)) <= 1
+    written = writes_of(plant, 2, mark)
+    assert re.search(rf"^drive2: {len(written)} written, {len(MANY) - len(written)} not; the same command goes on with them$", said, re.M), said
+    stopped = re.search(r"^(\w+) = .*: stopped: drive2 moves; stop it first$", said, re.M)[1]
+    left = re.search(r"^not tried any more: (.*)$", said, re.M)[1].split()
+    assert sorted([*written, stopped, *left]) == sorted(one.split("=")[0] for one in MANY), said
+    stop_and_stand(plant)
+    said = ctl(plant, "params", "restore", "drive2", many, "--yes")
+    assert f"drive2: {len(MANY) - len(written)} written" in said
+    (told,) = objects(plant, "params", "diff", "drive2", many, status=1)
+    assert [row["name"] for row in told["differences"]] == ["cid"]
+
+
+def test_a_motion_that_has_not_begun_yet_is_one(plant, many):
+    """The first status that shows it comes later than the command."""
+    assert plant.drive(2).settle("enable") == code("result", "ok")
+    with Hand(plant.control_path) as hand:
+        assert hand.call("Write", drive="drive2", values={"spd": 5}, standing=True) == {"result": "ok"}
+        go = hand.message("Run", {"oneway": True}, drive="drive2", command="move_velocity", arguments={"target_velocity": 100.0})
+        hand.socket.sendall(go + hand.message("Write", drive="drive2", values={"spd": 6}, standing=True))
+        with pytest.raises(Failed, match="Moving") as failed:
+            hand.answer()
+        assert failed.value.parameters == {"drive": "drive2"}
+        assert hand.call("Write", drive="drive2", values={"spd": 7})["result"] in ("ok", "unproven")
+    assert objects(plant, "get", "drive2", "spd")[0]["values"]["spd"] == 7.0
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")

@@ -4,8 +4,8 @@
 import re
 
 import pytest
-from bridgelib import eventually
-from test_params import FAMILIES, MANY, ctl, make_plant, writes_of
+from bridgelib import code, eventually
+from test_params import FAMILIES, MANY, ctl, make_plant, stop_and_stand, writes_of
 from test_web import gateway, refused  # noqa: F401 (a fixture)
 from weblib import OPERATOR, READER
 
@@ -187,6 +187,36 @@ def test_what_moves_gets_no_other_set(gateway, plant):  # noqa: F811
     stream = write(page, {"spd": 5}, standing=True)
     assert stream.wait(event="error")["text"] == "the drive moves; stop it first"
     assert writes_of(plant, 2, mark) == []
+
+
+def test_what_is_set_going_meanwhile_gets_no_more(gateway, plant):  # noqa: F811
+    (page,) = make_pages(gateway, plant, OPERATOR)
+    plc = plant.drive(2)
+    assert plc.settle("enable") == code("result", "ok")
+    mark = plant.sim.mark()
+    stream = write(page, MANY_VALUES, standing=True)
+    stream.wait(lambda data: data["state"] == "done", event="parameter")
+    assert plc.command("move_velocity", target_velocity=2000.0) == 0
+    moved = plant.sim.mark()
+    done = result_of(stream)
+    assert len(writes_of(plant, 2, moved)) <= 1  # it was on its way
+    assert done["over"] == "drive2 moves; stop it first"
+    assert sorted(done["written"]) == sorted(writes_of(plant, 2, mark)) and len(done["written"]) < len(MANY_VALUES)
+    assert sorted([*done["written"], *done["failed"]]) == sorted(MANY_VALUES)
+    stop_and_stand(plant)
+    left = {name: MANY_VALUES[name] for name in done["failed"]}
+    assert sorted(result_of(write(page, left, standing=True))["written"]) == sorted(left)
+
+
+def test_what_another_writes_meanwhile_is_no_longer_written(gateway, plant):  # noqa: F811
+    (page,) = make_pages(gateway, plant, OPERATOR)
+    stream = write(page, MANY_VALUES)
+    first = stream.wait(lambda data: data["state"] == "done", event="parameter")["name"]
+    ctl(plant, "set", "drive2", f"{first}=2")
+    done = result_of(stream)
+    assert done["failed"] == {first: "something has changed it since: the drive shows 2"}, done
+    assert sorted([*done["written"], first]) == sorted(MANY_VALUES) and done["over"] == ""
+    assert (first, "failed") in states_of(stream)
 
 
 def test_while_the_service_is_away(gateway, plant):  # noqa: F811

@@ -209,6 +209,11 @@ struct db_origin_changes db_commander_origin(const struct db_commander *commande
 	return commander->origin;
 }
 
+bool db_commander_is_to_move(const struct db_commander *commander)
+{
+	return commander->follow.active || db_flight_has(commander, DB_PENDING_MOTION, NULL);
+}
+
 db_time db_commander_stopped(const struct db_commander *commander)
 {
 	return commander->stopped;

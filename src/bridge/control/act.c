@@ -295,6 +295,16 @@ static bool plan_item(const struct db_call *call, const struct db_name_list *lis
 	return true;
 }
 
+/* False: the call is answered with the reason. */
+static bool require_standing(struct db_session *session, uint16_t drive, const char *name)
+{
+	if (drive == DB_NAMED_GATEWAY || db_named_stands(session->control->setup.registers, drive))
+		return true;
+	db_session_fail(session, "io.drivebridge.Control.Moving",
+	                json_pack("{s:s}", "drive", name));
+	return false;
+}
+
 void db_act_write(const struct db_call *call)
 {
 	struct db_session *session = call->session;
@@ -305,9 +315,11 @@ void db_act_write(const struct db_call *call)
 	const char *key;
 	json_t *values;
 	json_t *value;
+	bool standing = false;
 
 	if (!db_act_is_allowed(session) || !db_call_drive(call, true, &drive, &name) ||
-	    !db_call_object(call, "values", false, &values))
+	    !db_call_object(call, "values", false, &values) ||
+	    !db_call_optional_flag(call, "standing", &standing))
 		return;
 	if (json_object_size(values) == 0 || json_object_size(values) > DB_SETTINGS_MAX) {
 		db_session_fail_parameter(session, "values");
@@ -334,7 +346,8 @@ void db_act_write(const struct db_call *call)
 		free(plan);
 		return;
 	}
-	if (plan->moves && !db_held_is_young(call)) {
+	if ((plan->moves && !db_held_is_young(call)) ||
+	    (standing && !require_standing(session, drive.number, name))) {
 		db_once_drop(session);
 		free(plan);
 		return;

@@ -73,7 +73,8 @@ static const struct method {
 	{ CONTROL ".Read", db_look_read, " drive names ", false },
 	{ CONTROL ".Introduce", db_act_introduce, " user from ", false },
 	{ CONTROL ".Clock", db_held_clock, " ", false },
-	{ CONTROL ".Write", db_act_write, " drive values token id within_ms sent_us ", false },
+	{ CONTROL ".Write", db_act_write, " drive values standing token id within_ms sent_us ",
+	  false },
 	{ CONTROL ".Run", db_act_run,
 	  " drive command arguments position until_end hold_ms token not_stopped_since id "
 	  "within_ms sent_us ",

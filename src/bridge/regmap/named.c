@@ -130,6 +130,8 @@ bool db_named_trouble(const struct db_registers *registers, uint16_t number,
 	return true;
 }
 
+#define MOVES (DB_STATUS_MOVING | DB_STATUS_HOMING | DB_STATUS_STOPPING)
+
 bool db_named_place(const struct db_registers *registers, uint16_t number,
                     struct db_named_place *place)
 {
@@ -148,8 +150,7 @@ bool db_named_place(const struct db_registers *registers, uint16_t number,
 	*place = (struct db_named_place){
 		.online = (feedback->status & DB_STATUS_ONLINE) != 0,
 		.identified = (feedback->status & DB_STATUS_PARAMS_VALID) != 0,
-		.stands = !(feedback->status &
-		            (DB_STATUS_MOVING | DB_STATUS_HOMING | DB_STATUS_STOPPING)),
+		.stands = !(feedback->status & MOVES),
 		.homed = (feedback->status & DB_STATUS_HOMED) != 0,
 		.lost = (feedback->status & DB_STATUS_ORIGIN_LOST) != 0 ||
 		        feedback->doubt != DB_DOUBT_NONE,
@@ -167,6 +168,17 @@ bool db_named_place(const struct db_registers *registers, uint16_t number,
 	place->homed_here = place->homed && changes.last == DB_CMD_HOME;
 	memcpy(place->identity, plate.plate.identity, DB_IDENTITY_MAX);
 	return true;
+}
+
+bool db_named_stands(const struct db_registers *registers, uint16_t number)
+{
+	const struct db_view_drive *drive = find_drive(registers, number);
+	struct db_snapshot snapshot;
+
+	if (!drive)
+		return true;
+	db_axis_read(drive->axis, &snapshot);
+	return !(snapshot.feedback.status & MOVES) && !db_commander_is_to_move(drive->commander);
 }
 
 db_time db_named_stopped(const struct db_registers *registers, uint16_t number)

@@ -115,6 +115,9 @@ struct db_named_place {
 bool db_named_place(const struct db_registers *registers, uint16_t number,
                     struct db_named_place *place);
 
+/* False: the drive moves, or is to move. */
+bool db_named_stands(const struct db_registers *registers, uint16_t number);
+
 /* When the latest stop of the drive arrived; 0: none yet, or there is no such drive. */
 db_time db_named_stopped(const struct db_registers *registers, uint16_t number);
 

@@ -26,6 +26,7 @@ static const struct {
 	{ DB_CLIENT_SERVICE "TooOld",
 	  "it came too late to the service, so nothing was started; try again" },
 	{ DB_CLIENT_SERVICE "NotHeld", "{drive}: its motion is not held any more" },
+	{ DB_CLIENT_SERVICE "Moving", "{drive} moves; stop it first" },
 	{ DB_CLIENT_SERVICE "StoppedSince",
 	  "{drive} was stopped after this was asked for; try again" },
 	{ DB_CLIENT_SERVICE "Late", "{reason}" },

@@ -22,6 +22,7 @@ struct restore {
 	struct db_params file;
 	struct db_params_changes changes;
 	json_t *plan;
+	json_t *kept; /* names of settings that the drive has as the file */
 	struct db_params_writer writer;
 };
 
@@ -199,24 +200,49 @@ static enum db_ctl_status save(const struct restore *restore)
 	return status;
 }
 
-/* What was not tried any more is counted, and not listed. */
-static void print_end(const struct restore *restore)
+/* "not tried any more: acc dec". */
+static void print_untried(const json_t *untried)
+{
+	size_t i;
+	const json_t *name;
+
+	if (json_array_size(untried) == 0)
+		return;
+	(void)printf("%s:", db_ctl_say("not tried any more"));
+	json_array_foreach(untried, i, name)
+	{
+		(void)printf(" %s", json_string_value(name));
+	}
+	(void)putchar('\n');
+}
+
+static void print_end(const struct restore *restore, const json_t *untried)
 {
 	const struct db_params_writer *writer = &restore->writer;
 	size_t written = json_array_size(writer->written);
-	size_t left = db_params_plan_size(restore->plan) - written;
+	size_t left = json_object_size(writer->failed) + json_array_size(untried);
 	bool over = writer->over[0] != '\0';
 	const char *name;
 	const json_t *reason;
 
 	json_object_foreach(writer->failed, name, reason)
 	{
-		report(restore, name, over ? DB_CTL_TEXT("stopped") : DB_CTL_TEXT("failed"),
-		       json_string_value(reason));
+		const char *why = json_string_value(reason);
+
+		report(restore, name,
+		       strcmp(why, writer->over) == 0 ? DB_CTL_TEXT("stopped") :
+		                                        DB_CTL_TEXT("failed"),
+		       why);
 	}
 	if (restore->ctl->json)
 		return;
-	if (left == 0)
+	print_untried(untried);
+	if (left == 0 && over)
+		db_ctl_say_line(
+			stdout,
+			"%s: %zu written; whether something has changed them since is not known: %s",
+			restore->drive.name, written, writer->over);
+	else if (left == 0)
 		db_ctl_say_line(stdout, "%s: %zu written", restore->drive.name, written);
 	else
 		db_ctl_say_line(
@@ -228,14 +254,15 @@ static void print_end(const struct restore *restore)
 	(void)fflush(stdout);
 }
 
-static void print_object(const struct restore *restore, bool saved)
+static void print_object(const struct restore *restore, const json_t *untried, bool saved)
 {
 	const struct db_params_writer *writer = &restore->writer;
 	bool same = strcmp(restore->file.identity, restore->drive.identity) == 0;
-	json_t *object = json_pack("{s:s, s:s, s:b, s:O, s:O, s:b, s:b}", "drive",
+	json_t *object = json_pack("{s:s, s:s, s:b, s:O, s:O, s:O, s:b, s:b}", "drive",
 	                           restore->drive.name, "file", restore->file.name, "same_model",
 	                           same, "written", writer->written, "failed", writer->failed,
-	                           "ended", writer->over[0] == '\0', "saved", saved);
+	                           "not_tried", untried, "ended", writer->over[0] == '\0', "saved",
+	                           saved);
 
 	db_ctl_print_json(object);
 	json_decref(object);
@@ -248,9 +275,11 @@ static enum db_ctl_status carry_out(struct restore *restore)
 	struct db_params_writer *writer = &restore->writer;
 	enum db_ctl_status status = DB_CTL_OK;
 	bool saved = false;
+	json_t *untried;
 
 	write_plan(restore);
-	print_end(restore);
+	untried = db_params_writer_untried(writer);
+	print_end(restore, untried);
 	if (writer->over[0] != '\0') {
 		status = writer->lost ? DB_CTL_UNREACHABLE : DB_CTL_NO;
 	} else if (db_ctl_params_can_save(ctl, restore->drive.name)) {
@@ -270,11 +299,26 @@ static enum db_ctl_status carry_out(struct restore *restore)
 			restore->drive.name);
 	}
 	if (ctl->json)
-		print_object(restore, saved);
-	return status == DB_CTL_OK && json_array_size(writer->written) <
-	                                      db_params_plan_size(restore->plan) ?
-	               DB_CTL_NO :
-	               status;
+		print_object(restore, untried, saved);
+	json_decref(untried);
+	return status == DB_CTL_OK && json_object_size(writer->failed) > 0 ? DB_CTL_NO : status;
+}
+
+static json_t *list_kept(const struct restore *restore)
+{
+	json_t *kept = json_array();
+	const char *name;
+	const json_t *value;
+
+	json_object_foreach(restore->file.values, name, value)
+	{
+		const json_t *reg = db_words_look_up(restore->drive.registers, name);
+
+		if (!db_params_has_trait(reg, "state") && !db_params_has_trait(reg, "address") &&
+		    db_params_agree(value, db_params_value(&restore->drive, name)))
+			(void)json_array_append_new(kept, json_string(name));
+	}
+	return kept;
 }
 
 /* Both sets have been read. */
@@ -292,6 +336,7 @@ static enum db_ctl_status restore_params(struct restore *restore)
 		(void)json_array_extend(names, restore->changes.addresses);
 	restore->plan = db_params_order(restore->drive.registers, names);
 	json_decref(names);
+	restore->kept = list_kept(restore);
 	show_plan(restore);
 	if (json_array_size(restore->plan) > 0)
 		status = db_ctl_ask(ctl, "write %zu into %s?", db_params_plan_size(restore->plan),
@@ -303,6 +348,8 @@ static enum db_ctl_status restore_params(struct restore *restore)
 		.registers = restore->drive.registers,
 		.values = restore->file.values,
 		.plan = restore->plan,
+		.kept = restore->kept,
+		.standing = true,
 		.report = report_done,
 		.data = restore,
 	};
@@ -329,6 +376,7 @@ enum db_ctl_status db_ctl_params_restore(struct db_ctl *ctl, int count, char **a
 	db_params_clear_changes(&restore.changes);
 	db_params_writer_clear(&restore.writer);
 	json_decref(restore.plan);
+	json_decref(restore.kept);
 	json_decref(families);
 	return status;
 }

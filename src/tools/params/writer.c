@@ -19,6 +19,26 @@ void db_params_writer_clear(struct db_params_writer *writer)
 	writer->written = writer->failed = NULL;
 }
 
+json_t *db_params_writer_untried(const struct db_params_writer *writer)
+{
+	json_t *untried = json_array();
+	size_t i;
+	size_t at;
+	const json_t *names;
+	json_t *name;
+
+	json_array_foreach(writer->plan, i, names)
+	{
+		json_array_foreach(names, at, name)
+		{
+			if (!db_params_has_name(writer->written, json_string_value(name)) &&
+			    !json_object_get(writer->failed, json_string_value(name)))
+				(void)json_array_append(untried, name);
+		}
+	}
+	return untried;
+}
+
 size_t db_params_plan_size(const json_t *plan)
 {
 	size_t count = 0;
@@ -66,6 +86,8 @@ static const json_t *group_of(struct db_params_writer *writer)
 	size_t i;
 	const json_t *name;
 
+	if (writer->checked)
+		return NULL;
 	if (!names && !writer->again && json_object_size(writer->failed) > 0 &&
 	    json_array_size(writer->written) > 0) {
 		/* A drive may refuse a parameter because of another one, and accept it after that
@@ -113,34 +135,56 @@ static json_t *write_group(const struct db_params_writer *writer, const json_t *
 		                      json_object_get(writer->values, json_string_value(name)));
 		writer->report(writer->data, json_string_value(name), "writing", "", NULL);
 	}
+	if (writer->standing)
+		(void)json_object_set_new(parameters, "standing", json_true());
 	return parameters;
+}
+
+/* Secrets are not among them: they are never read. */
+static void add_readable(const struct db_params_writer *writer, const json_t *names, json_t *read)
+{
+	size_t i;
+	json_t *name;
+
+	json_array_foreach(names, i, name)
+	{
+		if (!is_secret(writer, name))
+			(void)json_array_append(read, name);
+	}
+}
+
+/* Takes `names` over. */
+static const char *read_names(const struct db_params_writer *writer, json_t *names,
+                              json_t **parameters)
+{
+	*parameters = json_pack("{s:s, s:o}", "drive", writer->drive, "names", names);
+	return "Read";
 }
 
 const char *db_params_writer_next(struct db_params_writer *writer, json_t **parameters)
 {
 	const json_t *names;
+	json_t *read;
 
 	*parameters = NULL;
 	if (writer->reads_back) {
-		/* Secrets are never read. */
-		json_t *read = json_array();
-		size_t i;
-		json_t *name;
-
-		names = json_array_get(writer->plan, writer->at);
-		json_array_foreach(names, i, name)
-		{
-			if (!is_secret(writer, name))
-				(void)json_array_append(read, name);
-		}
-		*parameters = json_pack("{s:s, s:o}", "drive", writer->drive, "names", read);
-		return "Read";
+		read = json_array();
+		add_readable(writer, json_array_get(writer->plan, writer->at), read);
+		return read_names(writer, read, parameters);
 	}
 	names = writer->over[0] == '\0' ? group_of(writer) : NULL;
-	if (!names)
-		return NULL;
-	*parameters = write_group(writer, names);
-	return "Write";
+	if (names) {
+		*parameters = write_group(writer, names);
+		return "Write";
+	}
+	read = json_array();
+	add_readable(writer, writer->written, read);
+	add_readable(writer, writer->kept, read);
+	writer->checks = !writer->checked && !writer->lost && json_array_size(read) > 0;
+	if (writer->checks)
+		return read_names(writer, read, parameters);
+	json_decref(read);
+	return NULL;
 }
 
 /* The drive has taken a parameter, and now shows this value. */
@@ -170,6 +214,48 @@ static void conclude(struct db_params_writer *writer, json_t *name, const json_t
 	writer->report(writer->data, called, "done", text, secret ? NULL : value);
 }
 
+static void forget(json_t *names, const char *name)
+{
+	size_t i;
+	const json_t *item;
+
+	json_array_foreach(names, i, item)
+	{
+		if (strcmp(json_string_value(item), name) == 0) {
+			(void)json_array_remove(names, i);
+			return;
+		}
+	}
+}
+
+/* What the drive shows at the end. A value that it does not tell then says nothing. */
+static void check(struct db_params_writer *writer, const json_t *values)
+{
+	json_t *names = json_copy(writer->written);
+	size_t i;
+	const json_t *item;
+
+	(void)json_array_extend(names, writer->kept);
+	json_array_foreach(names, i, item)
+	{
+		const char *name = json_string_value(item);
+		const json_t *value = json_object_get(values, name);
+		char text[DB_WORDS_VALUE_MAX];
+		char reason[DB_WORDS_VALUE_MAX + 64];
+
+		if (!json_is_number(value) ||
+		    db_params_agree(value, json_object_get(writer->values, name)))
+			continue;
+		db_words_write_value(db_words_look_up(writer->registers, name), value, text,
+		                     sizeof(text));
+		(void)snprintf(reason, sizeof(reason),
+		               "something has changed it since: the drive shows %s", text);
+		forget(writer->written, name);
+		fail(writer, name, reason);
+	}
+	json_decref(names);
+}
+
 void db_params_writer_take(struct db_params_writer *writer, const json_t *answer,
                            const struct db_client_error *error)
 {
@@ -180,8 +266,16 @@ void db_params_writer_take(struct db_params_writer *writer, const json_t *answer
 	size_t i;
 	json_t *name;
 
-	if (!answer)
+	if (!answer && (!writer->checks || writer->over[0] == '\0'))
 		judge_error(writer, error);
+	if (writer->checks) {
+		if (!answer && writer->over[0] == '\0')
+			(void)snprintf(writer->over, sizeof(writer->over), "%s", error->text);
+		check(writer, json_object_get(answer, "values"));
+		writer->checks = false;
+		writer->checked = true;
+		return;
+	}
 	if (written) {
 		(void)snprintf(writer->result, sizeof(writer->result), "%s",
 		               db_words_text(answer, "result"));

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Writes parameters into a drive, in the order of db_params_order(), each read back. It says which
- * call comes next and takes the answer; whoever owns the connection makes the call. Pure.
+ * Writes parameters into a drive, in the order of db_params_order(), each read back, and all of
+ * them once more at the end: something else may have written them meanwhile. It says which call
+ * comes next and takes the answer; whoever owns the connection makes the call. Pure.
  *
  *	while ((method = db_params_writer_next(&writer, &parameters)))
  *		... call it ...
@@ -22,6 +23,9 @@ struct db_params_writer {
 	const json_t *registers;
 	const json_t *values; /* to be written, by name */
 	const json_t *plan;   /* of db_params_order() */
+	/* Names of values that the drive has already, which are read at the end, too; NULL. */
+	json_t *kept;
+	bool standing; /* nothing is written any more once the drive moves */
 	/* What becomes of a parameter: `state` is writing, done or failed, `text` the result or
 	 * the reason, `value` what the drive then has, NULL: not known. */
 	void (*report)(void *data, const char *name, const char *state, const char *text,
@@ -36,6 +40,8 @@ struct db_params_writer {
 	/* Private: */
 	size_t at; /* in the plan */
 	bool again;
+	bool checks; /* the next answer is that of the last read */
+	bool checked;
 	char result[64]; /* of the write that is read back */
 };
 
@@ -53,6 +59,9 @@ void db_params_writer_take(struct db_params_writer *writer, const json_t *answer
 /* Between two calls: nothing more is written, and the next parameter has failed for this reason. What
  * is written is still read back. Without effect after the last one. */
 void db_params_writer_end(struct db_params_writer *writer, const char *why);
+
+/* Afterwards: the names of the plan that were not tried any more. The caller frees them. */
+json_t *db_params_writer_untried(const struct db_params_writer *writer);
 
 /* The number of parameters in the plan. */
 size_t db_params_plan_size(const json_t *plan);

@@ -36,7 +36,8 @@ struct db_web_parameters {
 	db_time answer_by;
 	db_time paused;
 	bool pausing;
-	bool checks;     /* that the drive stands is checked first */
+	bool standing;   /* only while the drive stands */
+	bool checks;     /* and that it does is to be checked first */
 	const char *end; /* why no more is to be written; NULL */
 	json_t *values;
 	json_t *plan;
@@ -198,25 +199,17 @@ static void conclude(struct db_web_parameters *job)
 {
 	struct db_params_writer *writer = &job->writer;
 	struct db_web_stream *stream = job->stream;
+	json_t *untried = db_params_writer_untried(writer);
 	size_t i;
-	size_t at;
-	const json_t *names;
 	const json_t *name;
 
-	json_array_foreach(job->plan, i, names)
+	json_array_foreach(untried, i, name)
 	{
-		json_array_foreach(names, at, name)
-		{
-			const char *called = json_string_value(name);
-
-			if (db_params_has_name(writer->written, called) ||
-			    json_object_get(writer->failed, called))
-				continue;
-			(void)json_object_set_new(writer->failed, called,
-			                          json_string("not tried any more"));
-			report(job, called, "stopped", "not tried any more", NULL);
-		}
+		(void)json_object_set_new(writer->failed, json_string_value(name),
+		                          json_string("not tried any more"));
+		report(job, json_string_value(name), "stopped", "not tried any more", NULL);
 	}
+	json_decref(untried);
 	db_client_log(DB_CLIENT_NOTICE, "%s: parameters of %s: %zu written, %zu not%s%s",
 	              job->caller.text, job->drive, json_array_size(writer->written),
 	              json_object_size(writer->failed), writer->over[0] ? ": " : "", writer->over);
@@ -246,6 +239,7 @@ static void begin_writing(struct db_web_parameters *job)
 		.registers = job->registers,
 		.values = job->values,
 		.plan = job->plan,
+		.standing = job->standing,
 		.report = report,
 		.data = job,
 	};
@@ -441,7 +435,8 @@ static bool begin_stream(struct db_web_parameters *job, struct db_web_request *r
 	if (!db_web_tabs_begin(request, job->drive))
 		return false;
 	job->values = json_incref(json_object_get(request->parameters, "values"));
-	job->checks = json_is_true(json_object_get(request->parameters, "standing"));
+	job->checks = job->standing = json_is_true(
+		json_object_get(request->parameters, "standing"));
 	job->paused = db_client_now();
 	job->page = request;
 	job->stream = db_web_stream_begin_fed(request, lose_page, job);

@@ -54,6 +54,7 @@ static const struct {
 	{ DB_CLIENT_SERVICE "ScanFailed", "ScanFailed", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "EditFailed", "EditFailed", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "TooOld", "TooOld", MHD_HTTP_CONFLICT },
+	{ DB_CLIENT_SERVICE "Moving", "Moving", MHD_HTTP_CONFLICT },
 	{ DB_CLIENT_SERVICE "Busy", "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
 	{ DB_LANES_FULL, "Busy", MHD_HTTP_SERVICE_UNAVAILABLE },
 };

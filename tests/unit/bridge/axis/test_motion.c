@@ -33,6 +33,25 @@ static void result_follows_a_move_to_its_end(void **state)
 	drop(&fake);
 }
 
+/* From the moment it was asked for, whatever the status still shows. */
+static void a_motion_is_to_come_until_it_has_ended(void **state)
+{
+	FAKE(false);
+	assert_false(db_commander_is_to_move(fake.commander));
+	assert_int_equal(put(&fake, 0, DB_CMD_ENABLE, 0), DB_WRITE_LATER);
+	assert_false(db_commander_is_to_move(fake.commander));
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(put(&fake, 0, DB_CMD_MOVE_ABSOLUTE, 1000), DB_WRITE_LATER);
+	assert_true(db_commander_is_to_move(fake.commander));
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_true(db_commander_is_to_move(fake.commander));
+	fake.now += MS;
+	set_axis(&fake, DB_AXIS_STANDSTILL, 0, 1000);
+	let_pass(&fake, 50 * MS);
+	assert_false(db_commander_is_to_move(fake.commander));
+	drop(&fake);
+}
+
 static void old_data_ends_no_move(void **state)
 {
 	FAKE(false);
@@ -548,6 +567,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(result_follows_a_move_to_its_end),
+		cmocka_unit_test(a_motion_is_to_come_until_it_has_ended),
 		cmocka_unit_test(old_data_ends_no_move),
 		cmocka_unit_test(a_move_that_stops_elsewhere_has_failed),
 		cmocka_unit_test(a_move_that_rests_beside_its_target_says_so),

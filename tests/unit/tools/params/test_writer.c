@@ -19,7 +19,10 @@ struct fixture {
 	json_t *needs; /* by name: the parameter that has to be 1 before this one is taken */
 	json_t *calls;
 	char said[2048];
-	size_t end_after; /* calls; 0: never */
+	size_t end_after;   /* calls; 0: never */
+	size_t other_after; /* so many calls another writes spd = 77; 0: never */
+	size_t deaf_after;  /* so many calls nothing answers; 0: never */
+	bool standing;
 	struct db_params_writer writer;
 };
 
@@ -138,6 +141,7 @@ static void run(struct fixture *fixture, json_t *values)
 		                             .registers = fixture->registers,
 		                             .values = values,
 		                             .plan = plan,
+		                             .standing = fixture->standing,
 		                             .report = take_report,
 		                             .data = fixture };
 	db_params_writer_begin(writer);
@@ -154,11 +158,20 @@ static void run(struct fixture *fixture, json_t *values)
 		assert_string_equal(json_string_value(json_object_get(parameters, "drive")),
 		                    "feeder");
 		(void)json_object_del(parameters, "drive");
+		if (fixture->other_after > 0 &&
+		    json_array_size(fixture->calls) == fixture->other_after)
+			(void)json_object_set_new(fixture->held, "spd", json_integer(77));
 		answer = strcmp(method, "Write") == 0 ?
 		                 answer_write(fixture, json_object_get(parameters, "values"),
 		                              &error) :
 		                 answer_read(fixture, json_object_get(parameters, "names"));
 		(void)json_array_append_new(fixture->calls, parameters);
+		if (fixture->deaf_after > 0 &&
+		    json_array_size(fixture->calls) > fixture->deaf_after) {
+			json_decref(answer);
+			answer = NULL;
+			db_client_error_set(&error, DB_CLIENT_LOST, "it is gone");
+		}
 		db_params_writer_take(writer, answer, &error);
 		db_client_error_clear(&error);
 		json_decref(answer);
@@ -182,9 +195,9 @@ static void test_each_is_written_and_read_back(void **state)
 	run(fixture, json_pack("{s:i, s:i, s:i}", "high", 4, "low", 3, "spd", 5));
 	expect(fixture->writer.written, "[\"spd\",\"low\",\"high\"]");
 	expect(fixture->writer.failed, "{}");
-	expect(fixture->calls,
-	       "[{\"values\":{\"spd\":5}},{\"names\":[\"spd\"]},"
-	       "{\"values\":{\"low\":3,\"high\":4}},{\"names\":[\"low\",\"high\"]}]");
+	expect(fixture->calls, "[{\"values\":{\"spd\":5}},{\"names\":[\"spd\"]},"
+	                       "{\"values\":{\"low\":3,\"high\":4}},{\"names\":[\"low\",\"high\"]},"
+	                       "{\"names\":[\"spd\",\"low\",\"high\"]}]");
 	assert_string_equal(fixture->said, "spd done ok;low done ok;high done ok;");
 	assert_string_equal(fixture->writer.over, "");
 }
@@ -220,7 +233,7 @@ static void test_of_a_group_both_are_counted_once(void **state)
 	run(fixture, json_pack("{s:i, s:i}", "low", 5, "high", 6));
 	expect(fixture->writer.written, "[\"high\"]");
 	expect(fixture->writer.failed, "{\"low\":\"the drive shows 9 V\"}");
-	assert_int_equal(json_array_size(fixture->calls), 4);
+	assert_int_equal(json_array_size(fixture->calls), 5);
 }
 
 static void test_a_drive_that_is_gone_gets_nothing_more(void **state)
@@ -230,6 +243,7 @@ static void test_a_drive_that_is_gone_gets_nothing_more(void **state)
 		{ DB_CLIENT_SERVICE "Refused", "not_in_control" },
 		{ DB_CLIENT_SERVICE "NotAllowed", "" },
 		{ DB_CLIENT_SERVICE "TooOld", "" },
+		{ DB_CLIENT_SERVICE "Moving", "" },
 		{ DB_CLIENT_LOST, "" },
 	};
 
@@ -245,7 +259,8 @@ static void test_a_drive_that_is_gone_gets_nothing_more(void **state)
 		expect(fixture->writer.written, "[\"s1\"]");
 		assert_int_equal(json_object_size(fixture->writer.failed), 1);
 		assert_non_null(json_object_get(fixture->writer.failed, "spd"));
-		assert_int_equal(json_array_size(fixture->calls), 3);
+		/* What was written is read once more, where that can be asked. */
+		assert_int_equal(json_array_size(fixture->calls), fixture->writer.lost ? 3 : 4);
 		assert_int_not_equal(fixture->writer.over[0], '\0');
 		assert_int_equal(fixture->writer.lost, strcmp(gone[i][0], DB_CLIENT_LOST) == 0);
 	}
@@ -283,10 +298,112 @@ static void test_a_secret_is_not_read_back(void **state)
 	assert_string_equal(fixture->said, "code done ok; it cannot be read back -;");
 }
 
+static void test_what_another_wrote_since_is_not_written(void **state)
+{
+	struct fixture *fixture = *state;
+
+	fixture->other_after = 3;
+	run(fixture, json_pack("{s:i, s:i}", "s1", 1, "spd", 5));
+	expect(fixture->writer.written, "[\"s1\",\"spd\"]");
+
+	(void)tear_down(state);
+	(void)set_up(state);
+	fixture = *state;
+	fixture->other_after = 4;
+	run(fixture, json_pack("{s:i, s:i}", "s1", 1, "spd", 5));
+	expect(fixture->writer.written, "[\"s1\"]");
+	expect(fixture->writer.failed,
+	       "{\"spd\":\"something has changed it since: the drive shows 77 V\"}");
+	/* Nobody is written against: it is not tried again. */
+	assert_int_equal(json_array_size(fixture->calls), 5);
+	assert_string_equal(fixture->writer.over, "");
+}
+
+static void test_what_the_drive_had_is_looked_at_in_the_end(void **state)
+{
+	struct fixture *fixture = *state;
+	json_t *values = json_pack("{s:i, s:i}", "s1", 1, "spd", 5);
+	json_t *plan = json_pack("[[s]]", "s1");
+	struct db_client_error none = { .parameters = NULL };
+	json_t *parameters;
+	json_t *answer;
+
+	fixture->writer = (struct db_params_writer){ .drive = "feeder",
+		                                     .registers = fixture->registers,
+		                                     .values = values,
+		                                     .plan = plan,
+		                                     .kept = json_pack("[s]", "spd"),
+		                                     .report = take_report,
+		                                     .data = fixture };
+	db_params_writer_begin(&fixture->writer);
+	(void)json_object_set_new(fixture->held, "spd", json_integer(6));
+	while (db_params_writer_next(&fixture->writer, &parameters)) {
+		json_t *written = json_object_get(parameters, "values");
+
+		answer = written ? answer_write(fixture, written, &none) :
+		                   answer_read(fixture, json_object_get(parameters, "names"));
+		db_params_writer_take(&fixture->writer, answer, &none);
+		json_decref(answer);
+		json_decref(parameters);
+	}
+	expect(fixture->writer.written, "[\"s1\"]");
+	expect(fixture->writer.failed,
+	       "{\"spd\":\"something has changed it since: the drive shows 6 V\"}");
+	json_decref(fixture->writer.kept);
+	json_decref(values);
+	json_decref(plan);
+}
+
+static void test_without_the_last_look_it_is_over(void **state)
+{
+	struct fixture *fixture = *state;
+
+	fixture->deaf_after = 2;
+	run(fixture, json_pack("{s:i}", "s1", 1));
+	expect(fixture->writer.written, "[\"s1\"]");
+	expect(fixture->writer.failed, "{}");
+	assert_string_equal(fixture->writer.over, "it is gone");
+	assert_true(fixture->writer.lost);
+}
+
+static void test_what_is_for_a_drive_that_stands_says_so(void **state)
+{
+	struct fixture *fixture = *state;
+
+	fixture->standing = true;
+	run(fixture, json_pack("{s:i}", "code", 9));
+	expect(fixture->calls, "[{\"values\":{\"code\":9},\"standing\":true}]");
+}
+
+static void test_what_was_not_tried_is_known(void **state)
+{
+	struct fixture *fixture = *state;
+	json_t *plan = json_pack("[[s],[s],[s,s]]", "s1", "spd", "low", "high");
+	json_t *untried;
+
+	fixture->end_after = 1;
+	run(fixture, json_pack("{s:i, s:i, s:i, s:i}", "s1", 1, "spd", 5, "low", 1, "high", 2));
+	fixture->writer.plan = plan; /* as it was */
+	untried = db_params_writer_untried(&fixture->writer);
+	expect(untried, "[\"low\",\"high\"]");
+	json_decref(untried);
+	json_decref(plan);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test_setup_teardown(test_each_is_written_and_read_back, set_up,
+		                                tear_down),
+		cmocka_unit_test_setup_teardown(test_what_another_wrote_since_is_not_written,
+		                                set_up, tear_down),
+		cmocka_unit_test_setup_teardown(test_what_the_drive_had_is_looked_at_in_the_end,
+		                                set_up, tear_down),
+		cmocka_unit_test_setup_teardown(test_without_the_last_look_it_is_over, set_up,
+		                                tear_down),
+		cmocka_unit_test_setup_teardown(test_what_is_for_a_drive_that_stands_says_so,
+		                                set_up, tear_down),
+		cmocka_unit_test_setup_teardown(test_what_was_not_tried_is_known, set_up,
 		                                tear_down),
 		cmocka_unit_test_setup_teardown(test_what_the_drive_shows_otherwise_has_failed,
 		                                set_up, tear_down),
