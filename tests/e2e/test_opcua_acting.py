@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import re
 import shutil
+import signal
 import socket
 
 import pytest
@@ -45,6 +46,36 @@ ARGUMENTS = {
 
 
 # --- methods
+
+
+@in_loop
+async def test_nobody_is_served_before_the_drives_are_known(make_bridge, make_server, certificate):
+    """A client that was there before knows the nodes' ids: that there is no such method, or no such value, would be wrong."""
+    bridge = make_bridge()
+    server = make_server(bridge)
+    async with server.session(certificate, OPERATOR) as session:
+        drive, stop, velocity = (at(session, name).nodeid for name in ("drive1", "drive1.Stop", "drive1.VelocityActualValue"))
+    server.kill()
+    bridge.process.send_signal(signal.SIGSTOP)
+    try:
+        server.start()
+        connecting = asyncio.ensure_future(connect(server.client(certificate, OPERATOR)))
+        await asyncio.wait([connecting], timeout=0.5)
+    finally:
+        bridge.process.send_signal(signal.SIGCONT)
+    session = await connecting
+    called = (await session.uaclient.call([ua.CallMethodRequest(drive, stop, [])]))[0]
+    assert called.StatusCode.name == "Good", called
+    assert (await session.uaclient.read_attributes([velocity], ua.AttributeIds.Value))[0].StatusCode.name != "BadNodeIdUnknown"
+    await session.disconnect()
+
+
+@in_loop
+async def test_a_service_that_does_not_come_keeps_nobody_waiting(make_server, certificate):
+    server = make_server(None)
+    session = await connect(server.client(certificate, OPERATOR))
+    assert await at(session, "/Drives").get_children() == []
+    await session.disconnect()
 
 
 @in_loop

@@ -270,6 +270,11 @@ static void know(void *context, json_t *description)
 	plant->known = json_incref(description);
 }
 
+bool db_opcua_plant_is_known(const struct db_opcua_plant *plant)
+{
+	return plant->known;
+}
+
 bool db_opcua_plant_has_audit(const struct db_opcua_plant *plant)
 {
 	/* Services of before have no audit trail. */

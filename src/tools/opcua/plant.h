@@ -48,6 +48,9 @@ void db_opcua_plant_free(struct db_opcua_plant *plant);
 /* Does the work that is due; returns when it is to be called next without an answer. */
 db_time db_opcua_plant_tend(struct db_opcua_plant *plant, db_time now);
 
+/* True if the drives have been found once. */
+bool db_opcua_plant_is_known(const struct db_opcua_plant *plant);
+
 /* True if the service takes what is for its audit trail. */
 bool db_opcua_plant_has_audit(const struct db_opcua_plant *plant);
 /* Adds to the audit trail what a user did here. */

@@ -11,6 +11,7 @@
 #include "opcua/trail.h"
 #include "opcua/values.h"
 
+#include "client/clock.h"
 #include "client/log.h"
 #include "client/program.h"
 #include "drivebridge/version.h"
@@ -51,8 +52,13 @@
 /* How often sessions with moving drives are checked for signs of life. */
 #define LISTEN_INTERVAL (100 * DB_NS_PER_MS)
 
+/* How long clients wait for the first answers of the service: until then nodes of drives that a
+ * client knows would be unknown, and some clients do not ask for such nodes again. */
+#define FIRST_DRIVES_WITHIN (3 * DB_NS_PER_S)
+
 struct db_opcua_server {
 	const struct db_opcua_config *config;
+	db_time serves_from; /* at the latest; 0: it serves */
 	sd_event *loop;
 	struct db_opcua_network *network;
 	struct db_waker network_waker;
@@ -437,6 +443,7 @@ struct db_opcua_server *db_opcua_server_new(sd_event *loop, const struct db_opcu
 		return NULL;
 	server->loop = loop;
 	server->config = config;
+	server->serves_from = db_client_now() + FIRST_DRIVES_WITHIN;
 	server->network = db_opcua_network_new(2 * (config->sessions + DB_OPCUA_STOP_PLACES),
 	                                       forget_connection, go_on, server);
 	server->access = db_opcua_access_new(config, server->network, lose_session, note, server);
@@ -494,6 +501,8 @@ void db_opcua_server_free(struct db_opcua_server *server)
 
 static void serve(struct db_opcua_server *server)
 {
+	if (server->serves_from != 0)
+		return;
 	db_opcua_access_begin(server->access);
 	/* The library mistakes a closed connection for one without data when errno is still set. */
 	errno = 0;
@@ -519,6 +528,8 @@ db_time db_opcua_server_turn(void *context, db_time now, int64_t us)
 	other = db_opcua_nodes_tend(server->nodes, now);
 	if (other < due)
 		due = other;
+	if (db_opcua_plant_is_known(server->plant) || now >= server->serves_from)
+		server->serves_from = 0;
 	db_opcua_acting_begin(server->acting, now);
 	db_opcua_access_review(server->access);
 	db_opcua_network_flush(server->network, now);
@@ -527,8 +538,11 @@ db_time db_opcua_server_turn(void *context, db_time now, int64_t us)
 	if (db_opcua_network_is_busy(server->network))
 		serve(server);
 	feed(server, now);
-	db_waker_arm(&server->network_waker, server->loop, db_opcua_network_fd(server->network),
-	             EPOLLIN);
+	if (server->serves_from == 0)
+		db_waker_arm(&server->network_waker, server->loop,
+		             db_opcua_network_fd(server->network), EPOLLIN);
+	else if (server->serves_from < due)
+		due = server->serves_from;
 	other = db_opcua_network_due(server->network, now);
 	if (other < due)
 		due = other;
