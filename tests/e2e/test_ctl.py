@@ -241,6 +241,8 @@ def test_what_is_refused_says_why_and_ends_with_1(plant):
     assert error["parameters"]["result"] == "limit"
     assert "did you mean move_relative" in ctl(plant, "run", "feeder", "move_relativ", status=2)
     assert "did you mean feeder?" in ctl(plant, "run", "feder", "enable", status=2)
+    assert "did you mean feeder?" in ctl(plant, "run", "feder", "stop", status=2)
+    assert 'stop takes no "speed"' in ctl(plant, "run", "feeder", "stop", "speed=3", status=2)
 
 
 def test_a_drive_without_power_is_said_to_have_none(plant):
@@ -294,6 +296,22 @@ def test_stop_stops_what_moves_whoever_holds_the_socket(plant):
         plant.sim.fault("silence off", "drive3")
         eventually(lambda: sorted(ctl(plant, "stop").splitlines()) == sorted(f"{name}: stop: ok" for name in NAMES))
         plant.wait_standing(3)
+    finally:
+        for line in lines:
+            line.close()
+
+
+@pytest.mark.parametrize("words", ["run feeder stop", "run feeder quick_stop", "run feeder disable", "disable feeder"])
+def test_whoever_holds_the_socket_a_run_stops(plant, words):
+    """People and scripts have more than one word for it."""
+    ctl(plant, "run", "feeder", "enable")
+    ctl(plant, "run", "--no-wait", "feeder", "move_velocity", "target_velocity=640")
+    lines = sessions(plant, 64)
+    try:
+        assert ctl(plant, *words.split()) == f"feeder: {words.split()[-1] if 'run' in words else 'disable'}: ok\n"
+        plant.wait_standing(1)
+        # All else is refused: the service is full.
+        assert "too much to do" in ctl(plant, "run", "feeder", "enable", status=1)
     finally:
         for line in lines:
             line.close()

@@ -14,7 +14,9 @@ struct running {
 	const char *command;
 	enum db_ctl_status status;
 	bool ended;
-	bool refused; /* by the drive */
+	bool refused;   /* by the drive */
+	bool unchecked; /* nobody has looked whether there are such a drive and command */
+	bool unknown;   /* and there are not */
 };
 
 /* The command's arguments, from the drive's registers, as an array that the caller frees. */
@@ -44,6 +46,11 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	if (more)
 		return;
 	running->ended = true;
+	running->unknown = running->unchecked && error &&
+	                   (strcmp(error->name, DB_CLIENT_SERVICE "NoSuchDrive") == 0 ||
+	                    strcmp(error->name, DB_CLIENT_SERVICE "NoSuchCommand") == 0);
+	if (running->unknown)
+		return;
 	if (error) {
 		running->status = db_ctl_fail(running->ctl, error);
 		running->refused = strcmp(db_words_text(error->parameters, "result"), "refused") ==
@@ -119,6 +126,37 @@ static void say_that_it_is_disabled(struct db_ctl *ctl, const struct running *ru
 	json_decref(answer);
 }
 
+/* Where all places for sessions are taken the service keeps some for stops, and takes there nothing
+ * that is asked before: a stop is sent over a connection of its own, at once. False: it is none, or
+ * there is no such drive or command. */
+static bool stop_first(struct db_ctl *ctl, const char *drive, const char *name,
+                       enum db_ctl_status *status)
+{
+	static const char *const stops[] = { "stop", "quick_stop", "disable" };
+	struct running running = { .ctl = ctl, .drive = drive, .command = name, .unchecked = true };
+	struct db_client_error error = { .parameters = NULL };
+	bool is_stop = false;
+
+	for (size_t i = 0; i < sizeof(stops) / sizeof(stops[0]); i++)
+		is_stop = is_stop || strcmp(name, stops[i]) == 0;
+	if (!is_stop)
+		return false;
+	if (db_client_open(ctl->socket, &ctl->client, &error) != 0)
+		*status = db_ctl_fail(ctl, &error);
+	else if (db_client_send(ctl->client, "Run",
+	                        json_pack("{s:s, s:s, s:b}", "drive", drive, "command", name,
+	                                  "until_end", !ctl->no_wait),
+	                        false, take_result, &running) == 0)
+		*status = wait_for_end(ctl, &running);
+	else
+		*status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
+		                          "the service has closed the connection");
+	db_client_error_clear(&error);
+	if (running.unknown)
+		db_ctl_close(ctl);
+	return !running.unknown;
+}
+
 /* Runs the command of that name with the arguments after it. */
 static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, const char *name,
                                       int count, char **arguments)
@@ -132,6 +170,11 @@ static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, con
 	const json_t *command = NULL;
 	char unknown[128];
 
+	if (count == 0 && stop_first(ctl, drive, name, &status))
+		return status;
+	status = db_ctl_open(ctl);
+	if (status != DB_CTL_OK)
+		return status;
 	if (!db_ctl_find_drive(ctl, drive))
 		return DB_CTL_USAGE;
 	answer = db_ctl_call(ctl, "Commands", json_pack("{s:s}", "drive", drive), DB_CTL_TIMEOUT_MS,
@@ -202,7 +245,7 @@ enum db_ctl_status db_ctl_go(struct db_ctl *ctl, const char *drive, const char *
 
 enum db_ctl_status db_ctl_run(struct db_ctl *ctl, int count, char **arguments)
 {
-	enum db_ctl_status status = DB_CTL_USAGE;
+	enum db_ctl_status status;
 	json_t *answer = NULL;
 	json_t *object;
 	size_t i;
@@ -212,6 +255,10 @@ enum db_ctl_status db_ctl_run(struct db_ctl *ctl, int count, char **arguments)
 
 	if (count > 1)
 		return run_command(ctl, arguments[0], arguments[1], count - 2, arguments + 2);
+	status = db_ctl_open(ctl);
+	if (status != DB_CTL_OK)
+		return status;
+	status = DB_CTL_USAGE;
 	/* What can be told to this drive, in the form of the help. */
 	if (db_ctl_find_drive(ctl, arguments[0]))
 		answer = db_ctl_call(ctl, "Commands", json_pack("{s:s}", "drive", arguments[0]),

@@ -32,7 +32,7 @@ const struct db_ctl_command db_ctl_commands[] = {
 	  "Values at the cycle of their bus as CSV; each with the time of its data, from a trigger "
 	  "on and some time before it",
 	  db_ctl_record },
-	{ "move", "DRIVE POSITION [VELOCITY]", "drives -", 2, 3, true, DB_CTL_TASK_MOVE,
+	{ "move", "DRIVE POSITION [VELOCITY]", "drives -", 2, 3, false, DB_CTL_TASK_MOVE,
 	  "Go to a position; waits for the end of the motion, as run DRIVE move_absolute does. 10mm "
 	  "or 100mm/s in the drive's units, a plain number in counts. Ctrl-C stops the drive",
 	  db_ctl_run_short },
@@ -40,16 +40,16 @@ const struct db_ctl_command db_ctl_commands[] = {
 	  "Stop these drives, or all; says of each whether that is confirmed, and ends with 0 only "
 	  "when it is of all",
 	  db_ctl_stop },
-	{ "enable", "DRIVE", "drives -", 1, 1, true, DB_CTL_TASK_MOVE,
+	{ "enable", "DRIVE", "drives -", 1, 1, false, DB_CTL_TASK_MOVE,
 	  "Power the motor",
 	  db_ctl_run_short },
-	{ "disable", "DRIVE", "drives -", 1, 1, true, DB_CTL_TASK_MOVE,
+	{ "disable", "DRIVE", "drives -", 1, 1, false, DB_CTL_TASK_MOVE,
 	  "Power off the motor: a load may drop",
 	  db_ctl_run_short },
-	{ "home", "DRIVE", "drives -", 1, 1, true, DB_CTL_TASK_MOVE,
+	{ "home", "DRIVE", "drives -", 1, 1, false, DB_CTL_TASK_MOVE,
 	  "Find the origin; the way the drive's parameters say. Waits for the end",
 	  db_ctl_run_short },
-	{ "clear", "DRIVE", "drives -", 1, 1, true, DB_CTL_TASK_MOVE,
+	{ "clear", "DRIVE", "drives -", 1, 1, false, DB_CTL_TASK_MOVE,
 	  "Clear faults and the lock of the watchdog; as run DRIVE clear_fault does",
 	  db_ctl_run_short },
 	{ "jog", "DRIVE", "drives", 1, 1, true, DB_CTL_TASK_MOVE,
@@ -61,7 +61,7 @@ const struct db_ctl_command db_ctl_commands[] = {
 	  "after its origin, its counts per unit or the drive itself has changed; keep says that the "
 	  "origin is still the one of then",
 	  db_ctl_position },
-	{ "run", "DRIVE [COMMAND [VALUE...]]", "drives commands arguments", 1, -1, true, DB_CTL_TASK_MOVE,
+	{ "run", "DRIVE [COMMAND [VALUE...]]", "drives commands arguments", 1, -1, false, DB_CTL_TASK_MOVE,
 	  "Run any command of the drive; without COMMAND lists what there is. Waits for its end, "
 	  "that of its motion too; values of its arguments in their order or by name, such as 10mm; "
 	  "Ctrl-C stops the drive",

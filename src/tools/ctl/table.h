@@ -40,9 +40,9 @@ struct db_ctl_command {
 	 * or drives-or-files, with spaces between; the last one is repeated.
 	 */
 	const char *kinds;
-	int min; /* numbers of arguments */
-	int max; /* -1: any number */
-	bool connects;
+	int min;       /* numbers of arguments */
+	int max;       /* -1: any number */
+	bool connects; /* before it is called; false: it does so itself, or need not */
 	enum db_ctl_task task;
 	const char *
 		description; /* what is before the first semicolon is one line of the help; NULL: not
