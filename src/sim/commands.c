@@ -32,11 +32,11 @@ static const char *do_flash(struct request *request)
 {
 	struct sim_node *node = request->node;
 
-	if (!(node->family->changes >> SIM_CHANGE_FLASH & 1))
+	if (!node->family->fail_flash)
 		return NOT_OF_FAMILY;
 	if (strcmp(request->rest, "fail") != 0 && strcmp(request->rest, "ok") != 0)
 		return "flash needs \"fail\" or \"ok\"";
-	node->family->change(node, SIM_CHANGE_FLASH, request->rest[0] == 'f', request->now);
+	node->family->fail_flash(node, request->rest[0] == 'f');
 	return NULL;
 }
 
@@ -45,11 +45,11 @@ static const char *do_stall(struct request *request)
 	struct sim_node *node = request->node;
 	bool off = strcmp(request->rest, "off") == 0;
 
-	if (!(node->family->changes >> SIM_CHANGE_STALL & 1))
+	if (!node->family->stall)
 		return NOT_OF_FAMILY;
 	if (!off && request->rest[0] != '\0' && strcmp(request->rest, "on") != 0)
 		return "stall needs \"on\", \"off\" or nothing";
-	node->family->change(node, SIM_CHANGE_STALL, !off, request->now);
+	node->family->stall(node, !off, request->now);
 	return NULL;
 }
 
@@ -62,9 +62,9 @@ static const char *do_power(struct request *request)
 	if (!cycle && !on && strcmp(request->rest, "off") != 0)
 		return "power needs \"on\", \"off\" or \"cycle\"";
 	if (!on)
-		node->family->change(node, SIM_CHANGE_POWER, false, request->now);
+		node->family->power(node, false, request->now);
 	if (on || cycle)
-		node->family->change(node, SIM_CHANGE_POWER, true, request->now);
+		node->family->power(node, true, request->now);
 	sim_world_report(request->world, node,
 	                 cycle ? "power cycle" :
 	                 on    ? "power on" :
@@ -81,8 +81,7 @@ static const char *do_address(struct request *request)
 
 	if (end == request->rest || *end != '\0' || address < 1 || address > 31)
 		return "address needs a number, 1 to 31";
-	request->node->family->change(request->node, SIM_CHANGE_ADDRESS, (uint32_t)address,
-	                              request->now);
+	request->node->family->set_address(request->node, (unsigned)address);
 	return NULL;
 }
 
@@ -92,11 +91,11 @@ static const char *do_bits(struct request *request)
 	unsigned long mask = strtoul(request->rest, &end, 0);
 	struct sim_node *node = request->node;
 
-	if (!(node->family->changes >> SIM_CHANGE_STATUS & 1))
+	if (!node->family->force_status)
 		return NOT_OF_FAMILY;
 	if (end == request->rest || *end != '\0' || mask > UINT32_MAX)
 		return "bits needs a number, 0x40 for instance";
-	node->family->change(node, SIM_CHANGE_STATUS, (uint32_t)mask, request->now);
+	node->family->force_status(node, (uint32_t)mask);
 	return NULL;
 }
 

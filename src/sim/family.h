@@ -20,15 +20,6 @@ struct sim_family_command {
 	const char *(*run)(struct sim_node *node, const char *rest, db_time now);
 };
 
-/* Those after the power are only of families that have such a thing. */
-enum sim_change {
-	SIM_CHANGE_ADDRESS,
-	SIM_CHANGE_POWER,  /* 0: off */
-	SIM_CHANGE_STALL,  /* 1: holds the shaft, 0: releases it */
-	SIM_CHANGE_STATUS, /* shows these status bits in addition to the real ones */
-	SIM_CHANGE_FLASH,  /* 1: writing its parameters fails */
-};
-
 struct sim_family {
 	const struct sim_serial_protocol *protocol; /* null: on CAN */
 
@@ -50,9 +41,15 @@ struct sim_family {
 	void (*write_state)(struct sim_node *node, db_time now, FILE *out);
 
 	unsigned (*get_address)(const struct sim_node *node);
-	/* What is done to it from outside: one of those changes of which it has the bit. */
-	void (*change)(struct sim_node *node, enum sim_change what, uint32_t value, db_time now);
-	unsigned changes; /* bits of those that not all families have */
+	void (*set_address)(struct sim_node *node, unsigned address);
+	void (*power)(struct sim_node *node, bool on, db_time now);
+
+	/* Holds the shaft, or releases it; null: the family does not sense its motors. */
+	void (*stall)(struct sim_node *node, bool stalled, db_time now);
+	/* Shows these status bits in addition to the real ones; null: it has none. */
+	void (*force_status)(struct sim_node *node, uint32_t bits);
+	/* Writing its parameters fails; null: it has no such memory. */
+	void (*fail_flash)(struct sim_node *node, bool fail);
 
 	const struct sim_family_command *commands; /* the last one has no name */
 };

@@ -102,27 +102,25 @@ static unsigned get_address(const struct sim_node *node)
 
 /* --- from outside ----------------------------------------------------------------------------- */
 
-static void change(struct sim_node *node, enum sim_change what, uint32_t value, db_time now)
+static void set_address(struct sim_node *node, unsigned address)
 {
-	struct sim_servo *drive = node->servo->drive;
+	node->servo->address = (uint8_t)address;
+}
 
-	switch (what) {
-	case SIM_CHANGE_ADDRESS:
-		node->servo->address = (uint8_t)value;
-		break;
-	case SIM_CHANGE_POWER:
-		sim_servo_power(drive, value != 0, now);
-		break;
-	case SIM_CHANGE_STALL:
-		sim_servo_advance(drive, now);
-		drive->blocked = value != 0;
-		break;
-	case SIM_CHANGE_STATUS:
-		drive->forced = (uint16_t)value;
-		break;
-	case SIM_CHANGE_FLASH: /* it has none */
-		break;
-	}
+static void power(struct sim_node *node, bool on, db_time now)
+{
+	sim_servo_power(node->servo->drive, on, now);
+}
+
+static void stall(struct sim_node *node, bool stalled, db_time now)
+{
+	sim_servo_advance(node->servo->drive, now);
+	node->servo->drive->blocked = stalled;
+}
+
+static void force_status(struct sim_node *node, uint32_t bits)
+{
+	node->servo->drive->forced = (uint16_t)bits;
 }
 
 static const char *set_faults(struct sim_node *node, const char *rest, db_time now)
@@ -185,7 +183,9 @@ const struct sim_family sim_servo_can_family = {
 	.write_motion = write_motion,
 	.write_state = write_state,
 	.get_address = get_address,
-	.change = change,
-	.changes = 1u << SIM_CHANGE_STALL | 1u << SIM_CHANGE_STATUS,
+	.set_address = set_address,
+	.power = power,
+	.stall = stall,
+	.force_status = force_status,
 	.commands = commands,
 };

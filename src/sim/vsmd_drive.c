@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A handler returns false when the drive refuses the command. Verbs that only read have none. */
+/* A handler returns false when the drive refuses the command. */
 typedef bool handler_fn(struct sim_vsmd *drive, const struct vsmd_command *command);
 
 static const struct {
@@ -218,6 +218,13 @@ void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now)
 	power_up(drive, now);
 }
 
+static bool accept(struct sim_vsmd *drive, const struct vsmd_command *command)
+{
+	(void)drive;
+	(void)command;
+	return true;
+}
+
 void sim_vsmd_note_request(struct sim_vsmd *drive, bool named, db_time now)
 {
 	enum sim_handshake rule = drive->config.temper.handshake;
@@ -388,15 +395,27 @@ static bool save_params(struct sim_vsmd *drive, const struct vsmd_command *comma
 }
 
 static handler_fn *const handlers[VSMD_VERB_COUNT] = {
-	[VSMD_ENA] = switch_motor,         [VSMD_OFF] = switch_motor,
-	[VSMD_MOV] = move_motor,           [VSMD_POS] = move_motor,
-	[VSMD_RMV] = move_motor,           [VSMD_STP] = stop_motor,
-	[VSMD_ORG] = set_origin,           [VSMD_ECLR] = clear_encoder,
-	[VSMD_SENSOR_OUT] = set_output,    [VSMD_SV] = set_output,
-	[VSMD_NMOS] = set_output,          [VSMD_ZERO_START] = home_motor,
-	[VSMD_ZERO_STOP] = home_motor,     [VSMD_SHAKE_CYCLES] = shake_motor,
-	[VSMD_SHAKE_TIME] = shake_motor,   [VSMD_SHAKE_STOP] = shake_motor,
-	[VSMD_CFG_WRITE] = write_settings, [VSMD_SAV] = save_params,
+	[VSMD_DEV] = accept,
+	[VSMD_STS] = accept,
+	[VSMD_ENA] = switch_motor,
+	[VSMD_OFF] = switch_motor,
+	[VSMD_MOV] = move_motor,
+	[VSMD_POS] = move_motor,
+	[VSMD_RMV] = move_motor,
+	[VSMD_STP] = stop_motor,
+	[VSMD_ORG] = set_origin,
+	[VSMD_ECLR] = clear_encoder,
+	[VSMD_SENSOR_OUT] = set_output,
+	[VSMD_SV] = set_output,
+	[VSMD_NMOS] = set_output,
+	[VSMD_ZERO_START] = home_motor,
+	[VSMD_ZERO_STOP] = home_motor,
+	[VSMD_SHAKE_CYCLES] = shake_motor,
+	[VSMD_SHAKE_TIME] = shake_motor,
+	[VSMD_SHAKE_STOP] = shake_motor,
+	[VSMD_CFG_READ] = accept,
+	[VSMD_CFG_WRITE] = write_settings,
+	[VSMD_SAV] = save_params,
 };
 
 static bool is_read(enum vsmd_verb verb)
@@ -429,7 +448,7 @@ enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_
 		if (!is_read(command->verb) && command->verb != VSMD_ORG &&
 		    command->verb != VSMD_CFG_WRITE && command->verb != VSMD_SENSOR_OUT)
 			drive->waits = false;
-		good = !handlers[command->verb] || handlers[command->verb](drive, command);
+		good = handlers[command->verb](drive, command);
 	} else {
 		/* This drive delays motions. */
 		drive->waits = true;

@@ -104,29 +104,34 @@ static unsigned get_address(const struct sim_node *node)
 
 /* --- from outside ----------------------------------------------------------------------------- */
 
-static void change(struct sim_node *node, enum sim_change what, uint32_t value, db_time now)
+/* As by a switch on the drive, at once. */
+static void set_address(struct sim_node *node, unsigned address)
 {
 	struct sim_vsmd *drive = node->drive;
 
-	switch (what) {
-	case SIM_CHANGE_ADDRESS: /* as by a switch on the drive, at once */
-		drive->address = value;
-		drive->params[VSMD_CID].u = drive->flash[VSMD_CID].u = value;
-		break;
-	case SIM_CHANGE_POWER:
-		sim_vsmd_power(drive, value != 0, now);
-		break;
-	case SIM_CHANGE_STALL:
-		sim_vsmd_advance(drive, now);
-		drive->stalled = value != 0;
-		break;
-	case SIM_CHANGE_STATUS:
-		drive->forced_status = value;
-		break;
-	case SIM_CHANGE_FLASH:
-		drive->flash_fails = value != 0;
-		break;
-	}
+	drive->address = address;
+	drive->params[VSMD_CID].u = drive->flash[VSMD_CID].u = address;
+}
+
+static void power(struct sim_node *node, bool on, db_time now)
+{
+	sim_vsmd_power(node->drive, on, now);
+}
+
+static void stall(struct sim_node *node, bool stalled, db_time now)
+{
+	sim_vsmd_advance(node->drive, now);
+	node->drive->stalled = stalled;
+}
+
+static void force_status(struct sim_node *node, uint32_t bits)
+{
+	node->drive->forced_status = bits;
+}
+
+static void fail_flash(struct sim_node *node, bool fail)
+{
+	node->drive->flash_fails = fail;
 }
 
 static const char *set_identity(struct sim_node *node, const char *rest, db_time now)
@@ -193,9 +198,8 @@ static const struct sim_family_command commands[] = {
 #define OPERATIONS                                                                                \
 	.open = open_drive, .close = close_drive, .advance = advance,                             \
 	.moving_motors = moving_motors, .write_motion = write_motion, .write_state = write_state, \
-	.get_address = get_address, .change = change,                                             \
-	.changes = 1u << SIM_CHANGE_STALL | 1u << SIM_CHANGE_STATUS | 1u << SIM_CHANGE_FLASH,     \
-	.commands = commands
+	.get_address = get_address, .set_address = set_address, .power = power, .stall = stall,   \
+	.force_status = force_status, .fail_flash = fail_flash, .commands = commands
 
 const struct sim_family sim_vsmd_serial_family = {
 	.protocol = &sim_vsmd_serial_protocol,

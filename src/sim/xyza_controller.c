@@ -10,7 +10,7 @@ const char *const sim_xyza_kinds[SIM_XYZA_KIND_COUNT + 1] = {
 	[SIM_XYZA_OUTPUT] = "output",     [SIM_XYZA_JOG] = "jog",   [SIM_XYZA_PROGRAM] = "program",
 };
 
-/* A handler returns false when the request fails. Verbs that only read have none. */
+/* A handler returns false when the request fails. */
 typedef bool handler_fn(struct sim_xyza *controller, const struct xyza_request *request);
 
 void sim_xyza_config_init(struct sim_xyza_config *config, unsigned number)
@@ -106,13 +106,16 @@ static bool resume_program(struct sim_xyza *controller)
 	return true;
 }
 
+static bool is_timed(const struct sim_xyza *controller)
+{
+	return controller->starting || controller->state == XYZA_PROGRAM_RUNNING;
+}
+
 void sim_xyza_advance(struct sim_xyza *controller, db_time now)
 {
 	if (now < controller->now)
 		return;
-	while (controller->powered &&
-	       (controller->starting || controller->state == XYZA_PROGRAM_RUNNING) &&
-	       controller->step_end <= now) {
+	while (controller->powered && is_timed(controller) && controller->step_end <= now) {
 		sim_xyza_axes_advance(&controller->axes, controller->step_end);
 		controller->now = controller->step_end;
 		if (controller->single_step && controller->step < controller->config.steps &&
@@ -128,8 +131,7 @@ void sim_xyza_advance(struct sim_xyza *controller, db_time now)
 bool sim_xyza_busy(const struct sim_xyza *controller)
 {
 	return controller->powered &&
-	       (controller->starting || controller->state == XYZA_PROGRAM_RUNNING ||
-	        sim_xyza_axes_busy(&controller->axes));
+	       (is_timed(controller) || sim_xyza_axes_busy(&controller->axes));
 }
 
 /* --- power ------------------------------------------------------------------------------------ */
@@ -213,6 +215,13 @@ void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now)
 }
 
 /* --- requests --------------------------------------------------------------------------------- */
+
+static bool accept(struct sim_xyza *controller, const struct xyza_request *request)
+{
+	(void)controller;
+	(void)request;
+	return true;
+}
 
 /* Sets the amount or the sign of an axis's position, or clears it. */
 static bool write_position(struct sim_xyza *controller, const struct xyza_request *request)
@@ -342,15 +351,31 @@ static bool run_program(struct sim_xyza *controller, const struct xyza_request *
 }
 
 static handler_fn *const handlers[XYZA_VERB_COUNT] = {
-	[XYZA_WRITE_MAGNITUDE] = write_position, [XYZA_WRITE_SIGN] = write_position,
-	[XYZA_WRITE_OUTPUT] = write_output,      [XYZA_WRITE_OUTPUTS] = write_output,
-	[XYZA_WRITE_ITEM] = write_item,          [XYZA_MANUAL_QUICK_STOP] = manual_stop,
-	[XYZA_MANUAL_STOP] = manual_stop,        [XYZA_MANUAL_JOG] = start_jog,
-	[XYZA_MANUAL_CLEAR] = write_position,    [XYZA_PROGRAM_QUICK_STOP] = program_stop,
-	[XYZA_PROGRAM_STOP] = program_stop,      [XYZA_PROGRAM_START] = run_program,
-	[XYZA_PROGRAM_CLEAR] = write_position,   [XYZA_PROGRAM_DELAY] = run_program,
-	[XYZA_PROGRAM_CONTINUE] = run_program,   [XYZA_PROGRAM_END] = run_program,
-	[XYZA_PROGRAM_STEP_ON] = run_program,    [XYZA_PROGRAM_STEP_OFF] = run_program,
+	[XYZA_VERB_ONLINE] = accept,
+	[XYZA_READ_MAGNITUDE] = accept,
+	[XYZA_READ_SIGN] = accept,
+	[XYZA_READ_STANDING] = accept,
+	[XYZA_READ_PORTS] = accept,
+	[XYZA_READ_ITEM] = accept,
+	[XYZA_WRITE_MAGNITUDE] = write_position,
+	[XYZA_WRITE_SIGN] = write_position,
+	[XYZA_WRITE_OUTPUT] = write_output,
+	[XYZA_WRITE_OUTPUTS] = write_output,
+	[XYZA_WRITE_ITEM] = write_item,
+	[XYZA_MANUAL_QUICK_STOP] = manual_stop,
+	[XYZA_MANUAL_STOP] = manual_stop,
+	[XYZA_MANUAL_JOG] = start_jog,
+	[XYZA_MANUAL_CLEAR] = write_position,
+	[XYZA_PROGRAM_QUICK_STOP] = program_stop,
+	[XYZA_PROGRAM_STOP] = program_stop,
+	[XYZA_PROGRAM_START] = run_program,
+	[XYZA_PROGRAM_CLEAR] = write_position,
+	[XYZA_PROGRAM_DELAY] = run_program,
+	[XYZA_PROGRAM_CONTINUE] = run_program,
+	[XYZA_PROGRAM_END] = run_program,
+	[XYZA_PROGRAM_STEP_ON] = run_program,
+	[XYZA_PROGRAM_STEP_OFF] = run_program,
+	[XYZA_PROGRAM_STATE] = accept,
 };
 
 static void fill_reply(struct sim_xyza *controller, const struct xyza_request *request,
@@ -417,36 +442,55 @@ static enum sim_xyza_kind kind_of(enum xyza_verb verb)
 	}
 }
 
+/* Returns whether it carried out the request. */
+static bool carry_out(struct sim_xyza *controller, const struct xyza_request *request,
+                      enum xyza_error error)
+{
+	/* All verbs about an axis name it; the others have x there. */
+	return (error == XYZA_OK ||
+	        (controller->config.temper.takes_any && error == XYZA_ERR_RANGE &&
+	         request->verb == XYZA_WRITE_ITEM)) &&
+	       (unsigned)request->axis < controller->config.axes &&
+	       !(controller->config.temper.ignores >> kind_of(request->verb) & 1) &&
+	       handlers[request->verb](controller, request);
+}
+
+/* True if it does not answer this request. */
+static bool lacks(const struct sim_xyza *controller, const struct xyza_request *request)
+{
+	const struct sim_xyza_temper *temper = &controller->config.temper;
+
+	switch (request->verb) {
+	case XYZA_READ_ITEM:
+		return temper->lacks >> request->item & 1;
+	case XYZA_READ_PORTS:
+		return temper->lacks_ports;
+	case XYZA_PROGRAM_STATE:
+		return temper->lacks_program;
+	default:
+		return false;
+	}
+}
+
 bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *request,
                       enum xyza_error error, db_time now, struct xyza_reply *reply)
 {
 	const struct sim_xyza_temper *temper = &controller->config.temper;
-	bool ignored = temper->ignores >> kind_of(request->verb) & 1;
-	/* It does not answer this request. */
-	bool lacks = (request->verb == XYZA_READ_ITEM && (temper->lacks >> request->item & 1)) ||
-	             (request->verb == XYZA_READ_PORTS && temper->lacks_ports) ||
-	             (request->verb == XYZA_PROGRAM_STATE && temper->lacks_program);
-	bool done;
 
 	sim_xyza_advance(controller, now);
 	if (!controller->powered || controller->reset_done != DB_TIME_NEVER ||
-	    (error == XYZA_OK && lacks))
+	    (error == XYZA_OK && lacks(controller, request)))
 		return false;
 	*reply = (struct xyza_reply){
 		.kind = XYZA_REPLY_FAILED,
 		.object = request->object,
 		.order = request->order,
 	};
-	/* All verbs about an axis name it; the others have x there. */
-	done = (error == XYZA_OK || (temper->takes_any && error == XYZA_ERR_RANGE &&
-	                             request->verb == XYZA_WRITE_ITEM)) &&
-	       (unsigned)request->axis < controller->config.axes && !ignored &&
-	       (!handlers[request->verb] || handlers[request->verb](controller, request));
-	if (!done) {
+	if (!carry_out(controller, request, error)) {
 		controller->failures++;
 		/* It may acknowledge what it does not do. */
 		if (error == XYZA_OK && !xyza_is_read(request->verb) &&
-		    (temper->acknowledges_all || ignored))
+		    (temper->acknowledges_all || (temper->ignores >> kind_of(request->verb) & 1)))
 			reply->kind = XYZA_REPLY_DONE;
 		return true;
 	}
@@ -456,6 +500,24 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 }
 
 /* --- from outside ----------------------------------------------------------------------------- */
+
+static void press_key(struct sim_xyza *controller, unsigned number)
+{
+	uint32_t keys = sim_xyza_content(controller, XYZA_ITEM_KEYS, XYZA_X);
+
+	if (number == xyza_param_get(XYZA_START_KEY, keys).u) {
+		if (!resume_program(controller))
+			(void)start_program(controller,
+			                    controller->program ? controller->program : 1);
+	} else if (number == xyza_param_get(XYZA_STOP_KEY, keys).u) {
+		if (controller->state == XYZA_PROGRAM_RUNNING || controller->starting)
+			pause_program(controller, XYZA_PROGRAM_WAITING);
+		else
+			end_program(controller);
+	} else if (number == xyza_param_get(XYZA_PAUSE_KEY, keys).u) {
+		pause_program(controller, XYZA_PROGRAM_WAITING);
+	}
+}
 
 void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level, db_time now)
 {
@@ -469,22 +531,8 @@ void sim_xyza_set_input(struct sim_xyza *controller, unsigned number, bool level
 	before = (controller->inputs & bit) != 0;
 	controller->inputs = (uint16_t)(level ? controller->inputs | bit :
 	                                        controller->inputs & ~bit);
-	if (level && !before && controller->powered && controller->reset_done == DB_TIME_NEVER) {
-		uint32_t keys = sim_xyza_content(controller, XYZA_ITEM_KEYS, XYZA_X);
-
-		if (number == xyza_param_get(XYZA_START_KEY, keys).u) {
-			if (!resume_program(controller))
-				(void)start_program(controller,
-				                    controller->program ? controller->program : 1);
-		} else if (number == xyza_param_get(XYZA_STOP_KEY, keys).u) {
-			if (controller->state == XYZA_PROGRAM_RUNNING || controller->starting)
-				pause_program(controller, XYZA_PROGRAM_WAITING);
-			else
-				end_program(controller);
-		} else if (number == xyza_param_get(XYZA_PAUSE_KEY, keys).u) {
-			pause_program(controller, XYZA_PROGRAM_WAITING);
-		}
-	}
+	if (level && !before && controller->powered && controller->reset_done == DB_TIME_NEVER)
+		press_key(controller, number);
 }
 
 void sim_xyza_set_item(struct sim_xyza *controller, enum xyza_item item, enum xyza_axis axis,

@@ -112,12 +112,14 @@ static unsigned get_address(const struct sim_node *node)
 
 /* --- from outside ----------------------------------------------------------------------------- */
 
-static void change(struct sim_node *node, enum sim_change what, uint32_t value, db_time now)
+static void set_address(struct sim_node *node, unsigned address)
 {
-	if (what == SIM_CHANGE_ADDRESS)
-		node->xyza->memory.items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = value;
-	else if (what == SIM_CHANGE_POWER)
-		sim_xyza_power(node->xyza, value != 0, now);
+	node->xyza->memory.items[XYZA_X][XYZA_ITEM_SLAVE_NUMBER] = address;
+}
+
+static void power(struct sim_node *node, bool on, db_time now)
+{
+	sim_xyza_power(node->xyza, on, now);
 }
 
 static const char *set_input(struct sim_node *node, const char *rest, db_time now)
@@ -179,6 +181,7 @@ const struct sim_family sim_xyza_family = {
 	.write_motion = write_motion,
 	.write_state = write_state,
 	.get_address = get_address,
-	.change = change,
+	.set_address = set_address,
+	.power = power,
 	.commands = commands,
 };

@@ -250,39 +250,47 @@ static int open_last(struct db_trail *trail, uint64_t *cut)
 	return error;
 }
 
+static int open_files(struct db_trail *trail, const char *folder, struct db_trail_found *found)
+{
+	uint8_t key[DB_CHAIN_KEY];
+	int error;
+
+	if (mkdir(folder, S_IRWXU | S_IRGRP | S_IXGRP) != 0 && errno != EEXIST)
+		return -errno;
+	trail->folder = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+	if (trail->folder < 0)
+		return -errno;
+	error = list_segments(trail);
+	if (error != 0)
+		return error;
+	error = read_key(trail, key);
+	if (error == -ENOENT || error == -EINVAL) {
+		found->fresh_key = trail->count > 0;
+		error = make_key(trail, key);
+	}
+	if (error != 0)
+		return error;
+	db_chain_init(&trail->chain, key);
+	explicit_bzero(key, sizeof(key));
+	error = open_last(trail, &found->cut);
+	/* A service that was killed may have left lines that are not on the disk yet. */
+	trail->unsynced = true;
+	found->wrong_end = trail->wrong_end && !found->fresh_key;
+	return error;
+}
+
 int db_trail_open(const char *folder, uint64_t bytes, struct db_trail **trail,
                   struct db_trail_found *found)
 {
 	struct db_trail *made = calloc(1, sizeof(*made));
-	uint8_t key[DB_CHAIN_KEY];
-	int error = 0;
+	int error;
 
 	if (!made)
 		return -ENOMEM;
 	*found = (struct db_trail_found){ 0 };
-	made->fd = -1;
+	made->folder = made->fd = -1;
 	made->limit = bytes;
-	if (mkdir(folder, S_IRWXU | S_IRGRP | S_IXGRP) != 0 && errno != EEXIST)
-		error = -errno;
-	made->folder = error == 0 ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
-	if (error == 0 && made->folder < 0)
-		error = -errno;
-	if (error == 0)
-		error = list_segments(made);
-	if (error == 0) {
-		error = read_key(made, key);
-		found->fresh_key = (error == -ENOENT || error == -EINVAL) && made->count > 0;
-		if (error == -ENOENT || error == -EINVAL)
-			error = make_key(made, key);
-	}
-	if (error == 0) {
-		db_chain_init(&made->chain, key);
-		explicit_bzero(key, sizeof(key));
-		error = open_last(made, &found->cut);
-		/* A service that was killed may have left lines that are not on the disk yet. */
-		made->unsynced = true;
-		found->wrong_end = made->wrong_end && !found->fresh_key;
-	}
+	error = open_files(made, folder, found);
 	if (error != 0) {
 		db_trail_free(made);
 		return error;

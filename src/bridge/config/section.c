@@ -135,15 +135,26 @@ static void refuse_value(const struct db_section *section, const struct db_confi
 	                      "%s = %s %s; %s", key->name, text, wrong, range);
 }
 
+/* The length of the number in a text such as 40ms or 640mm; 0 for any other text, a hexadecimal
+ * number among them. */
+static size_t number_before_unit(const char *text)
+{
+	size_t digits = strspn(text, "0123456789.");
+	const char *unit = text + digits;
+
+	if (strncasecmp(text, "0x", 2) == 0)
+		return 0;
+	while (isalpha((unsigned char)*unit) || *unit == '/' || (unsigned char)*unit >= 0x80)
+		unit++;
+	return *unit == '\0' && text[digits] != '\0' ? digits : 0;
+}
+
 /* False when it is no such number, which is reported. */
 static bool parse_number(const struct db_section *section, const struct db_config_key *key,
                          const char *text, double *number)
 {
 	bool whole = key->kind != DB_KEY_REAL;
-	/* The number in a text such as 40ms or 640mm; a hexadecimal number is none. */
-	size_t digits = strspn(text, "0123456789.");
-	const char *behind = text + digits;
-	bool has_unit;
+	size_t length = number_before_unit(text);
 	char unit[64];
 	unsigned small;
 	bool good;
@@ -157,16 +168,12 @@ static bool parse_number(const struct db_section *section, const struct db_confi
 	}
 	if (good && *number >= key->min && *number <= key->max)
 		return true;
-	while (isalpha((unsigned char)*behind) || *behind == '/' || (unsigned char)*behind >= 0x80)
-		behind++;
-	has_unit = digits > 0 && text[digits] != '\0' && *behind == '\0' &&
-	           strncasecmp(text, "0x", 2) != 0;
-	snprintf(unit, sizeof(unit), "has a unit behind its number; write %.*s", (int)digits, text);
+	snprintf(unit, sizeof(unit), "has a unit behind its number; write %.*s", (int)length, text);
 	refuse_value(section, key, text,
-	             good     ? "is out of range" :
-	             has_unit ? unit :
-	             whole    ? "is no whole number" :
-	                        "is no number");
+	             good       ? "is out of range" :
+	             length > 0 ? unit :
+	             whole      ? "is no whole number" :
+	                          "is no number");
 	return false;
 }
 

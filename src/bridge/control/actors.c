@@ -28,10 +28,25 @@ const struct db_actor *db_actors_find(const struct db_actors *actors, uint32_t n
 	return number != 0 && actor->number == number ? actor : NULL;
 }
 
+/* A free place, or the one without sessions for longest. */
+static struct db_actor *find_place(struct db_actors *actors)
+{
+	struct db_actor *chosen = NULL;
+
+	for (size_t i = 0; i < DB_ACTORS_MAX; i++) {
+		struct db_actor *place = &actors->places[i];
+
+		if (place->number == 0)
+			return place;
+		if (place->sessions == 0 && (!chosen || place->left < chosen->left))
+			chosen = place;
+	}
+	return chosen;
+}
+
 uint32_t db_actors_hold(struct db_actors *actors, uint32_t user, const char *process_user,
                         const char *named)
 {
-	struct db_actor *chosen = NULL;
 	struct db_actor *place;
 	uint32_t number;
 
@@ -44,22 +59,16 @@ uint32_t db_actors_hold(struct db_actors *actors, uint32_t user, const char *pro
 		place->sessions++;
 		return place->number;
 	}
-	/* A free place, or the one without sessions for longest. */
-	for (size_t i = 0; i < DB_ACTORS_MAX && (!chosen || chosen->number != 0); i++) {
-		place = &actors->places[i];
-		if (place->number == 0 ||
-		    (place->sessions == 0 && (!chosen || place->left < chosen->left)))
-			chosen = place;
-	}
-	if (!chosen)
+	place = find_place(actors);
+	if (!place)
 		return 0;
 	/* A number that the place never had, until they repeat; never 0. */
-	number = chosen->number + DB_ACTORS_MAX;
-	if (chosen->number == 0 || number < DB_ACTORS_MAX)
-		number = (uint32_t)(chosen - actors->places) + DB_ACTORS_MAX;
-	*chosen = (struct db_actor){ .number = number, .user = user, .sessions = 1 };
-	snprintf(chosen->process_user, sizeof(chosen->process_user), "%s", process_user);
-	snprintf(chosen->named, sizeof(chosen->named), "%s", named);
+	number = place->number + DB_ACTORS_MAX;
+	if (place->number == 0 || number < DB_ACTORS_MAX)
+		number = (uint32_t)(place - actors->places) + DB_ACTORS_MAX;
+	*place = (struct db_actor){ .number = number, .user = user, .sessions = 1 };
+	snprintf(place->process_user, sizeof(place->process_user), "%s", process_user);
+	snprintf(place->named, sizeof(place->named), "%s", named);
 	return number;
 }
 

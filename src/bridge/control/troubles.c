@@ -212,6 +212,11 @@ static json_t *describe(const char *kind, const char *name, const struct record 
 
 /* --- all of them ------------------------------------------------------------------------------ */
 
+static bool is_well(const struct record *record)
+{
+	return db_trouble_need(record->cause) <= DB_NEED_HINT;
+}
+
 /* The new ones. */
 static json_t *collect_drives(const struct db_control_socket *control, struct wait *wait,
                               bool *well)
@@ -230,7 +235,7 @@ static json_t *collect_drives(const struct db_control_socket *control, struct wa
 			place++;
 		if (!fill_drive(control, &drive, &record))
 			continue;
-		*well = *well && db_trouble_need(record.cause) <= DB_NEED_HINT;
+		*well = *well && is_well(&record);
 		if (place < wait->drive_count &&
 		    complete_news(control, wait, &wait->drives_sent[place], &record))
 			json_array_append_new(drives,
@@ -247,7 +252,7 @@ static json_t *collect_buses(const struct db_control_socket *control, struct wai
 
 	for (size_t i = 0; i < BUSES_MAX && db_named_bus(registers, i); i++) {
 		fill_bus(control, i, &record);
-		*well = *well && db_trouble_need(record.cause) <= DB_NEED_HINT;
+		*well = *well && is_well(&record);
 		if (complete_news(control, wait, &wait->buses_sent[i], &record))
 			json_array_append_new(
 				buses, describe("bus", db_named_bus(registers, i)->name, &record));

@@ -60,6 +60,22 @@ static void note(struct db_alarms *alarms, struct db_alarm *alarm, bool urgent)
 
 /* --- coming and going ------------------------------------------------------------------------- */
 
+/* The oldest one that is gone and acknowledged; else the oldest that is gone; else the oldest. */
+static size_t find_least(const struct db_alarms *alarms)
+{
+	size_t gone = SIZE_MAX;
+
+	for (size_t i = 0; i < alarms->count; i++) {
+		if (alarms->list[i].gone == 0)
+			continue;
+		if (alarms->list[i].acknowledged != 0)
+			return i;
+		if (gone == SIZE_MAX)
+			gone = i;
+	}
+	return gone != SIZE_MAX ? gone : 0;
+}
+
 static bool make_room(struct db_alarms *alarms)
 {
 	size_t room = alarms->room > 0 ? 2 * alarms->room : ROOM_FIRST;
@@ -67,20 +83,7 @@ static bool make_room(struct db_alarms *alarms)
 	bool *seen;
 
 	if (alarms->count == DB_ALARMS_MAX) {
-		size_t least = SIZE_MAX;
-
-		/* The oldest one that is gone and acknowledged; else the oldest that is gone; else
-		 * the oldest. */
-		for (size_t i = 0; i < alarms->count; i++) {
-			bool settled = alarms->list[i].acknowledged != 0;
-
-			if (alarms->list[i].gone != 0 && (least == SIZE_MAX || settled))
-				least = i;
-			if (alarms->list[i].gone != 0 && settled)
-				break;
-		}
-		if (least == SIZE_MAX)
-			least = 0;
+		size_t least = find_least(alarms);
 
 		alarms->count--;
 		memmove(alarms->list + least, alarms->list + least + 1,

@@ -154,6 +154,15 @@ static bool is_staged(const struct db_view_drive *drive)
 	return !drive->leaving && db_commander_staged(drive->commander) != DB_CMD_NONE;
 }
 
+static bool is_in(const struct db_view_space *space, const struct db_view_drive *drive)
+{
+	for (size_t i = 0; i < space->drive_count; i++) {
+		if (space->drives[i] == drive)
+			return true;
+	}
+	return false;
+}
+
 /* The group number with which a bus may begin with one frame, which reaches all its drives, also
  * those of other endpoints. 0: it may not. */
 static uint32_t common_start(const struct db_registers *registers,
@@ -164,11 +173,7 @@ static uint32_t common_start(const struct db_registers *registers,
 	for (size_t i = 0; i < registers->roster->drive_count; i++) {
 		const struct db_view_drive *drive = registers->roster->drives[i];
 
-		size_t place = 0;
-
-		while (place < space->drive_count && space->drives[place] != drive)
-			place++;
-		if (drive->bus_config == bus && !(is_staged(drive) && place < space->drive_count))
+		if (drive->bus_config == bus && !(is_staged(drive) && is_in(space, drive)))
 			return 0;
 	}
 	return space->own->group.generation;

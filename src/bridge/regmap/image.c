@@ -181,6 +181,21 @@ static void find_touched(size_t array, size_t size, uint16_t low, uint16_t high,
 		*to = count;
 }
 
+/* The register of a vendor's parameter; 0: unknown. */
+static uint16_t param_address(const struct db_view_drive *drive, uint16_t param)
+{
+	const struct db_index *index = &drive->map->holding;
+	unsigned first = db_param_first(drive->driver);
+
+	for (size_t i = 0; i < index->count; i++) {
+		const struct db_cell *cell = &index->cells[i];
+
+		if (cell->address >= first && (cell->flags & DB_ROW_PARAM) && cell->param == param)
+			return cell->address;
+	}
+	return 0;
+}
+
 void db_image_name_client(const struct db_registers *registers, const uint8_t address[16],
                           char shown[2 * DB_CLIENT_ADDRESS_REGISTERS],
                           char user[2 * DB_CLIENT_USER_REGISTERS])
@@ -211,24 +226,12 @@ static void fill_history(struct db_drive_history *shown, const struct db_view_dr
                          size_t age)
 {
 	const struct db_history_entry *entry = &shown->entry;
-	const struct db_index *index = &drive->map->holding;
 
 	memset(shown, 0, sizeof(*shown));
 	if (!db_commander_history(drive->commander, age, &shown->entry))
 		return;
-	if (entry->command == DB_CMD_NONE) {
-		/* The register of a vendor's parameter; 0: unknown. */
-		uint16_t param = entry->number;
-
-		shown->entry.number = 0;
-		for (size_t i = 0; i < index->count && shown->entry.number == 0; i++) {
-			const struct db_cell *cell = &index->cells[i];
-
-			if (cell->address >= db_param_first(drive->driver) &&
-			    (cell->flags & DB_ROW_PARAM) && cell->param == param)
-				shown->entry.number = cell->address;
-		}
-	}
+	if (entry->command == DB_CMD_NONE)
+		shown->entry.number = param_address(drive, entry->number);
 	if (entry->port == 0)
 		return; /* the bridge itself */
 	shown->ipv4 = db_client_ipv4(entry->address);
@@ -272,22 +275,13 @@ void db_image_fill_drive(struct db_drive_image *image, const struct db_view_driv
 		fill_history(&image->history[i], drive, i);
 }
 
-static void fill_server(struct db_gateway_image *image, const struct db_registers *registers,
-                        const struct db_view_space *space)
+/* Buses count their drives themselves; those of an endpoint may be a part of each bus's. */
+static uint16_t count_online(const struct db_registers *registers,
+                             const struct db_view_space *space)
 {
 	const struct db_view_roster *roster = registers->roster;
-	db_time up = registers->ops->now(registers->context) - registers->started;
-	struct db_configuration_report report;
 	unsigned online = 0;
-	size_t length;
 
-	registers->ops->server_stats(registers->context, &image->server);
-	image->version_major = DB_VERSION_MAJOR;
-	image->version_minor = DB_VERSION_MINOR;
-	image->version_patch = DB_VERSION_PATCH;
-	image->bus_count = (uint16_t)roster->bus_count;
-	image->drive_count = (uint16_t)space->drive_count;
-	/* Buses count their drives themselves; those of an endpoint may be a part of each bus's. */
 	for (size_t i = 0; roster->space_count == 1 && i < roster->bus_count; i++) {
 		struct db_bus_stats bus;
 
@@ -300,7 +294,24 @@ static void fill_server(struct db_gateway_image *image, const struct db_register
 		db_axis_read(space->drives[i]->axis, &snapshot);
 		online += (snapshot.feedback.status & DB_STATUS_ONLINE) != 0;
 	}
-	image->drives_online = (uint16_t)online;
+	return (uint16_t)online;
+}
+
+static void fill_server(struct db_gateway_image *image, const struct db_registers *registers,
+                        const struct db_view_space *space)
+{
+	const struct db_view_roster *roster = registers->roster;
+	db_time up = registers->ops->now(registers->context) - registers->started;
+	struct db_configuration_report report;
+	size_t length;
+
+	registers->ops->server_stats(registers->context, &image->server);
+	image->version_major = DB_VERSION_MAJOR;
+	image->version_minor = DB_VERSION_MINOR;
+	image->version_patch = DB_VERSION_PATCH;
+	image->bus_count = (uint16_t)roster->bus_count;
+	image->drive_count = (uint16_t)space->drive_count;
+	image->drives_online = count_online(registers, space);
 	image->uptime_s = (uint32_t)(up / DB_NS_PER_S);
 	report = (struct db_configuration_report){ .messages = "", .replaced = "" };
 	if (registers->ops->configuration)

@@ -81,6 +81,17 @@ static bool has_command(const struct write *write, uint64_t commands)
 	       (later < DB_CMD_LIMIT && (commands >> later & 1));
 }
 
+/* True if it changes what a drive keeps, the watchdog, or what only a raw frame reaches. */
+static bool changes_settings(const struct write *write)
+{
+	const struct db_cell *first = &write->span.cells[0];
+
+	if (first->part != DB_PART_BLOCK)
+		return !(first->flags & (DB_ROW_CONTROL | DB_ROW_HEARTBEAT));
+	return has_command(write, DB_COMMAND_BIT(DB_CMD_SAVE_PARAMETERS) |
+	                                  DB_COMMAND_BIT(DB_CMD_RAW_FRAME));
+}
+
 /* What may move other drives of the bus needs the right to command them. */
 static bool is_permitted_for_bus(const struct write *write)
 {
@@ -346,7 +357,6 @@ int db_write_drive(struct db_view_drive *drive, const struct db_client *client, 
 {
 	const struct db_registers *registers = drive->registers;
 	const struct db_cell *first;
-	bool changes;
 	struct write write = {
 		.drive = drive,
 		.client = client,
@@ -373,12 +383,8 @@ int db_write_drive(struct db_view_drive *drive, const struct db_client *client, 
 		return stop != DB_CMD_NONE ? execute_command(&write, stop, NULL) :
 		                             refuse_write(&write, DB_RESULT_OUT_OF_RANGE, 0);
 	}
-	/* What a drive keeps, the watchdog, or what only a raw frame reaches. */
-	changes = first->part != DB_PART_BLOCK ?
-	                  !(first->flags & (DB_ROW_CONTROL | DB_ROW_HEARTBEAT)) :
-	                  has_command(&write, DB_COMMAND_BIT(DB_CMD_SAVE_PARAMETERS) |
-	                                              DB_COMMAND_BIT(DB_CMD_RAW_FRAME));
-	if ((changes && !db_clients_permit(drive, client, DB_MAY_SET_PARAMETERS, address)) ||
+	if ((changes_settings(&write) &&
+	     !db_clients_permit(drive, client, DB_MAY_SET_PARAMETERS, address)) ||
 	    !is_permitted_for_bus(&write)) {
 		enum db_command stop = find_stop(&write);
 

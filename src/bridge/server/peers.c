@@ -94,6 +94,19 @@ struct db_peer *db_peers_find(struct db_peers *peers, const uint8_t address[16],
 
 /* --- logging ---------------------------------------------------------------------------------- */
 
+/* False when enough was logged for now. */
+static bool take_message(struct db_peers *peers, db_time now)
+{
+	if (peers->messages == 0 || now >= peers->period + MESSAGES_PERIOD) {
+		peers->period = now;
+		peers->messages = 0;
+	}
+	if (peers->messages == DB_PEERS_MESSAGES)
+		return false;
+	peers->messages++;
+	return true;
+}
+
 /* Logs it if it is time; otherwise marks it for later. */
 static void log_or_defer(struct db_peers *peers, struct db_peer *peer, enum db_refusal kind,
                          db_time now)
@@ -103,13 +116,7 @@ static void log_or_defer(struct db_peers *peers, struct db_peer *peer, enum db_r
 
 	if (refusals->logged_at != 0)
 		due = refusals->logged_at + refusals->silent_s * DB_NS_PER_S;
-	/* Enough may have been logged for now. */
-	if (due <= now && (peers->messages == 0 || now >= peers->period + MESSAGES_PERIOD)) {
-		peers->period = now;
-		peers->messages = 0;
-	}
-	if (due <= now && peers->messages < DB_PEERS_MESSAGES) {
-		peers->messages++;
+	if (due <= now && take_message(peers, now)) {
 		peers->log(peers->context, peer->address, kind, refusals->unlogged,
 		           refusals->logged_at == 0);
 		refusals->logged_at = now;

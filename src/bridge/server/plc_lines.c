@@ -183,6 +183,20 @@ static void handle_broadcast(struct line *line, const struct db_modbus_request *
 		refuse(line, DB_REFUSED_BROADCAST);
 }
 
+/*
+ * The same write again, while the first one is in work, or was done too late to be answered: its
+ * PLC has had no answer, and repeats it. Long after that it is a new wish: its PLC has given up.
+ */
+static bool is_repeated(const struct line *line, const struct db_rtu_frame *frame)
+{
+	db_time soon = 2 * (db_time)line->config->answer_timeout_ms * DB_NS_PER_MS;
+
+	return line->request.write_count > 0 && frame->length == line->frame.length &&
+	       memcmp(frame->bytes, line->frame.bytes, frame->length) == 0 &&
+	       line->seen.sent != line->frame.number &&
+	       (line->pending || frame->at - line->frame.at < soon);
+}
+
 /* A stop acts each time: another client may have moved the drive since the first one. */
 static bool is_stop(const struct line *line, const struct db_modbus_request *request)
 {
@@ -204,8 +218,6 @@ static void handle_frame(struct line *line, const struct db_rtu_frame *frame)
 	uint8_t adu[HEADER + DB_RTU_FRAME_MAX] = { 0 };
 	struct db_modbus_request request;
 	int result;
-	db_time soon = 2 * (db_time)line->config->answer_timeout_ms * DB_NS_PER_MS;
-	bool repeated;
 
 	memcpy(adu + HEADER, frame->bytes, frame->length - CRC);
 	result = db_pdu_parse(adu, length, &request);
@@ -223,16 +235,7 @@ static void handle_frame(struct line *line, const struct db_rtu_frame *frame)
 			handle_broadcast(line, &request);
 		return;
 	}
-	/*
-	 * The same write again, while the first one is in work, or was done too late to be
-	 * answered: its PLC has had no answer, and repeats it. Long after that it is a new
-	 * wish: its PLC has given up.
-	 */
-	repeated = line->request.write_count > 0 && frame->length == line->frame.length &&
-	           memcmp(frame->bytes, line->frame.bytes, frame->length) == 0 &&
-	           line->seen.sent != line->frame.number &&
-	           (line->pending || frame->at - line->frame.at < soon);
-	if (repeated && (line->pending || !is_stop(line, &request))) {
+	if (is_repeated(line, frame) && (line->pending || !is_stop(line, &request))) {
 		line->repeated++;
 		line->frame.number = frame->number;
 		line->frame.at = frame->at;

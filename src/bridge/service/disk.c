@@ -186,10 +186,23 @@ static bool look_for_upgrade(struct disk *disk)
 	return true;
 }
 
+static void wait_for_work(struct disk *disk)
+{
+	struct timespec until;
+
+	clock_gettime(CLOCK_MONOTONIC, &until);
+	until.tv_nsec += LOOK_EVERY_NS;
+	until.tv_sec += until.tv_nsec / SECOND_NS;
+	until.tv_nsec %= SECOND_NS;
+	while (!disk->ending && ((!disk->copy && !disk->job) || disk->has_news)) {
+		if (pthread_cond_timedwait(&disk->wake, &disk->lock, &until) != 0)
+			return;
+	}
+}
+
 static void *run(void *context)
 {
 	struct disk *disk = context;
-	struct timespec until;
 
 	pthread_mutex_lock(&disk->lock);
 	/* The copy of the configuration in force is written even when the service ends at once. */
@@ -217,13 +230,7 @@ static void *run(void *context)
 			give_news(disk, &news);
 		} else if (!disk->has_news && !look_for_upgrade(disk))
 			look_at_files(disk);
-		clock_gettime(CLOCK_MONOTONIC, &until);
-		until.tv_nsec += LOOK_EVERY_NS;
-		until.tv_sec += until.tv_nsec / SECOND_NS;
-		until.tv_nsec %= SECOND_NS;
-		while (!disk->ending && ((!disk->copy && !disk->job) || disk->has_news) &&
-		       pthread_cond_timedwait(&disk->wake, &disk->lock, &until) == 0)
-			;
+		wait_for_work(disk);
 	}
 	pthread_mutex_unlock(&disk->lock);
 	return NULL;

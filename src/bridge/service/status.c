@@ -20,6 +20,15 @@ struct status {
 	char line[LINE_MAX_BYTES];
 };
 
+static bool is_worse(const struct status_bus *a, const struct status_bus *b)
+{
+	if (a->down != b->down)
+		return a->down;
+	if (a->missing != b->missing)
+		return a->missing > b->missing;
+	return a->utilisation > b->utilisation;
+}
+
 void status_add_bus(struct status_figures *figures, const char *name, size_t drives,
                     const struct db_bus_stats *stats)
 {
@@ -31,16 +40,9 @@ void status_add_bus(struct status_figures *figures, const char *name, size_t dri
 		.last_error = stats->last_error,
 	};
 
-	const struct status_bus *worst = &figures->worst;
-	bool worse = bus.utilisation > worst->utilisation;
-
-	if (bus.missing != worst->missing)
-		worse = bus.missing > worst->missing;
-	if (bus.down != worst->down)
-		worse = bus.down;
 	figures->drives += drives;
 	figures->online += stats->online;
-	if (!worst->name || worse)
+	if (!figures->worst.name || is_worse(&bus, &figures->worst))
 		figures->worst = bus;
 }
 

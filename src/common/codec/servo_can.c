@@ -298,12 +298,10 @@ static const uint8_t answers_of_blocks[] = {
 	[SERVO_CAN_BASE_ANSWER_ANALOGUE / BLOCK] = SERVO_CAN_ANSWER_ANALOGUE,
 };
 
-static bool find_kind(uint32_t id, const struct servo_can_layout *layout, enum servo_can_side from,
-                      struct servo_can_message *message)
+static bool find_kind_of_host(uint32_t id, const struct servo_can_layout *layout,
+                              struct servo_can_message *message)
 {
-	uint32_t node = id - layout->ack_base; /* huge below the base */
-
-	for (int i = SERVO_CAN_SYNC; from == SERVO_CAN_FROM_HOST && i < SERVO_CAN_ACK; i++) {
+	for (int i = SERVO_CAN_SYNC; i < SERVO_CAN_ACK; i++) {
 		enum servo_can_kind kind = (enum servo_can_kind)i;
 		uint32_t base = base_of(kind, layout);
 		uint32_t nodes = kind == SERVO_CAN_SYNC ? 0 : SERVO_CAN_NODE_MAX;
@@ -316,8 +314,16 @@ static bool find_kind(uint32_t id, const struct servo_can_layout *layout, enum s
 		message->node = (uint8_t)(id - base);
 		return true;
 	}
+	return false;
+}
+
+static bool find_kind(uint32_t id, const struct servo_can_layout *layout, enum servo_can_side from,
+                      struct servo_can_message *message)
+{
+	uint32_t node = id - layout->ack_base; /* huge below the base */
+
 	if (from == SERVO_CAN_FROM_HOST)
-		return false;
+		return find_kind_of_host(id, layout, message);
 	if (node > 0 && node <= SERVO_CAN_NODE_MAX)
 		message->kind = SERVO_CAN_ACK;
 	else if (id / BLOCK < sizeof(answers_of_blocks) && id % BLOCK != 0)
