@@ -341,6 +341,17 @@ def test_no_answer_is_taken_for_a_confirmation(fake, answer):
     assert done.returncode in (1, 3) and "use the emergency stop" in done.stderr, done
 
 
+@pytest.mark.parametrize("words", [["run", "feeder", "stop"], ["disable", "feeder"], ["run", "feeder", "quick_stop"]])
+def test_a_stop_by_another_word_says_that_nobody_answers(fake, words):
+    """It asks nothing before it stops, so the first who could say that the service hangs is its own clock."""
+    fake.answers["Run"] = lambda parameters: None
+    said = ctl(fake, *words, status=3)
+    assert said.index("not confirmed yet; if somebody is in danger use the emergency stop") < \
+        said.index("the service does not answer within 5000 ms") < \
+        said.index("the stop is not confirmed: use the emergency stop")
+    assert len(fake.called("Run")) == 1
+
+
 def test_a_service_that_hangs_is_not_waited_for_for_ever(fake):
     fake.answers["Stop"] = lambda parameters: None
     said = ctl(fake, "stop", status=3)

@@ -238,6 +238,11 @@ int db_ctl_follow(struct db_ctl *ctl, int signals, int timeout_ms);
 /* The command `stop`. It needs no open connection, and asks nothing before it stops. */
 enum db_ctl_status db_ctl_stop(struct db_ctl *ctl, int count, char **arguments);
 
+/* After this time without a confirmation of a stop, ms, the user is advised to use the emergency
+ * stop. */
+#define DB_CTL_STOP_WARN_MS 500
+void db_ctl_stop_warn(const struct db_ctl *ctl);
+
 /* Over a new connection. 0, or -1 with the error: then only the drive's watchdog is left. */
 int db_ctl_stop_drive(const struct db_ctl *ctl, const char *drive, struct db_client_error *error);
 

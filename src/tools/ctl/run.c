@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include "client/clock.h"
 #include "ctl/assign.h"
 #include "ctl/ctl_private.h"
 #include "ctl/say.h"
@@ -14,6 +15,7 @@ struct running {
 	const char *command;
 	enum db_ctl_status status;
 	bool ended;
+	bool heard;     /* the service has answered: it has the command */
 	bool refused;   /* by the drive */
 	bool unchecked; /* nobody has looked whether there are such a drive and command */
 	bool unknown;   /* and there are not */
@@ -43,6 +45,7 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	const char *result = db_words_text(parameters, "result");
 	json_t *object;
 
+	running->heard = true;
 	if (more)
 		return;
 	running->ended = true;
@@ -74,15 +77,35 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	json_decref(object);
 }
 
-/* Until the command has ended or a signal comes. */
-static enum db_ctl_status wait_for_end(struct db_ctl *ctl, struct running *running)
+/*
+ * Until the command has ended or a signal comes. The service says at once that it has the command;
+ * one that does not hangs. Of a stop that is not confirmed soon the user hears what
+ * drivebridgectl stop says.
+ */
+static enum db_ctl_status wait_for_end(struct db_ctl *ctl, struct running *running, bool stops)
 {
 	struct db_client_error error = { .parameters = NULL };
 	int signals = db_ctl_signals_open();
+	db_time now = db_client_now();
+	db_time warn_at = stops ? now + DB_CTL_STOP_WARN_MS * DB_NS_PER_MS : DB_TIME_NEVER;
+	db_time give_up_at = now + DB_CTL_TIMEOUT_MS * DB_NS_PER_MS;
 	int turn = 1;
 
-	while (!running->ended && turn >= 0)
-		turn = db_ctl_follow(ctl, signals, -1);
+	while (!running->ended && turn >= 0 && now < give_up_at) {
+		db_time due = warn_at < give_up_at ? warn_at : give_up_at;
+
+		turn = db_ctl_follow(ctl, signals,
+		                     due == DB_TIME_NEVER ?
+		                             -1 :
+		                             (int)((due - now + DB_NS_PER_MS - 1) / DB_NS_PER_MS));
+		now = db_client_now();
+		if (running->heard)
+			give_up_at = DB_TIME_NEVER;
+		if (!running->ended && turn >= 0 && now >= warn_at) {
+			db_ctl_stop_warn(ctl);
+			warn_at = DB_TIME_NEVER;
+		}
+	}
 	/* Ctrl-C during a motion stops it. */
 	if (turn < 0 && db_ctl_stop_drive(ctl, running->drive, &error) == 0)
 		running->status = db_ctl_complain(
@@ -90,6 +113,13 @@ static enum db_ctl_status wait_for_end(struct db_ctl *ctl, struct running *runni
 			"interrupted: %s has been told to stop", running->drive);
 	else if (turn < 0)
 		running->status = db_ctl_fail(ctl, &error);
+	else if (!running->ended)
+		running->status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_TIMEOUT,
+		                                  "the service does not answer within %d ms",
+		                                  DB_CTL_TIMEOUT_MS);
+	if (!running->ended && stops)
+		(void)db_ctl_complain(ctl, running->status, "io.drivebridge.Client.NotConfirmed",
+		                      "the stop is not confirmed: use the emergency stop");
 	db_client_error_clear(&error);
 	if (signals >= 0)
 		(void)close(signals);
@@ -146,8 +176,8 @@ static bool stop_first(struct db_ctl *ctl, const char *drive, const char *name,
 	else if (db_client_send(ctl->client, "Run",
 	                        json_pack("{s:s, s:s, s:b}", "drive", drive, "command", name,
 	                                  "until_end", !ctl->no_wait),
-	                        false, take_result, &running) == 0)
-		*status = wait_for_end(ctl, &running);
+	                        true, take_result, &running) == 0)
+		*status = wait_for_end(ctl, &running, true);
 	else
 		*status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
 		                          "the service has closed the connection");
@@ -203,8 +233,8 @@ static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, con
 	    db_client_send(ctl->client, "Run",
 	                   json_pack("{s:s, s:s, s:O, s:b}", "drive", drive, "command", name,
 	                             "arguments", values, "until_end", !ctl->no_wait),
-	                   false, take_result, &running) == 0)
-		status = wait_for_end(ctl, &running);
+	                   true, take_result, &running) == 0)
+		status = wait_for_end(ctl, &running, false);
 	else if (values)
 		status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
 		                         "the service has closed the connection");
@@ -227,10 +257,10 @@ enum db_ctl_status db_ctl_go(struct db_ctl *ctl, const char *drive, const char *
 	                   json_pack("{s:s, s:s, s:s, s:b}", "drive", drive, "command",
 	                             "move_absolute", "position", position, "until_end",
 	                             !ctl->no_wait),
-	                   false, take_result, &running) != 0)
+	                   true, take_result, &running) != 0)
 		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
 		                       "the service has closed the connection");
-	status = wait_for_end(ctl, &running);
+	status = wait_for_end(ctl, &running, false);
 	if (running.refused) {
 		enum db_ctl_status read = DB_CTL_OK;
 

@@ -14,9 +14,6 @@
 #define SERVICE_MS (DRIVES_MS + 1000)
 #define AGAIN_MS 50
 
-/* After this time without a confirmation, the user is advised to use the emergency stop. */
-#define WARN_MS 500
-
 int db_ctl_stop_drive(const struct db_ctl *ctl, const char *drive, struct db_client_error *error)
 {
 	struct db_client *client = NULL;
@@ -96,10 +93,9 @@ static void take_stopped(void *data, json_t *parameters, const struct db_client_
 		print_stopped(stopping, one);
 }
 
-static void warn(struct stopping *stopping)
+void db_ctl_stop_warn(const struct db_ctl *ctl)
 {
-	stopping->warn_at = DB_TIME_NEVER;
-	if (!stopping->ctl->json)
+	if (!ctl->json)
 		(void)fprintf(
 			stderr, "drivebridgectl: %s\n",
 			db_ctl_say(
@@ -128,7 +124,8 @@ static void stop_over(struct stopping *stopping, struct db_client *client)
 			return;
 		}
 		if (now >= stopping->warn_at) {
-			warn(stopping);
+			stopping->warn_at = DB_TIME_NEVER;
+			db_ctl_stop_warn(stopping->ctl);
 			continue;
 		}
 		(void)poll(&fd, 1, (int)((due - now + DB_NS_PER_MS - 1) / DB_NS_PER_MS));
@@ -163,8 +160,10 @@ static void stop_until_answered(struct stopping *stopping)
 		if (!is_passing(stopping, reached) || db_client_now() >= stopping->deadline)
 			return;
 		(void)poll(NULL, 0, AGAIN_MS);
-		if (db_client_now() >= stopping->warn_at)
-			warn(stopping);
+		if (db_client_now() >= stopping->warn_at) {
+			stopping->warn_at = DB_TIME_NEVER;
+			db_ctl_stop_warn(stopping->ctl);
+		}
 	}
 }
 
@@ -196,7 +195,7 @@ enum db_ctl_status db_ctl_stop(struct db_ctl *ctl, int count, char **arguments)
 		           ctl->quick   ? "quick_stop" :
 		                          "stop",
 		.drives = json_array(),
-		.warn_at = now + WARN_MS * DB_NS_PER_MS,
+		.warn_at = now + DB_CTL_STOP_WARN_MS * DB_NS_PER_MS,
 		.deadline = now + SERVICE_MS * DB_NS_PER_MS,
 	};
 	enum db_ctl_status status;
