@@ -539,6 +539,24 @@ def test_a_motion_that_has_not_begun_yet_is_one(plant, many):
     assert objects(plant, "get", "drive2", "spd")[0]["values"]["spd"] == 7.0
 
 
+def test_a_motion_between_two_parts_of_a_write_ends_it(plant):
+    """Registers that do not stand side by side are written one after the other."""
+    assert plant.drive(2).settle("enable") == code("result", "ok")
+    mark = plant.sim.mark()
+    with Hand(plant.control_path) as writer, Hand(plant.control_path) as mover:
+        writer.socket.sendall(writer.message("Write", drive="drive2", standing=True,
+                                             values={"spd": 1000, "pud": 40, "s1f": 1, "cra": 0.1, "zsp": 3}))
+        mover.call("Run", drive="drive2", command="move_velocity", arguments={"target_velocity": 100.0})
+        with pytest.raises(Failed, match="Moving") as failed:
+            writer.answer()
+        assert failed.value.parameters == {"drive": "drive2"}
+    # The part that was under way when the motion came may be written after it, and none of the others.
+    sent = [line for line in plant.sim.sent(mark) if re.match("2 (cfg|mov) ?", line)]
+    begun = next(place for place, line in enumerate(sent) if line.startswith("2 mov"))
+    assert len(sent) - begun <= 2, sent
+    stop_and_stand(plant)
+
+
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
 def test_who_may_only_read_may_look_and_not_restore(plant, many):
     mark = plant.sim.mark()

@@ -161,6 +161,7 @@ struct item {
 struct db_write_plan {
 	uint16_t drive;
 	bool moves;    /* it starts a motion, or keeps one going */
+	bool standing; /* nothing is written while the drive moves */
 	bool unproven; /* a part that the drive accepted was unproven, and none failed */
 	size_t count;
 	size_t next;
@@ -238,6 +239,18 @@ static void write_on(struct db_session *session)
 			       first[i].registers * sizeof(words[0]));
 			count = (uint16_t)(count + first[i].registers);
 		}
+		/* The drive may have been set going while the part before was written. */
+		if (plan->standing && plan->drive != DB_NAMED_GATEWAY &&
+		    !db_named_stands(registers, plan->drive)) {
+			if (plan->next > 0)
+				db_once_end(session, DB_RESULT_CANCELLED, true);
+			else
+				db_once_drop(session);
+			db_session_fail(
+				session, "io.drivebridge.Control.Moving",
+				json_pack("{s:s}", "drive", db_named_name(registers, plan->drive)));
+			return;
+		}
 		plan->next += beside;
 		session->wait = DB_WAITS_FOR_WRITE;
 		exception = db_named_write(registers, &session->client, plan->drive, first->table,
@@ -295,16 +308,6 @@ static bool plan_item(const struct db_call *call, const struct db_name_list *lis
 	return true;
 }
 
-/* False: the call is answered with the reason. */
-static bool require_standing(struct db_session *session, uint16_t drive, const char *name)
-{
-	if (drive == DB_NAMED_GATEWAY || db_named_stands(session->control->setup.registers, drive))
-		return true;
-	db_session_fail(session, "io.drivebridge.Control.Moving",
-	                json_pack("{s:s}", "drive", name));
-	return false;
-}
-
 void db_act_write(const struct db_call *call)
 {
 	struct db_session *session = call->session;
@@ -333,6 +336,7 @@ void db_act_write(const struct db_call *call)
 		return;
 	}
 	plan->drive = drive.number;
+	plan->standing = standing;
 	/* All values are checked before any is written. */
 	json_object_foreach(values, key, value)
 	{
@@ -346,8 +350,7 @@ void db_act_write(const struct db_call *call)
 		free(plan);
 		return;
 	}
-	if ((plan->moves && !db_held_is_young(call)) ||
-	    (standing && !require_standing(session, drive.number, name))) {
+	if (plan->moves && !db_held_is_young(call)) {
 		db_once_drop(session);
 		free(plan);
 		return;

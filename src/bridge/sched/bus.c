@@ -302,6 +302,10 @@ static void judge_priority(struct db_bus *bus)
 		       "reading what %s receives keeps a processor busy; the bus runs without its "
 		       "real-time priority until that ends",
 		       bus_line_place(&bus->line));
+	else if (change == PRIORITY_LOST)
+		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
+		       "ran for a second without a pause and lost its real-time priority; it has it "
+		       "again when that ends");
 	else if (change == PRIORITY_RESTORED)
 		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "runs at real-time priority %u again", bus->config->priority);

@@ -19,8 +19,22 @@ static int set_priority(unsigned priority)
 	                             &param);
 }
 
-/* The kernel sends the signal to the thread that runs, which is the one that has not slept. In other
- * threads it would change nothing. */
+static void limit_time_without_sleep(void)
+{
+	struct rlimit limit;
+
+	if (getrlimit(RLIMIT_RTTIME, &limit) != 0)
+		return;
+	limit.rlim_cur = limit.rlim_max < WITHOUT_SLEEP_US ? limit.rlim_max : WITHOUT_SLEEP_US;
+	(void)setrlimit(RLIMIT_RTTIME, &limit);
+}
+
+/*
+ * The kernel sends the signal to the thread that runs, which is the one that has not slept. In other
+ * threads it would change nothing. With the signal the kernel raises the limit of all threads by a
+ * second: the next one would have the processor longer. Only system calls, so it may interrupt
+ * anything.
+ */
 static void lend_priority(int number)
 {
 	const struct sched_param none = { .sched_priority = 0 };
@@ -28,6 +42,7 @@ static void lend_priority(int number)
 
 	(void)number;
 	(void)sched_setscheduler(0, SCHED_OTHER, &none);
+	limit_time_without_sleep();
 	errno = before;
 }
 
@@ -36,14 +51,10 @@ static void lend_priority(int number)
 static void guard_against_hanging(void)
 {
 	struct sigaction action = { .sa_handler = lend_priority, .sa_flags = SA_RESTART };
-	struct rlimit limit;
 
 	sigemptyset(&action.sa_mask);
-	if (sigaction(SIGXCPU, &action, NULL) != 0 || getrlimit(RLIMIT_RTTIME, &limit) != 0)
-		return;
-	if (limit.rlim_cur > WITHOUT_SLEEP_US)
-		limit.rlim_cur = WITHOUT_SLEEP_US;
-	(void)setrlimit(RLIMIT_RTTIME, &limit);
+	if (sigaction(SIGXCPU, &action, NULL) == 0)
+		limit_time_without_sleep();
 }
 
 int priority_begin(struct priority *priority, unsigned wanted, db_time now, db_time used)
@@ -75,7 +86,11 @@ enum priority_change priority_judge(struct priority *priority, db_time now, db_t
 
 	priority->judged_at = now;
 	priority->used = used;
-	if (priority->held && (took > passed / 2 || sched_getscheduler(0) == SCHED_OTHER)) {
+	if (priority->held && sched_getscheduler(0) == SCHED_OTHER) {
+		priority->held = false;
+		return PRIORITY_LOST;
+	}
+	if (priority->held && took > passed / 2) {
 		priority->held = set_priority(0) != 0;
 		return priority->held ? PRIORITY_AS_BEFORE : PRIORITY_GIVEN_UP;
 	}

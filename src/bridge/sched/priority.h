@@ -16,6 +16,7 @@
 enum priority_change {
 	PRIORITY_AS_BEFORE,
 	PRIORITY_GIVEN_UP, /* the thread takes too much time; the priority was removed */
+	PRIORITY_LOST,     /* it did not sleep for a second, and the signal took the priority */
 	PRIORITY_RESTORED  /* the priority was restored */
 };
 

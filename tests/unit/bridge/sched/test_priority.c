@@ -5,6 +5,7 @@
 #include "drivebridge/clock.h"
 
 #include <errno.h>
+#include <poll.h>
 #include <pthread.h>
 #include <sched.h>
 #include <setjmp.h>
@@ -79,23 +80,31 @@ static void test_too_much_is_lent(void **state)
 static void test_a_thread_that_hangs_loses_it(void **state)
 {
 	struct priority priority;
-	db_time began = db_clock_read(CLOCK_THREAD_CPUTIME_ID);
+	db_time began;
 	db_time now = SECOND;
 
 	(void)state;
 	if (priority_begin(&priority, WANTED, now, 0) == EPERM)
 		skip();
-	assert_int_equal(policy(), SCHED_FIFO);
-	while (policy() == SCHED_FIFO &&
-	       db_clock_read(CLOCK_THREAD_CPUTIME_ID) - began < 10 * SECOND)
-		;
-	assert_int_equal(policy(), SCHED_OTHER);
-	assert_true(db_clock_read(CLOCK_THREAD_CPUTIME_ID) - began > SECOND / 2);
+	/* The second time as soon as the first: the limit is not a longer one then. */
+	for (unsigned times = 0; times < 2; times++) {
+		assert_int_equal(policy(), SCHED_FIFO);
+		began = db_clock_read(CLOCK_THREAD_CPUTIME_ID);
+		while (policy() == SCHED_FIFO &&
+		       db_clock_read(CLOCK_THREAD_CPUTIME_ID) - began < 10 * SECOND)
+			;
+		assert_int_equal(policy(), SCHED_OTHER);
+		assert_in_range(db_clock_read(CLOCK_THREAD_CPUTIME_ID) - began, SECOND / 2,
+		                SECOND * 8 / 5);
 
-	/* It goes on after all: that is told, and it has the priority again as after too much work. */
-	assert_int_equal(priority_judge(&priority, now += SECOND, 0), PRIORITY_GIVEN_UP);
-	assert_int_equal(policy(), SCHED_OTHER);
-	assert_int_equal(priority_judge(&priority, now += SECOND, 0), PRIORITY_RESTORED);
+		/* It goes on after all: that is told, and it has the priority again as after too
+		 * much work. */
+		assert_int_equal(priority_judge(&priority, now += SECOND, 0), PRIORITY_LOST);
+		assert_int_equal(policy(), SCHED_OTHER);
+		assert_int_equal(priority_judge(&priority, now += SECOND, 0), PRIORITY_RESTORED);
+		/* The kernel counts from the last sleep. */
+		(void)poll(NULL, 0, 1);
+	}
 	assert_int_equal(policy(), SCHED_FIFO);
 }
 
