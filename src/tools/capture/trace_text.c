@@ -49,33 +49,43 @@ static void write_who(const json_t *record, char *who, size_t size)
 	db_words_clean(who);
 }
 
-void db_capture_trace_take(struct db_capture_questions *questions, const json_t *record,
-                           char *words, size_t size)
+static void write_words(const struct db_capture_questions *questions, const json_t *record,
+                        char *text, size_t size)
 {
-	json_int_t number = db_words_number(record, "question");
-	size_t place = (size_t)number % DB_CAPTURE_TRACE_QUESTIONS;
-	bool known = number > 0 && questions->asked[place].number == number;
+	json_int_t question = db_words_number(record, "question");
+	size_t place = (size_t)question % DB_CAPTURE_TRACE_QUESTIONS;
+	bool known = question > 0 && questions->asked[place].number == question;
 	double ms = known ? (double)(db_words_number(record, "time_us") -
 	                             questions->asked[place].time_us) /
 	                            1000.0 :
 	                    0.0;
-	struct text out = { .bytes = words, .size = size };
+	struct text out = { .bytes = text, .size = size };
 	char who[80];
 
-	words[0] = '\0';
+	text[0] = '\0';
 	write_who(record, who, sizeof(who));
-	if (strcmp(db_words_text(record, "kind"), "unanswered") != 0) {
-		add(&out, "%s%s%s", who, who[0] ? ": " : "", db_words_text(record, "words"));
+	if (strcmp(db_words_text(record, "kind"), "unanswered") == 0) {
 		if (known)
-			add(&out, " (%.3f ms)", ms);
-		db_words_clean(words);
-	} else if (known) {
-		add(&out, "%s%sno answer to \"%s\" within %.3f ms", questions->asked[place].who,
-		    questions->asked[place].who[0] ? ": " : "", questions->asked[place].words, ms);
-	} else {
-		add(&out, "no answer");
+			add(&out, "%s%sno answer to \"%s\" within %.3f ms",
+			    questions->asked[place].who, questions->asked[place].who[0] ? ": " : "",
+			    questions->asked[place].words, ms);
+		else
+			add(&out, "no answer");
+		return;
 	}
-	/* A question waits for its answer. */
+	add(&out, "%s%s%s", who, who[0] ? ": " : "", db_words_text(record, "words"));
+	if (known)
+		add(&out, " (%.3f ms)", ms);
+	db_words_clean(text);
+}
+
+void db_capture_trace_take(struct db_capture_questions *questions, const json_t *record,
+                           char *words, size_t size)
+{
+	json_int_t number;
+	size_t place;
+
+	write_words(questions, record, words, size);
 	number = db_words_number(record, "number");
 	place = (size_t)number % DB_CAPTURE_TRACE_QUESTIONS;
 	if (strcmp(db_words_text(record, "direction"), "sent") != 0)

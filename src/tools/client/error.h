@@ -13,6 +13,7 @@
 #define DB_CLIENT_SERVICE "io.drivebridge.Control."
 
 /* Errors of the client's side; those of the service have the names of its interface. */
+#define DB_CLIENT_OWN "io.drivebridge.Client."
 #define DB_CLIENT_UNREACHABLE "io.drivebridge.Client.Unreachable"
 #define DB_CLIENT_LOST "io.drivebridge.Client.Lost"
 #define DB_CLIENT_TIMEOUT "io.drivebridge.Client.Timeout"

@@ -235,6 +235,30 @@ void db_plant_subscribe(struct db_plant *plant, json_t *drives, json_t *names, u
 
 /* --- drives ----------------------------------------------------------------------------------- */
 
+/* All drives are known: the streams begin. */
+static void begin(struct db_plant *plant)
+{
+	plant->there = true;
+	plant->found = true;
+	plant->ops->found(plant->context, plant->description, plant->drives, plant->count);
+	if (plant->failed)
+		return;
+	if (plant->logged[0] != '\0')
+		db_client_log(DB_CLIENT_NOTICE, "drivebridged is there again");
+	plant->logged[0] = '\0';
+	forget_drives(plant);
+	/* The descriptions of registers are long. */
+	(void)malloc_trim(0);
+	if (plant->wishes.events)
+		call(plant, EVENTS, "Events", NULL, on_events);
+	if (plant->wishes.troubles)
+		call(plant, TROUBLES, "Troubles", json_pack("{s:[]}", "drives"), on_troubles);
+	if (plant->wishes.alarms)
+		call(plant, ALARMS, "Alarms", NULL, on_alarms);
+	if (plant->wishes.interval > 0)
+		plant->look_at = 0;
+}
+
 /* What is kept of an answer about the drive that is being read: drives of a kind share one. */
 static json_t *keep(const struct db_plant *plant, json_t *received, bool commands)
 {
@@ -306,37 +330,15 @@ static void on_registers(void *data, json_t *parameters, const struct db_client_
 /* One drive after the other: an answer is long. */
 static void ask_next(struct db_plant *plant)
 {
-	if (plant->known < plant->count) {
-		if (plant->wishes.registers)
-			call(plant, CALLS, "Registers",
-			     json_pack("{s:s}", "drive",
-			               db_client_text(plant->drives[plant->known].description,
-			                              "name")),
-			     on_registers);
-		else
-			ask_commands(plant);
-		return;
-	}
-	/* All are known: the streams begin. */
-	plant->there = true;
-	plant->found = true;
-	plant->ops->found(plant->context, plant->description, plant->drives, plant->count);
-	if (plant->failed)
-		return;
-	if (plant->logged[0] != '\0')
-		db_client_log(DB_CLIENT_NOTICE, "drivebridged is there again");
-	plant->logged[0] = '\0';
-	forget_drives(plant);
-	/* The descriptions of registers are long. */
-	(void)malloc_trim(0);
-	if (plant->wishes.events)
-		call(plant, EVENTS, "Events", NULL, on_events);
-	if (plant->wishes.troubles)
-		call(plant, TROUBLES, "Troubles", json_pack("{s:[]}", "drives"), on_troubles);
-	if (plant->wishes.alarms)
-		call(plant, ALARMS, "Alarms", NULL, on_alarms);
-	if (plant->wishes.interval > 0)
-		plant->look_at = 0;
+	if (plant->known == plant->count)
+		begin(plant);
+	else if (plant->wishes.registers)
+		call(plant, CALLS, "Registers",
+		     json_pack("{s:s}", "drive",
+		               db_client_text(plant->drives[plant->known].description, "name")),
+		     on_registers);
+	else
+		ask_commands(plant);
 }
 
 static void on_description(void *data, json_t *parameters, const struct db_client_error *error,

@@ -177,8 +177,11 @@ enum db_ctl_status db_ctl_backup(struct db_ctl *ctl, int count, char **arguments
 	} else if (status == DB_CTL_OK) {
 		db_ctl_say_line(stdout, "%s: the configuration, and the parameters of %zu drives",
 		                backup.file, drives - json_array_size(backup.missing));
-		json_array_foreach(backup.missing, i, name) db_ctl_say_line(
-			stdout, "without the parameters of %s", json_string_value(name));
+		json_array_foreach(backup.missing, i, name)
+		{
+			db_ctl_say_line(stdout, "without the parameters of %s",
+			                json_string_value(name));
+		}
 	}
 	if (status == DB_CTL_OK && json_array_size(backup.missing) > 0)
 		status = DB_CTL_NO;

@@ -87,7 +87,7 @@ enum db_ctl_status db_ctl_events(struct db_ctl *ctl, int count, char **arguments
 	 * too. */
 	while (!stream.ended && turn > 0 && !ferror(stdout))
 		turn = db_ctl_follow(ctl, signals, ctl->follow ? -1 : DB_CTL_TIMEOUT_MS);
-	if (turn == 0)
+	if (turn == 0 && !stream.ended)
 		stream.status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_TIMEOUT,
 		                                "the service does not answer within %d ms",
 		                                DB_CTL_TIMEOUT_MS);

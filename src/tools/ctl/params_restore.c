@@ -247,9 +247,10 @@ static void print_end(const struct restore *restore, const json_t *untried)
 	else
 		db_ctl_say_line(
 			stdout,
-			over ? DB_CTL_TEXT(
-				       "%s: %zu written, %zu not; the same command goes on with them") :
-			       DB_CTL_TEXT("%s: %zu written, %zu not"),
+			over && !writer->for_good ?
+				DB_CTL_TEXT(
+					"%s: %zu written, %zu not; the same command goes on with them") :
+				DB_CTL_TEXT("%s: %zu written, %zu not"),
 			restore->drive.name, written, left);
 	(void)fflush(stdout);
 }
@@ -283,7 +284,12 @@ static enum db_ctl_status carry_out(struct restore *restore)
 	if (writer->over[0] != '\0') {
 		status = writer->lost ? DB_CTL_UNREACHABLE : DB_CTL_NO;
 	} else if (db_ctl_params_can_save(ctl, restore->drive.name)) {
-		if (ctl->save) {
+		if (ctl->save && writer->changed) {
+			status = db_ctl_complain(
+				ctl, DB_CTL_NO, "io.drivebridge.Client.Changed",
+				"not saved: something else has changed parameters of %s meanwhile",
+				restore->drive.name);
+		} else if (ctl->save) {
 			status = save(restore);
 			saved = status == DB_CTL_OK;
 		} else if (!ctl->json && json_array_size(writer->written) > 0) {

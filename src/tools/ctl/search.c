@@ -73,8 +73,9 @@ enum db_ctl_status db_ctl_search(struct db_ctl *ctl, json_t *parameters,
 	db_ctl_signals_close(signals);
 	if (stream.progress)
 		(void)fputs("\r\033[K", stderr);
-	/* Closing the connection ends the scan. */
+	/* Closing the connection ends the scan. What was found until then is there. */
 	if (search->interrupted) {
+		(void)db_client_handle(ctl->client);
 		db_client_close(ctl->client);
 		ctl->client = NULL;
 	}

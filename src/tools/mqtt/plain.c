@@ -345,8 +345,8 @@ static enum db_mqtt_kind take(void *form, const char *topic, const void *bytes, 
 		return DB_MQTT_NOTHING;
 	if (plain->config->senders == DB_MQTT_SENDERS_OFF)
 		return DB_MQTT_COMMAND;
-	/* The name in the topic is the sender's, whatever the message says. Others cannot be users,
-	 * and could look like something else in the audit trail. */
+	/* The name in the topic is the sender's, whatever the message says. A name that no user can
+	 * have could look like something else in the audit trail. */
 	if (!received->wrong && !command->stops && command->user[0] &&
 	    strcmp(command->user, received->sender) != 0)
 		received->wrong = "it names another user than its topic";

@@ -168,7 +168,8 @@ static struct db_lane *find_lane(struct db_opcua_acting *acting, unsigned sessio
 
 /* --- answers ---------------------------------------------------------------------------------- */
 
-/* `ends`: of a call that was waited for in vain. */
+/* `ends`: what follows the name of the command: "", or " ended" of a call whose answer was not waited
+ * for any more. */
 static void log_outcome(enum db_client_level level, const struct call *call, const char *ends,
                         const struct db_opcua_outcome *outcome)
 {

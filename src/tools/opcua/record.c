@@ -23,25 +23,25 @@ static const UA_UInt32 above[] = { UA_NS0ID_AUDITEVENTTYPE, UA_NS0ID_BASEEVENTTY
 /* A message is for people; the whole is in Details. */
 #define MESSAGE_MAX 300
 
-static UA_NodeId own_type(const struct db_opcua_roster *roster)
+static bool is_own_type(const struct db_opcua_roster *roster, const UA_NodeId *type)
 {
-	return (UA_NodeId){ .namespaceIndex = roster->types,
-		            .identifierType = UA_NODEIDTYPE_STRING,
-		            .identifier.string = db_opcua_string(OWN_TYPE) };
+	UA_NodeId own = { .namespaceIndex = roster->types,
+		          .identifierType = UA_NODEIDTYPE_STRING,
+		          .identifier.string = db_opcua_string(OWN_TYPE) };
+
+	return UA_NodeId_equal(type, &own);
 }
 
 /* One that these events are of. */
 static bool is_type(const struct db_opcua_roster *roster, const UA_NodeId *type)
 {
-	UA_NodeId own = own_type(roster);
-
 	for (size_t i = 0; i < sizeof(above) / sizeof(above[0]); i++) {
 		UA_NodeId one = UA_NODEID_NUMERIC(0, above[i]);
 
 		if (UA_NodeId_equal(type, &one))
 			return true;
 	}
-	return UA_NodeId_equal(type, &own);
+	return is_own_type(roster, type);
 }
 
 /* --- the condition of a filter ---------------------------------------------------------------- */
@@ -102,7 +102,6 @@ UA_StatusCode db_opcua_record_check(const UA_EventFilter *filter)
 bool db_opcua_record_is_wanted(const struct db_opcua_roster *roster, const UA_ContentFilter *where)
 {
 	const UA_ContentFilterElement *element = where->elements;
-	UA_NodeId own = own_type(roster);
 	bool wanted = where->elementsSize == 0;
 
 	for (size_t i = wanted ? 0 : first_type(element);
@@ -111,7 +110,7 @@ bool db_opcua_record_is_wanted(const struct db_opcua_roster *roster, const UA_Co
 
 		wanted = element->filterOperator == UA_FILTEROPERATOR_OFTYPE ?
 		                 is_type(roster, type) :
-		                 UA_NodeId_equal(type, &own);
+		                 is_own_type(roster, type);
 	}
 	return wanted;
 }
@@ -138,7 +137,27 @@ static UA_StatusCode set_text(const struct filling *filling, const char *text)
 	return set(filling, &value, UA_TYPES_STRING);
 }
 
-static UA_StatusCode set_source(const struct filling *filling)
+static UA_StatusCode fill_id(const struct filling *filling)
+{
+	char text[40];
+	UA_ByteString id;
+
+	(void)snprintf(text, sizeof(text), "audit %lld",
+	               (long long)json_integer_value(json_object_get(filling->record, "number")));
+	id = db_opcua_string(text);
+	return set(filling, &id, UA_TYPES_BYTESTRING);
+}
+
+static UA_StatusCode fill_type(const struct filling *filling)
+{
+	UA_NodeId type = { .namespaceIndex = filling->roster->types,
+		           .identifierType = UA_NODEIDTYPE_STRING,
+		           .identifier.string = db_opcua_string(OWN_TYPE) };
+
+	return set(filling, &type, UA_TYPES_NODEID);
+}
+
+static UA_StatusCode fill_source(const struct filling *filling)
 {
 	const char *drive = db_client_text(filling->record, "drive");
 	bool there = drive[0] != '\0' &&
@@ -150,7 +169,24 @@ static UA_StatusCode set_source(const struct filling *filling)
 	return set(filling, &node, UA_TYPES_NODEID);
 }
 
-static UA_StatusCode set_message(const struct filling *filling)
+static UA_StatusCode fill_source_name(const struct filling *filling)
+{
+	const char *drive = db_client_text(filling->record, "drive");
+	const char *bus = db_client_text(filling->record, "bus");
+
+	return set_text(filling, drive[0] ? drive : bus[0] ? bus : "Server");
+}
+
+static UA_StatusCode fill_time(const struct filling *filling)
+{
+	UA_DateTime time = UA_DATETIME_UNIX_EPOCH +
+	                   json_integer_value(json_object_get(filling->record, "time_us")) *
+	                           UA_DATETIME_USEC;
+
+	return set(filling, &time, UA_TYPES_DATETIME);
+}
+
+static UA_StatusCode fill_message(const struct filling *filling)
 {
 	const char *result = db_client_text(filling->record, "result");
 	char *words = db_capture_audit_describe(filling->record);
@@ -169,7 +205,38 @@ static UA_StatusCode set_message(const struct filling *filling)
 	return set(filling, &message, UA_TYPES_LOCALIZEDTEXT);
 }
 
-static UA_StatusCode set_details(const struct filling *filling)
+static UA_StatusCode fill_severity(const struct filling *filling)
+{
+	UA_UInt16 severity = db_capture_audit_is_refused(filling->record) ? SEVERITY_REFUSED :
+	                                                                    SEVERITY_USUAL;
+
+	return set(filling, &severity, UA_TYPES_UINT16);
+}
+
+/* True: it was done, or is on its way. */
+static UA_StatusCode fill_status(const struct filling *filling)
+{
+	UA_Boolean status = !db_capture_audit_is_refused(filling->record);
+
+	return set(filling, &status, UA_TYPES_BOOLEAN);
+}
+
+static UA_StatusCode fill_server(const struct filling *filling)
+{
+	return set_text(filling, filling->server);
+}
+
+static UA_StatusCode fill_entry_id(const struct filling *filling)
+{
+	return set_text(filling, "");
+}
+
+static UA_StatusCode fill_user(const struct filling *filling)
+{
+	return set_text(filling, db_client_text(filling->record, "who"));
+}
+
+static UA_StatusCode fill_details(const struct filling *filling)
 {
 	char *words = db_capture_audit_describe(filling->record);
 	UA_StatusCode status = words ? set_text(filling, words) : UA_STATUSCODE_BADOUTOFMEMORY;
@@ -178,107 +245,37 @@ static UA_StatusCode set_details(const struct filling *filling)
 	return status;
 }
 
-enum part {
-	EVENT_ID,
-	EVENT_TYPE,
-	SOURCE_NODE,
-	SOURCE_NAME,
-	TIME,
-	MESSAGE,
-	SEVERITY,
-	STATUS,
-	SERVER_ID,
-	ENTRY_ID,
-	USER_ID,
-	DETAILS,
-	TEXT,
-	NUMBER,
-};
-
 struct field {
 	const char *name;
-	enum part part;
-	const char *key; /* in the record, of a text or number */
-	bool own;        /* its name is of our types */
+	/* One of these. */
+	UA_StatusCode (*fill)(const struct filling *filling);
+	const char *text;
+	const char *number;
+	bool own; /* its name is of our types */
 };
 
 static const struct field fields_of_records[] = {
-	{ "EventId", EVENT_ID, NULL, false },
-	{ "EventType", EVENT_TYPE, NULL, false },
-	{ "SourceNode", SOURCE_NODE, NULL, false },
-	{ "SourceName", SOURCE_NAME, NULL, false },
-	{ "Time", TIME, NULL, false },
-	{ "ReceiveTime", TIME, NULL, false },
-	{ "Message", MESSAGE, NULL, false },
-	{ "Severity", SEVERITY, NULL, false },
-	{ "ActionTimeStamp", TIME, NULL, false },
-	{ "Status", STATUS, NULL, false },
-	{ "ServerId", SERVER_ID, NULL, false },
-	{ "ClientAuditEntryId", ENTRY_ID, NULL, false },
-	{ "ClientUserId", USER_ID, NULL, false },
-	{ "Number", NUMBER, "number", true },
-	{ "Kind", TEXT, "kind", true },
-	{ "What", TEXT, "what", true },
-	{ "Details", DETAILS, NULL, true },
-	{ "Result", TEXT, "result", true },
-	{ "RecordOf", NUMBER, "of", true },
-	{ "TookUs", NUMBER, "took_us", true },
+	{ .name = "EventId", .fill = fill_id },
+	{ .name = "EventType", .fill = fill_type },
+	{ .name = "SourceNode", .fill = fill_source },
+	{ .name = "SourceName", .fill = fill_source_name },
+	{ .name = "Time", .fill = fill_time },
+	{ .name = "ReceiveTime", .fill = fill_time },
+	{ .name = "Message", .fill = fill_message },
+	{ .name = "Severity", .fill = fill_severity },
+	{ .name = "ActionTimeStamp", .fill = fill_time },
+	{ .name = "Status", .fill = fill_status },
+	{ .name = "ServerId", .fill = fill_server },
+	{ .name = "ClientAuditEntryId", .fill = fill_entry_id },
+	{ .name = "ClientUserId", .fill = fill_user },
+	{ .name = "Number", .number = "number", .own = true },
+	{ .name = "Kind", .text = "kind", .own = true },
+	{ .name = "What", .text = "what", .own = true },
+	{ .name = "Details", .fill = fill_details, .own = true },
+	{ .name = "Result", .text = "result", .own = true },
+	{ .name = "RecordOf", .number = "of", .own = true },
+	{ .name = "TookUs", .number = "took_us", .own = true },
 };
-
-static UA_StatusCode set_field(const struct filling *filling, const struct field *field)
-{
-	const json_t *record = filling->record;
-	const json_t *told = field->key ? json_object_get(record, field->key) : NULL;
-	const char *drive = db_client_text(record, "drive");
-	const char *bus = db_client_text(record, "bus");
-	bool refused = db_capture_audit_is_refused(record);
-	/* True: it was done, or is on its way. */
-	UA_Boolean status = !refused;
-	UA_UInt16 severity = refused ? SEVERITY_REFUSED : SEVERITY_USUAL;
-	UA_UInt64 number = (UA_UInt64)json_integer_value(told);
-	UA_NodeId type = own_type(filling->roster);
-	UA_DateTime time;
-	char text[40];
-	UA_ByteString id;
-
-	switch (field->part) {
-	case EVENT_ID:
-		(void)snprintf(text, sizeof(text), "audit %lld",
-		               (long long)json_integer_value(json_object_get(record, "number")));
-		id = db_opcua_string(text);
-		return set(filling, &id, UA_TYPES_BYTESTRING);
-	case EVENT_TYPE:
-		return set(filling, &type, UA_TYPES_NODEID);
-	case SOURCE_NODE:
-		return set_source(filling);
-	case SOURCE_NAME:
-		return set_text(filling, drive[0] ? drive : bus[0] ? bus : "Server");
-	case TIME:
-		time = UA_DATETIME_UNIX_EPOCH +
-		       json_integer_value(json_object_get(record, "time_us")) * UA_DATETIME_USEC;
-		return set(filling, &time, UA_TYPES_DATETIME);
-	case MESSAGE:
-		return set_message(filling);
-	case SEVERITY:
-		return set(filling, &severity, UA_TYPES_UINT16);
-	case STATUS:
-		return set(filling, &status, UA_TYPES_BOOLEAN);
-	case SERVER_ID:
-		return set_text(filling, filling->server);
-	case ENTRY_ID:
-		return set_text(filling, "");
-	case USER_ID:
-		return set_text(filling, db_client_text(record, "who"));
-	case DETAILS:
-		return set_details(filling);
-	case TEXT:
-		return json_is_string(told) ? set_text(filling, json_string_value(told)) :
-		                              UA_STATUSCODE_GOOD;
-	case NUMBER:
-		break;
-	}
-	return json_is_integer(told) ? set(filling, &number, UA_TYPES_UINT64) : UA_STATUSCODE_GOOD;
-}
 
 static UA_StatusCode fill_field(const struct filling *filling,
                                 const UA_SimpleAttributeOperand *wanted)
@@ -288,12 +285,23 @@ static UA_StatusCode fill_field(const struct filling *filling,
 		return UA_STATUSCODE_GOOD;
 	for (size_t i = 0; i < sizeof(fields_of_records) / sizeof(fields_of_records[0]); i++) {
 		const struct field *field = &fields_of_records[i];
+		const json_t *told;
+		UA_UInt64 number;
 		UA_QualifiedName name = db_opcua_member_name(filling->roster, field->name);
 
 		if (!field->own)
 			name.namespaceIndex = 0;
-		if (UA_QualifiedName_equal(&wanted->browsePath[0], &name))
-			return set_field(filling, field);
+		if (!UA_QualifiedName_equal(&wanted->browsePath[0], &name))
+			continue;
+		if (field->fill)
+			return field->fill(filling);
+		told = json_object_get(filling->record, field->text ? field->text : field->number);
+		if (field->text && json_is_string(told))
+			return set_text(filling, json_string_value(told));
+		number = (UA_UInt64)json_integer_value(told);
+		return !field->text && json_is_integer(told) ?
+		               set(filling, &number, UA_TYPES_UINT64) :
+		               UA_STATUSCODE_GOOD;
 	}
 	return UA_STATUSCODE_GOOD;
 }

@@ -175,9 +175,12 @@ UA_ByteString db_opcua_security_bytes(const struct db_certificate_file *file)
 
 /* --- trust ------------------------------------------------------------------------------------ */
 
+#define SEARCH_INTERVAL (5 * DB_NS_PER_S)
+
 struct guard {
 	const struct db_opcua_config *config;
-	time_t kept; /* when a certificate was last kept */
+	time_t kept;      /* when a certificate was last kept */
+	db_time searched; /* when the folders were last searched for a stray file */
 	struct db_client_log_ration lines;
 	/* the library's verification, which reads the folders */
 	UA_CertificateVerification library;
@@ -305,12 +308,19 @@ static UA_StatusCode verify(const UA_CertificateVerification *cv, const UA_ByteS
 	struct guard *guard = cv->context;
 	UA_StatusCode status = guard->library.verifyCertificate(&guard->library, certificate);
 
-	if (status == UA_STATUSCODE_BADINTERNALERROR)
-		db_client_log_rationed(
-			&guard->lines, db_client_now(), DB_CLIENT_ERROR,
-			"%s is none that belongs there; until it is taken out nobody is trusted",
-			find_stray(guard->config).text);
-	else if (status == UA_STATUSCODE_BADCERTIFICATETIMEINVALID)
+	if (status == UA_STATUSCODE_BADINTERNALERROR) {
+		db_time now = db_client_now();
+
+		/* It reads all files, and whoever connects could ask for that again and again. */
+		if (guard->searched == 0 || now - guard->searched >= SEARCH_INTERVAL) {
+			guard->searched = now;
+			db_client_log_rationed(
+				&guard->lines, now, DB_CLIENT_ERROR,
+				"%s is none that belongs there; until it is taken out nobody is "
+				"trusted",
+				find_stray(guard->config).text);
+		}
+	} else if (status == UA_STATUSCODE_BADCERTIFICATETIMEINVALID)
 		tell_useless(
 			guard, certificate,
 			"is not valid now, or its authority's or a list of revoked ones is not; "

@@ -58,6 +58,14 @@ static void fail(struct db_params_writer *writer, const char *name, const char *
 	writer->report(writer->data, name, "failed", reason, NULL);
 }
 
+/* Errors of varlink itself: the service does not know the call in this form. */
+#define STANDARD "org.varlink.service."
+
+static bool is_of_client(const struct db_client_error *error)
+{
+	return strncmp(error->name, DB_CLIENT_OWN, strlen(DB_CLIENT_OWN)) == 0;
+}
+
 /* Other parameters may succeed where this one failed, unless the drive or the service is gone, or
  * somebody else has the control. */
 static void judge_error(struct db_params_writer *writer, const struct db_client_error *error)
@@ -74,7 +82,8 @@ static void judge_error(struct db_params_writer *writer, const struct db_client_
 		goes_on = goes_on || strcmp(error->name, single[i]) == 0;
 	for (size_t i = 0; i < sizeof(gone) / sizeof(gone[0]); i++)
 		goes_on = goes_on && strcmp(result, gone[i]) != 0;
-	writer->lost = strncmp(error->name, DB_CLIENT_SERVICE, strlen(DB_CLIENT_SERVICE)) != 0;
+	writer->lost = is_of_client(error);
+	writer->for_good = strncmp(error->name, STANDARD, strlen(STANDARD)) == 0;
 	if (!goes_on)
 		(void)snprintf(writer->over, sizeof(writer->over), "%s", error->text);
 }
@@ -252,6 +261,7 @@ static void check(struct db_params_writer *writer, const json_t *values)
 		               "something has changed it since: the drive shows %s", text);
 		forget(writer->written, name);
 		fail(writer, name, reason);
+		writer->changed = true;
 	}
 	json_decref(names);
 }
@@ -271,6 +281,7 @@ void db_params_writer_take(struct db_params_writer *writer, const json_t *answer
 	if (writer->checks) {
 		if (!answer && writer->over[0] == '\0')
 			(void)snprintf(writer->over, sizeof(writer->over), "%s", error->text);
+		writer->lost = writer->lost || (!answer && is_of_client(error));
 		check(writer, json_object_get(answer, "values"));
 		writer->checks = false;
 		writer->checked = true;

@@ -36,6 +36,8 @@ struct db_params_writer {
 	json_t *failed;  /* reasons by name */
 	char over[512];  /* why nothing more can be written, "" */
 	bool lost;       /* it is over because the connection is lost */
+	bool for_good;   /* it is over, and would be again: the service does not know this call */
+	bool changed;    /* something else has written parameters meanwhile */
 	bool reads_back; /* the next call reads what the last one has written */
 	/* Private: */
 	size_t at; /* in the plan */

@@ -145,8 +145,14 @@ static bool is_row(const char *text)
 static bool is_repeated(const char *text, unsigned least)
 {
 	size_t length = strlen(text);
+	unsigned characters = 0;
 
-	for (size_t piece = 1; piece < least && 2 * piece <= length; piece++) {
+	for (size_t piece = 1; 2 * piece <= length; piece++) {
+		/* A character of UTF-8 ends where the next one begins. */
+		if (((unsigned char)text[piece] & 0xC0) == 0x80)
+			continue;
+		if (++characters >= least)
+			return false;
 		if (strncmp(text, text + piece, length - piece) == 0)
 			return true;
 	}

@@ -114,6 +114,7 @@ static void a_bad_password_is_told_why(void **state)
 		{ "acegikmoqsuw", NULL },
 		{ "liftliftlift", row },
 		{ "lift9lift9lift9", row },
+		{ "机器停止机器停止机器停止", row },
 		{ "grease liftgrease lift", row },
 		{ "grease liftsgrease lifts", NULL }, /* one of them would do */
 		{ "qwerty123456", common },
