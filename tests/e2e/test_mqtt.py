@@ -489,6 +489,34 @@ def test_what_was_sent_to_another_run_of_the_service(plant):
     assert bridge.drive(1).read("position") == 100
 
 
+def test_what_another_run_got_from_a_clock_that_is_ahead(plant):
+    """By its time it is sent after the service began again."""
+    bridge = plant.make_bridge()
+    broker = plant.broker()
+    watcher = plant.watcher(broker)
+    plant.publisher(bridge, broker, command={"allow": "all", "age-ms": 30000}).start()
+    watcher.wait_for_text("status", "online")
+    commander = Commander(watcher)
+    eventually(lambda: commander.run("enable") == "ok")
+    message = command("move_relative", "again", 20.0, target_position=100)
+    commander.send(message)
+    assert commander.result("again")["result"] == "ok"
+    seen = watcher.count()
+    bridge.process.kill()
+    bridge.process.wait()
+    bridge.units.clear()
+    bridge.start_bridge()
+    watcher.wait_for_text("status", "online", seen, timeout=15)
+    seen = watcher.count()
+    commander.send(message)
+    answer = commander.result("again", seen)
+    assert answer["result"] == "late" and "both clocks" in answer["reason"]
+    # Who does not repeat himself is not refused.
+    commander.send(command("enable", "new", 20.0))
+    assert commander.result("new", seen)["result"] == "ok"
+    assert bridge.drive(1).read("position") == 100
+
+
 def test_without_a_time_only_stops_at_first(plant):
     """What it was sent before the connection nobody can tell."""
     bridge = plant.make_bridge()

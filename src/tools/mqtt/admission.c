@@ -59,6 +59,13 @@ static const char *judge_beginning(const struct db_mqtt_config *config,
 		               "it was sent before %s; are both clocks right?", what);
 		return "late";
 	}
+	/* The clock of a sender may be ahead by age-ms. */
+	if (command->timed && command->us <= arrival->newest_before) {
+		(void)snprintf(why, DB_MQTT_REASON_MAX,
+		               "it was sent before what the service got before it began again; are "
+		               "both clocks right?");
+		return "late";
+	}
 	if (!command->timed && since < config->age_ms * DB_NS_PER_MS) {
 		(void)snprintf(why, DB_MQTT_REASON_MAX,
 		               "it does not say when it was sent, which may be before %s", what);

@@ -21,6 +21,9 @@ struct db_mqtt_arrival {
 	db_time sent_behind; /* the broker got it from its sender at this moment or later */
 	db_time subscribed;  /* since when this program is subscribed */
 	db_time served;      /* since when the service has been the same run */
+	/* the latest time, by their senders' clocks, of the commands that earlier runs got; 0:
+	 * none */
+	int64_t newest_before;
 };
 
 #define DB_MQTT_REASON_MAX 256

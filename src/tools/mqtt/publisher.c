@@ -42,6 +42,10 @@ struct db_mqtt_publisher {
 	db_time subscribed; /* since when this program is subscribed */
 	db_time served;     /* since when the service has been the same run */
 	int64_t service;    /* when that run began, by its own clock */
+	/* The latest time of the commands that were passed on, by their senders' clocks, and before
+	 * that run. */
+	int64_t newest;
+	int64_t newest_before;
 	struct db_mqtt_ration answers;
 	uint64_t left_out; /* refusals that were not answered */
 	bool warned;       /* of the service, which lets this program command nothing */
@@ -98,8 +102,10 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
 	json_t *values, *names;
 
 	/* Another run of the service does not remember earlier ids. */
-	if (service != publisher->service)
+	if (service != publisher->service) {
 		publisher->served = db_client_now();
+		publisher->newest_before = publisher->newest;
+	}
 	publisher->service = service;
 	/* Services of before have no audit trail. */
 	db_mqtt_acting_set_audit(publisher->acting, json_object_get(description, "audit_trouble"));
@@ -262,6 +268,7 @@ static void handle_command(struct db_mqtt_publisher *publisher,
 		.sent_behind = publisher->echoed,
 		.subscribed = publisher->subscribed,
 		.served = publisher->served,
+		.newest_before = publisher->newest_before,
 	};
 	struct db_mqtt_outcome refusal = {
 		.drive = drive,
@@ -290,6 +297,8 @@ static void handle_command(struct db_mqtt_publisher *publisher,
 		publish_result(publisher, &refusal);
 		return;
 	}
+	if (command->timed && !command->stops && command->us > publisher->newest)
+		publisher->newest = command->us;
 	db_mqtt_acting_run(publisher->acting, drive, command,
 	                   db_mqtt_admission_left_ms(publisher->config, command, &arrival),
 	                   arrival.now);

@@ -164,6 +164,20 @@ static void test_its_age(void **state)
 }
 
 /* It may have been carried out before this program, or this run of the service, was there. */
+/* A clock that is ahead makes an old message new. */
+static void test_what_an_earlier_run_was_sent(void **state)
+{
+	struct desk *desk = *state;
+
+	desk->arrival.served = desk->arrival.now - 100 * DB_NS_PER_MS;
+	desk->arrival.newest_before = NOON - 1;
+	assert_string_equal(judge(desk, MOVE("1")), "");
+	desk->arrival.newest_before = NOON;
+	assert_string_equal(judge(desk, MOVE("1")), "late");
+	assert_non_null(strstr(desk->why, "both clocks"));
+	assert_string_equal(judge(desk, "{\"command\":\"stop\"}"), "");
+}
+
 static void test_what_was_sent_before(void **state)
 {
 	struct desk *desk = *state;
@@ -256,6 +270,7 @@ int main(void)
 		cmocka_unit_test_setup(test_what_is_allowed, open_desk),
 		cmocka_unit_test_setup(test_roles, open_desk),
 		cmocka_unit_test_setup(test_its_age, open_desk),
+		cmocka_unit_test_setup(test_what_an_earlier_run_was_sent, open_desk),
 		cmocka_unit_test_setup(test_what_was_sent_before, open_desk),
 		cmocka_unit_test_setup(test_what_is_left_of_its_time, open_desk),
 		cmocka_unit_test_setup(test_what_is_no_command, open_desk),
