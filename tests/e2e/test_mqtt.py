@@ -489,6 +489,40 @@ def test_what_was_sent_to_another_run_of_the_service(plant):
     assert bridge.drive(1).read("position") == 100
 
 
+def test_what_another_run_got_without_a_time(plant):
+    """A sender that repeats its command for longer than nothing but stops is taken."""
+    bridge = plant.make_bridge()
+    broker = plant.broker()
+    watcher = plant.watcher(broker)
+    plant.publisher(bridge, broker, command={"allow": "all", "time": "optional", "age-ms": 300}).start()
+    watcher.wait_for_text("status", "online")
+    commander = Commander(watcher)
+    eventually(lambda: commander.run("enable") == "ok")
+    message = {"id": "again", "command": "move_relative", "arguments": {"target_position": 100}}
+    # In the first age-ms it is refused.
+    eventually(lambda: commander.send(message) or any(one.json["id"] == "again" and one.json["result"] == "ok"
+                                                      for one in watcher.all("drive/drive1/result")), what="the first one")
+    seen = watcher.count()
+    bridge.process.kill()
+    bridge.process.wait()
+    bridge.units.clear()
+    bridge.start_bridge()
+    watcher.wait_for_text("status", "online", seen, timeout=15)
+    new = {"id": "new", "command": "enable"}
+
+    def results(name):
+        return {one.json["result"] for one in watcher.all("drive/drive1/result", seen) if one.json["id"] == name}
+
+    # By then the first age-ms are over.
+    eventually(lambda: commander.send(message) or commander.send(new) or "ok" in results("new"), what="a new command")
+    for _ in range(3):
+        seen = watcher.count()
+        commander.send(message)
+        answer = commander.result("again", seen)
+        assert answer["result"] == "late" and "before it began again" in answer["reason"]
+    assert bridge.drive(1).read("position") == 100
+
+
 def test_what_another_run_got_from_a_clock_that_is_ahead(plant):
     """By its time it is sent after the service began again."""
     bridge = plant.make_bridge()

@@ -60,10 +60,12 @@ static const char *judge_beginning(const struct db_mqtt_config *config,
 		return "late";
 	}
 	/* The clock of a sender may be ahead by age-ms. */
-	if (command->timed && command->us <= arrival->newest_before) {
+	if (command->timed ? command->us <= arrival->newest_before : arrival->had) {
 		(void)snprintf(why, DB_MQTT_REASON_MAX,
-		               "it was sent before what the service got before it began again; are "
-		               "both clocks right?");
+		               command->timed ?
+		                       "it was sent before what the service got before it began "
+		                       "again; are both clocks right?" :
+		                       "the service got one of this id before it began again");
 		return "late";
 	}
 	if (!command->timed && since < config->age_ms * DB_NS_PER_MS) {

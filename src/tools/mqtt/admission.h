@@ -24,6 +24,7 @@ struct db_mqtt_arrival {
 	/* the latest time, by their senders' clocks, of the commands that earlier runs got; 0:
 	 * none */
 	int64_t newest_before;
+	bool had; /* it has no time, and an earlier run got one of its id */
 };
 
 #define DB_MQTT_REASON_MAX 256

@@ -10,6 +10,7 @@
 #include "mqtt/broker.h"
 #include "mqtt/choice.h"
 #include "mqtt/form.h"
+#include "mqtt/past.h"
 #include "mqtt/ration.h"
 #include "mqtt/senders.h"
 #include "mqtt/topics.h"
@@ -46,6 +47,7 @@ struct db_mqtt_publisher {
 	 * that run. */
 	int64_t newest;
 	int64_t newest_before;
+	struct db_mqtt_past past; /* and those without a time */
 	struct db_mqtt_ration answers;
 	uint64_t left_out; /* refusals that were not answered */
 	bool warned;       /* of the service, which lets this program command nothing */
@@ -105,6 +107,7 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
 	if (service != publisher->service) {
 		publisher->served = db_client_now();
 		publisher->newest_before = publisher->newest;
+		db_mqtt_past_end_run(&publisher->past);
 	}
 	publisher->service = service;
 	/* Services of before have no audit trail. */
@@ -259,16 +262,20 @@ static void handle_command(struct db_mqtt_publisher *publisher,
 	const char *drive = received->drive;
 	const char *wrong = received->wrong;
 	const struct db_grant grant = db_mqtt_senders_grant(publisher->senders, received->sender);
+	uint64_t key = db_mqtt_past_key(drive, command->user ? command->user : received->sender,
+	                                command->id);
+	db_time now = db_client_now();
 	const struct db_mqtt_arrival arrival = {
 		.drive = drive,
 		.grant = &grant,
 		.retained = retained,
-		.now = db_client_now(),
+		.now = now,
 		.us = db_client_wall_us(),
 		.sent_behind = publisher->echoed,
 		.subscribed = publisher->subscribed,
 		.served = publisher->served,
 		.newest_before = publisher->newest_before,
+		.had = !command->timed && db_mqtt_past_had(&publisher->past, key, now),
 	};
 	struct db_mqtt_outcome refusal = {
 		.drive = drive,
@@ -299,6 +306,8 @@ static void handle_command(struct db_mqtt_publisher *publisher,
 	}
 	if (command->timed && !command->stops && command->us > publisher->newest)
 		publisher->newest = command->us;
+	if (!command->timed && !command->stops)
+		db_mqtt_past_note(&publisher->past, key, now);
 	db_mqtt_acting_run(publisher->acting, drive, command,
 	                   db_mqtt_admission_left_ms(publisher->config, command, &arrival),
 	                   arrival.now);

@@ -176,6 +176,14 @@ static void test_what_an_earlier_run_was_sent(void **state)
 	assert_string_equal(judge(desk, MOVE("1")), "late");
 	assert_non_null(strstr(desk->why, "both clocks"));
 	assert_string_equal(judge(desk, "{\"command\":\"stop\"}"), "");
+	/* Of a message without a time its id is what is known. */
+	desk->config.time = DB_MQTT_TIME_OPTIONAL;
+	desk->arrival.served = desk->arrival.now - 5 * DB_NS_PER_S;
+	assert_string_equal(judge(desk, "{\"id\":2,\"command\":\"home\"}"), "");
+	desk->arrival.had = true;
+	assert_string_equal(judge(desk, "{\"id\":2,\"command\":\"home\"}"), "late");
+	assert_non_null(strstr(desk->why, "id"));
+	assert_string_equal(judge(desk, "{\"command\":\"stop\"}"), "");
 }
 
 static void test_what_was_sent_before(void **state)
