@@ -81,8 +81,9 @@ struct db_control_socket_ops {
 /* And so many of a user who may only read: none leaves others without. */
 #define DB_SESSIONS_OF_READER 8
 
-/* And this number that are kept for stops, when there are no others. */
-#define DB_SESSIONS_FOR_STOPS 2
+/* And this number that are kept for stops, when there are no others. Who has one and says nothing
+ * keeps it for 0.1 s: the more there are, the less a stop waits behind a crowd of those. */
+#define DB_SESSIONS_FOR_STOPS 8
 
 /* Sessions accepted in one turn may replace others, which are still to be freed. */
 #define DB_SESSIONS_ACCEPTED_AT_ONCE 4

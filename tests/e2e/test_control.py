@@ -18,6 +18,8 @@ from bridgelib import ROOT, STANDSTILL, Refused, eventually, section
 
 INTERFACE = "io.drivebridge.Control"
 PLACES = 64
+# Of these for stops, when there are no others.
+STOP_PLACES = 8
 
 
 class ReadOnce(varlink.Interface):
@@ -1068,28 +1070,40 @@ def test_who_takes_a_place_for_a_stop_and_says_nothing_loses_it(bridge):
     close_all(lines)
 
 
+def test_a_stop_does_not_wait_long_behind_a_crowd_that_says_nothing(bridge):
+    """Each of them may be about to send a stop, and has a little time for it."""
+    lines = fill(bridge)
+    crowd = [Line(bridge) for _ in range(56)]
+    begun = time.monotonic()
+    with Line(bridge) as line:
+        line.ask(f"{INTERFACE}.Run", {"drive": "drive1", "command": "stop"})
+        assert line.answer() == {"parameters": {"result": "ok"}}
+    assert time.monotonic() - begun < 1.8
+    close_all(lines + crowd)
+
+
 def test_stops_of_silent_drives_leave_room_for_the_next(make_bridge):
     """Each waits for its drive; the oldest gives its place to the next, and is carried out all the same."""
-    bridge = make_bridge(drives=4)
-    for number in range(1, 5):
-        bridge.wait_ready(number)
-    for number in range(1, 4):
+    silent = range(1, STOP_PLACES + 2)
+    bridge = make_bridge(drives=len(silent) + 1)
+    for number in silent:
         bridge.sim.fault("silence on", f"drive{number}")
     lines = fill(bridge)
     waiting = []
-    for number in range(1, 4):
+    for number in silent:
         line = Line(bridge)
         line.ask(f"{INTERFACE}.Run", {"drive": f"drive{number}", "command": "stop"})
         waiting.append(line)
     with Line(bridge) as line:
-        line.ask(f"{INTERFACE}.Run", {"drive": "drive4", "command": "stop"})
+        line.ask(f"{INTERFACE}.Run", {"drive": f"drive{len(silent) + 1}", "command": "stop"})
         assert line.answer() == {"parameters": {"result": "ok"}}
     for line in waiting[:2]:
         assert line.answer() == {"parameters": {"result": "pending"}}
         assert line.closed()
-    for number in range(1, 4):
+    for number in silent:
         bridge.sim.fault("silence off", f"drive{number}")
-    assert waiting[2].answer() == {"parameters": {"result": "ok"}}
+    for line in waiting[2:]:
+        assert line.answer() == {"parameters": {"result": "ok"}}
     close_all(lines + waiting)
 
 

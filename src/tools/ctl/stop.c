@@ -12,7 +12,7 @@
  * may be restarting, or busy for a moment. */
 #define DRIVES_MS 5000
 #define SERVICE_MS (DRIVES_MS + 1000)
-#define AGAIN_MS 50
+#define AGAIN_MS 5
 
 int db_ctl_stop_drive(const struct db_ctl *ctl, const char *drive, struct db_client_error *error)
 {
