@@ -335,10 +335,34 @@ UA_Nodestore db_opcua_nodes_store(struct db_opcua_nodes *nodes)
 	return db_opcua_store_give(nodes->store);
 }
 
-static UA_StatusCode link_types(struct db_opcua_nodes *nodes)
+/* Folders and types below nodes of the standard, which have the other ends of the references. */
+static UA_StatusCode link_to_standard(struct db_opcua_nodes *nodes)
 {
+	static const struct {
+		UA_UInt32 above;
+		UA_Byte tie;
+		const char *id;
+		const char *name;
+	} folders[] = {
+		{ UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES, DB_OPCUA_DRIVES,
+		  "Drives" },
+		{ UA_NS0ID_SERVER, UA_REFERENCETYPEINDEX_HASNOTIFIER, DB_OPCUA_DRIVES, "Drives" },
+		{ UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES, DB_OPCUA_BUSES,
+		  "Buses" },
+		{ UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES, DB_OPCUA_ALARMS,
+		  "Alarms" },
+	};
 	UA_StatusCode status = UA_STATUSCODE_GOOD;
 
+	for (size_t i = 0; i < sizeof(folders) / sizeof(folders[0]) && status == UA_STATUSCODE_GOOD;
+	     i++) {
+		struct db_opcua_id id = db_opcua_id_of(folders[i].id, "");
+
+		status = db_opcua_store_link(nodes->store, UA_NODEID_NUMERIC(0, folders[i].above),
+		                             folders[i].tie, db_opcua_node_id(&nodes->roster, &id),
+		                             db_opcua_member_name(&nodes->roster, folders[i].name),
+		                             true);
+	}
 	for (size_t i = 0; i < db_opcua_type_count && status == UA_STATUSCODE_GOOD; i++) {
 		const struct db_opcua_type_row *row = &db_opcua_type_rows[i];
 
@@ -357,21 +381,6 @@ static UA_StatusCode link_types(struct db_opcua_nodes *nodes)
 UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *server,
                                    struct db_opcua_plant *plant)
 {
-	/* Below nodes of the standard, which have the other ends of the references. */
-	static const struct {
-		UA_UInt32 above;
-		UA_Byte tie;
-		const char *id;
-		const char *name;
-	} folders[] = {
-		{ UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES, DB_OPCUA_DRIVES,
-		  "Drives" },
-		{ UA_NS0ID_SERVER, UA_REFERENCETYPEINDEX_HASNOTIFIER, DB_OPCUA_DRIVES, "Drives" },
-		{ UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES, DB_OPCUA_BUSES,
-		  "Buses" },
-		{ UA_NS0ID_OBJECTSFOLDER, UA_REFERENCETYPEINDEX_ORGANIZES, DB_OPCUA_ALARMS,
-		  "Alarms" },
-	};
 	char uri[DB_OPCUA_URI_MAX];
 	UA_StatusCode status;
 
@@ -395,15 +404,6 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 	status = db_opcua_devices_add(server, &nodes->roster.devices);
 	if (status == UA_STATUSCODE_GOOD)
 		status = db_opcua_locales_tell(&nodes->locales, server);
-	for (size_t i = 0; i < sizeof(folders) / sizeof(folders[0]) && status == UA_STATUSCODE_GOOD;
-	     i++) {
-		struct db_opcua_id id = db_opcua_id_of(folders[i].id, "");
-
-		status = db_opcua_store_link(nodes->store, UA_NODEID_NUMERIC(0, folders[i].above),
-		                             folders[i].tie, db_opcua_node_id(&nodes->roster, &id),
-		                             db_opcua_member_name(&nodes->roster, folders[i].name),
-		                             true);
-	}
 	if (status == UA_STATUSCODE_GOOD)
 		status = UA_Server_writeEventNotifier(server, UA_NODEID_NUMERIC(0, UA_NS0ID_SERVER),
 		                                      UA_EVENTNOTIFIER_SUBSCRIBE_TO_EVENT |
@@ -411,7 +411,7 @@ UA_StatusCode db_opcua_nodes_begin(struct db_opcua_nodes *nodes, UA_Server *serv
 	if (status == UA_STATUSCODE_GOOD)
 		status = db_opcua_conditions_begin(nodes->conditions, server);
 	if (status == UA_STATUSCODE_GOOD)
-		status = link_types(nodes);
+		status = link_to_standard(nodes);
 	return status;
 }
 

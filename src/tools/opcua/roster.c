@@ -145,16 +145,11 @@ bool db_opcua_roster_identify(const struct db_opcua_roster *roster, const char *
 		return true;
 	}
 	if (length >= sizeof(of_alarm) && memcmp(id, of_alarm, sizeof(of_alarm) - 1) == 0) {
-		enum db_opcua_member member = DB_OPCUA_MEMBERS;
-		const struct db_opcua_alarm *alarm = db_opcua_alarms_find(&roster->alarms, id,
-		                                                          length, &member);
-
-		*subject = (struct db_opcua_subject){
-			.type = DB_OPCUA_CONDITION,
-			.alarm = alarm,
-			.member = member,
-		};
-		return alarm;
+		*subject = (struct db_opcua_subject){ .type = DB_OPCUA_CONDITION,
+			                              .member = DB_OPCUA_MEMBERS };
+		subject->alarm = db_opcua_alarms_find(&roster->alarms, id, length,
+		                                      &subject->member);
+		return subject->alarm;
 	}
 	if (length >= sizeof(of_bus) && memcmp(id, of_bus, sizeof(of_bus) - 1) == 0)
 		return identify_bus(roster, id + sizeof(of_bus) - 1, length - (sizeof(of_bus) - 1),
