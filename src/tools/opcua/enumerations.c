@@ -18,6 +18,15 @@ static bool is_enumeration(const struct db_opcua_type_row *row)
 	return row->class == DB_OPCUA_DATA_TYPE_ROW && db_opcua_type_is_enumeration(row);
 }
 
+/* A field of the library's array is constant. */
+static void set_array(UA_DataTypeArray *array, const UA_DataType *types, size_t count)
+{
+	const UA_DataTypeArray filled = { .typesSize = count, .types = types, .cleanup = false };
+
+	/* gcc's analyzer takes the types for lost here. */
+	memcpy(array, &filled, sizeof(filled));
+}
+
 UA_DataTypeArray *db_opcua_enumerations_new(UA_UInt16 types)
 {
 	struct enumerations *made;
@@ -44,9 +53,6 @@ UA_DataTypeArray *db_opcua_enumerations_new(UA_UInt16 types)
 		type->binaryEncodingId = UA_NODEID_NULL;
 		count++;
 	}
-	/* A field of the library's array is constant; gcc's analyzer takes the types for lost here. */
-	memcpy(&made->array,
-	       &(UA_DataTypeArray){ .typesSize = count, .types = made->types, .cleanup = false },
-	       sizeof(made->array));
+	set_array(&made->array, made->types, count);
 	return &made->array;
 }
