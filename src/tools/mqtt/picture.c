@@ -54,16 +54,27 @@ char *db_mqtt_picture_dump(const json_t *json)
 	return json_dumps(json, JSON_COMPACT | JSON_REAL_PRECISION(10));
 }
 
-/* The names of the set bits. */
-static json_t *name_bits(const json_t *codes, json_int_t value)
+/* A value of a register with this description in published form; the caller frees it. */
+static json_t *word_of(const json_t *reg, const json_t *value)
 {
-	json_t *names = json_array();
+	const json_t *codes = json_object_get(reg, "codes");
+	const char *type = json_string_value(json_object_get(reg, "type"));
+	bool bits = type && strncmp(type, "bits", 4) == 0;
+	json_int_t code = json_integer_value(value);
+	char number[24];
+	json_t *name;
+	json_t *names;
 
+	if (!json_is_object(codes) || !json_is_integer(value))
+		return json_deep_copy(value);
+	(void)snprintf(number, sizeof(number), "%lld", (long long)code);
+	name = json_object_get(codes, number);
+	if (!bits)
+		return json_deep_copy(name ? name : value);
+	/* The names of the set bits. */
+	names = json_array();
 	for (unsigned bit = 0; bit < 32; bit++) {
-		char number[12];
-		json_t *name;
-
-		if (((json_int_t)1 << bit & value) == 0)
+		if (((json_int_t)1 << bit & code) == 0)
 			continue;
 		(void)snprintf(number, sizeof(number), "%u", bit);
 		name = json_object_get(codes, number);
@@ -73,23 +84,6 @@ static json_t *name_bits(const json_t *codes, json_int_t value)
 			(void)json_array_append_new(names, json_integer(bit));
 	}
 	return names;
-}
-
-/* A value of a register with this description in published form; the caller frees it. */
-static json_t *word_of(const json_t *reg, const json_t *value)
-{
-	const json_t *codes = json_object_get(reg, "codes");
-	const char *type = json_string_value(json_object_get(reg, "type"));
-	char number[24];
-	const json_t *name;
-
-	if (!json_is_object(codes) || !json_is_integer(value))
-		return json_deep_copy(value);
-	if (type && strncmp(type, "bits", 4) == 0)
-		return name_bits(codes, json_integer_value(value));
-	(void)snprintf(number, sizeof(number), "%lld", (long long)json_integer_value(value));
-	name = json_object_get(codes, number);
-	return json_deep_copy(name ? name : value);
 }
 
 static char *write_values(const struct db_mqtt_picture *picture, json_t *values)

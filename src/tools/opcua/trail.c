@@ -131,26 +131,6 @@ static bool find_first(struct db_opcua_trail *trail, const json_t *answer, int64
 }
 
 /* True: nothing of the range is left. */
-static bool end_window(struct db_opcua_trail *trail)
-{
-	for (size_t i = json_array_size(trail->window); i > 0; i--) {
-		json_t *record = json_array_get(trail->window, i - 1);
-
-		(void)json_array_append(trail->found, record);
-		if (json_array_size(trail->found) == trail->query.most) {
-			trail->after = db_words_number(record, "number");
-			return true;
-		}
-	}
-	trail->high = trail->window_low;
-	if (trail->width < WIDTH_MOST)
-		trail->width *= 4;
-	if (trail->high <= trail->low)
-		return true;
-	begin_window(trail);
-	return false;
-}
-
 static bool take_window(struct db_opcua_trail *trail, const json_t *answer)
 {
 	struct db_opcua_history_query range = range_of(trail);
@@ -175,7 +155,22 @@ static bool take_window(struct db_opcua_trail *trail, const json_t *answer)
 	}
 	if (trail->from < trail->high && !json_is_true(json_object_get(answer, "over")))
 		return false;
-	return end_window(trail);
+	/* The window is read: the latest of it come first. */
+	for (i = json_array_size(trail->window); i > 0; i--) {
+		record = json_array_get(trail->window, i - 1);
+		(void)json_array_append(trail->found, record);
+		if (json_array_size(trail->found) == trail->query.most) {
+			trail->after = db_words_number(record, "number");
+			return true;
+		}
+	}
+	trail->high = trail->window_low;
+	if (trail->width < WIDTH_MOST)
+		trail->width *= 4;
+	if (trail->high <= trail->low)
+		return true;
+	begin_window(trail);
+	return false;
 }
 
 bool db_opcua_trail_take(struct db_opcua_trail *trail, const json_t *answer)
