@@ -194,6 +194,85 @@ static void what_the_line_is_kept_for_is_sent(void **state)
 	close_world(world);
 }
 
+/* Whatever else has become due meanwhile: the answer to that would have it wait once more. */
+static void what_the_line_is_kept_for_goes_first(void **state)
+{
+	(void)state;
+	for (unsigned i = 0; i < 4; i++) {
+		struct world *world = open_world();
+		const struct fake_sent *first;
+		db_time until;
+
+		/* A cycle begins before that, and another command waits. */
+		keep_line(world, 120 * MS);
+		fake_forget_sent(world->bus);
+		until = world->bus->engine->reserved.until;
+		world->bus->engine->last_was_continued = i % 2 != 0;
+		fake_post(world->bus, 0, i < 2 ? DB_CMD_ENABLE : DB_CMD_READ_PARAMETERS);
+		fake_pass(world->bus, 125 * MS);
+		assert_true(world->bus->sent_count > 0);
+		first = world->bus->sent;
+		assert_int_equal(first->frame.address, 2);
+		assert_int_equal(first->frame.kind, FAKE_COMMAND);
+		assert_true(first->at == until);
+		assert_int_equal(world->bus->engine->reserved.until, 0);
+		fake_pass(world->bus, 50 * MS);
+		assert_int_equal(fake_count(world->bus, 1, FAKE_COMMAND), 1);
+		assert_int_equal(fake_count(world->bus, 2, FAKE_COMMAND), 1);
+		close_world(world);
+	}
+}
+
+/* Its command is cancelled by a stop. */
+static void what_the_line_was_kept_for_is_not_sent_when_it_is_over(void **state)
+{
+	struct world *world = open_world();
+
+	(void)state;
+	keep_line(world, 60 * MS);
+	fake_post(world->bus, 1, DB_CMD_STOP);
+	fake_pass(world->bus, 40 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_CANCELLED);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	fake_pass(world->bus, 140 * MS);
+	assert_int_equal(fake_count(world->bus, 2, FAKE_COMMAND), 0);
+	assert_int_equal(world->bus->engine->reserved.until, 0);
+	/* And the line is everybody's again. */
+	assert_true(fake_count(world->bus, 1, FAKE_POLL) > 0);
+	assert_true(fake_count(world->bus, 2, FAKE_POLL) > 0);
+	close_world(world);
+}
+
+/* A probe that is lost costs a drive its place in the round: it is sent when the drive is sure to hear. */
+static void a_probe_waits_until_its_drive_is_sure_to_hear(void **state)
+{
+	struct world *world = open_world();
+	db_time answered = 0;
+	unsigned probes = 0;
+
+	(void)state;
+	world->bus->config.cycle_ms = 30;
+	world->bus->dead[2] = true;
+	fake_pass(world->bus, 1000 * MS);
+	assert_false(fake_is_online(world->bus, 1));
+	world->bus->engine->nodes[0]->hold.sure = 20 * MS;
+	fake_forget_sent(world->bus);
+	fake_pass(world->bus, 20000 * MS);
+	for (size_t i = 0; i < world->bus->sent_count; i++) {
+		const struct fake_sent *sent = &world->bus->sent[i];
+
+		if (sent->frame.address == 1) {
+			answered = sent->at + FAKE_ANSWER_TIME;
+			continue;
+		}
+		assert_int_equal(sent->frame.kind, FAKE_PROBE);
+		assert_true(sent->at - answered >= 20 * MS);
+		probes++;
+	}
+	assert_true(probes >= 8);
+	close_world(world);
+}
+
 /* The answer to its stop shows that the first drive moves. */
 static void what_the_line_is_kept_for_is_not_sent_when_a_drive_moves_since(void **state)
 {
@@ -290,6 +369,9 @@ int main(void)
 			a_stop_that_may_not_be_answered_waits_for_one_that_waits_to_be_heard),
 		cmocka_unit_test(repeats_do_not_put_a_first_stop_off),
 		cmocka_unit_test(what_the_line_is_kept_for_is_sent),
+		cmocka_unit_test(what_the_line_is_kept_for_goes_first),
+		cmocka_unit_test(what_the_line_was_kept_for_is_not_sent_when_it_is_over),
+		cmocka_unit_test(a_probe_waits_until_its_drive_is_sure_to_hear),
 		cmocka_unit_test(what_the_line_is_kept_for_is_not_sent_when_a_drive_moves_since),
 		cmocka_unit_test(a_stop_is_said_again_while_the_line_is_kept),
 		cmocka_unit_test(nothing_long_begins_before_it_shows_whether_a_motion_began),
