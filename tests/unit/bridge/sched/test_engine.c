@@ -242,6 +242,11 @@ static void a_port_that_is_lost_shows_at_once(void **state)
 		assert_int_equal(status_of(world, i) & (DB_STATUS_BUS_UP | DB_STATUS_ONLINE), 0);
 	assert_int_equal(fake_stats(world->bus).last_error, 5);
 	assert_int_equal(fake_stats(world->bus).opens, 1);
+	/* And when it is back. */
+	fake_port(world->bus, 0);
+	for (size_t i = 0; i < DRIVES; i++)
+		assert_int_equal(status_of(world, i) & (DB_STATUS_BUS_UP | DB_STATUS_ONLINE),
+		                 DB_STATUS_BUS_UP);
 }
 
 /* Whatever was on the wire when it was lost. */
