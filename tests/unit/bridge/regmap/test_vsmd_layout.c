@@ -232,6 +232,13 @@ static void parameters_are_read(void **state)
 	assert_int_equal(fake_get(&fake, VENDOR, DB_TABLE_HOLDING, 0x1D, 2, values), 0);
 	assert_int_equal(values[0], 0xFFFF);
 	assert_int_equal(values[1], 0xFFFE);
+	/* Each port has a bit of its own, the first one, too. */
+	for (unsigned port = 0; port < 6; port++) {
+		for (unsigned i = 0; i < 6; i++)
+			plate.values[VSMD_S1 + i].u = i == port;
+		db_axis_publish_nameplate(fake.axes[0], &plate);
+		assert_int_equal(fake_get1(&fake, VENDOR, 0x0F), 1 << port);
+	}
 	fake_registers_close(&fake);
 }
 

@@ -193,6 +193,10 @@ static void test_wake_ups(void **state)
 			back++;
 		}
 	}
+	/* When all is collected, nobody is woken any more. */
+	assert_int_equal(
+		poll(&(struct pollfd){ .fd = db_bus_completion_fd(bus), .events = POLLIN }, 1, 0),
+		0);
 	db_bus_free(bus);
 }
 

@@ -102,6 +102,25 @@ static struct db_scan_progress progress_of(const struct world *world)
 	return progress;
 }
 
+/* Before it has asked anybody: what a reader is told then is told from the plan. */
+static void one_that_has_not_begun_tells_how_long_it_may_take(void **state)
+{
+	const struct db_bus_config bus = { .driver = &fake_family, .drive_latency_ms = 8 };
+	struct db_scan_plan plan = { .first = 3, .last = 12, .speed_count = 4 };
+	struct world world = { .scan = scan_new(&bus, &plan, 1) };
+
+	(void)state;
+	assert_non_null(world.scan);
+	assert_int_equal(progress_of(&world).total, 10);
+	assert_int_equal(progress_of(&world).wait_us, 8000);
+	scan_free(world.scan);
+	plan.aside = true;
+	world.scan = scan_new(&bus, &plan, 2);
+	assert_non_null(world.scan);
+	assert_int_equal(progress_of(&world).total, 40);
+	scan_free(world.scan);
+}
+
 static void finds_who_is_there_and_makes_no_cycle_late(void **state)
 {
 	struct world world;
@@ -534,6 +553,7 @@ static void tells_a_drive_only_where_it_stands_alone(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(one_that_has_not_begun_tells_how_long_it_may_take),
 		cmocka_unit_test(finds_who_is_there_and_makes_no_cycle_late),
 		cmocka_unit_test(a_stop_waits_for_one_question_at_most),
 		cmocka_unit_test(says_when_a_cycle_leaves_no_time),
