@@ -440,6 +440,102 @@ static void another_drive_has_another_generation(void **state)
 	drop(f);
 }
 
+/* --- what a status tells ----------------------------------------------------------------------- */
+
+static struct db_feedback feedback_of(const struct fixture *f)
+{
+	struct db_feedback feedback = { .taken = 0 };
+
+	db_driver_vsmd_serial.feedback(f->device, &feedback);
+	return feedback;
+}
+
+static void each_bit_of_a_status_is_told_as_what_it_is(void **state)
+{
+	static const struct {
+		uint32_t bits;
+		enum db_axis_state state;
+		uint32_t status;
+		uint16_t error;
+	} cases[] = {
+		{ OFF, DB_AXIS_DISABLED, 0, DB_ERROR_NONE },
+		{ STANDS, DB_AXIS_STANDSTILL, DB_STATUS_ENABLED, DB_ERROR_NONE },
+		{ VSMD_ST_PWR, DB_AXIS_CONTINUOUS_MOTION, DB_STATUS_ENABLED | DB_STATUS_MOVING,
+		  DB_ERROR_NONE },
+		{ 0, DB_AXIS_DISABLED, DB_STATUS_MOVING, DB_ERROR_NONE },
+		{ STANDS | VSMD_ST_FLT, DB_AXIS_ERROR_STOP, DB_STATUS_ENABLED | DB_STATUS_ERROR,
+		  DB_ERROR_HARDWARE },
+		{ OFF | VSMD_ST_VOLTAGE | VSMD_ST_FLT, DB_AXIS_ERROR_STOP, DB_STATUS_ERROR,
+		  DB_ERROR_VOLTAGE },
+		{ OFF | VSMD_ST_OVER_TEMPERATURE, DB_AXIS_ERROR_STOP, DB_STATUS_ERROR,
+		  DB_ERROR_OVER_TEMPERATURE },
+		{ OFF | VSMD_ST_OVER_CURRENT, DB_AXIS_ERROR_STOP, DB_STATUS_ERROR,
+		  DB_ERROR_OVER_CURRENT },
+		{ OFF | VSMD_ST_ENC_ERR, DB_AXIS_ERROR_STOP, DB_STATUS_ERROR, DB_ERROR_ENCODER },
+		/* No motion is lost by that. */
+		{ STANDS | VSMD_ST_FLASH_ERR, DB_AXIS_STANDSTILL,
+		  DB_STATUS_ENABLED | DB_STATUS_WARNING, DB_ERROR_FLASH },
+		{ STANDS | VSMD_ST_POS_REACHED | VSMD_ST_SPD_REACHED | VSMD_ST_HS | VSMD_ST_ACT,
+		  DB_AXIS_STANDSTILL, DB_STATUS_ENABLED, DB_ERROR_NONE },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct fixture *f = make();
+		struct db_feedback feedback = feedback_of(f);
+
+		assert_int_equal(feedback.state, DB_AXIS_OFFLINE);
+		assert_int_equal(feedback.taken, 0);
+		poll(f, cases[i].bits);
+		feedback = feedback_of(f);
+		assert_int_equal(feedback.state, cases[i].state);
+		assert_int_equal(feedback.status, cases[i].status);
+		assert_int_equal(feedback.error, cases[i].error);
+		assert_int_equal(feedback.drive_status, cases[i].bits);
+		assert_true(feedback.taken == f->now);
+		drop(f);
+	}
+}
+
+static void a_status_has_the_levels_of_the_inputs(void **state)
+{
+	static const uint32_t bits[] = { VSMD_ST_S1, VSMD_ST_S2, VSMD_ST_S3,
+		                         VSMD_ST_S4, VSMD_ST_S5, VSMD_ST_S6 };
+	struct fixture *f = make();
+
+	(void)state;
+	for (unsigned i = 0; i < 6; i++) {
+		poll(f, STANDS | bits[i]);
+		assert_int_equal(feedback_of(f).inputs, 1 << i);
+	}
+	drop(f);
+}
+
+/* A run for the origin that may have begun ends with the power that is taken: a stop is no more than that. */
+static void what_may_have_begun_is_over_without_power(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	for (unsigned off = 0; off < 2; off++) {
+		poll(f, STANDS);
+		assert_string_equal(command(f, DB_CMD_HOME), "1 zero stop");
+		assert_string_equal(tell(f, STANDS), "1 zero start");
+		f->now += 300 * MS;
+		(void)db_driver_vsmd_serial.lost(talk(f));
+		if (off) {
+			assert_string_equal(command(f, DB_CMD_DISABLE), "1 off");
+			assert_string_equal(tell(f, OFF), "=ok");
+			poll(f, STANDS);
+		}
+		assert_string_equal(command(f, DB_CMD_STOP), "1 stp");
+		assert_string_equal(tell(f, STANDS), off ? "=ok" : "1 zero stop");
+		if (!off)
+			assert_string_equal(tell(f, STANDS), "=ok");
+	}
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -456,6 +552,9 @@ int main(void)
 		cmocka_unit_test(frames_tell_their_sender_and_their_part),
 		cmocka_unit_test(the_parameters_say_which_port_is_an_output),
 		cmocka_unit_test(another_drive_has_another_generation),
+		cmocka_unit_test(each_bit_of_a_status_is_told_as_what_it_is),
+		cmocka_unit_test(a_status_has_the_levels_of_the_inputs),
+		cmocka_unit_test(what_may_have_begun_is_over_without_power),
 	};
 
 	return cmocka_run_group_tests_name("vsmd_serial", tests, NULL, NULL);
