@@ -511,6 +511,38 @@ static void a_status_has_the_levels_of_the_inputs(void **state)
 	drop(f);
 }
 
+/* By what was commanded, while it moves. */
+static void a_motion_is_told_by_its_kind(void **state)
+{
+	static const struct {
+		enum db_command command;
+		enum db_axis_state state;
+	} cases[] = {
+		{ DB_CMD_MOVE_VELOCITY, DB_AXIS_CONTINUOUS_MOTION },
+		{ DB_CMD_MOVE_PRESET, DB_AXIS_CONTINUOUS_MOTION },
+		{ DB_CMD_MOVE_ABSOLUTE, DB_AXIS_DISCRETE_MOTION },
+		{ DB_CMD_MOVE_RELATIVE, DB_AXIS_DISCRETE_MOTION },
+		{ DB_CMD_HOME, DB_AXIS_HOMING },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct fixture *f = make();
+
+		poll(f, STANDS);
+		f->args = (struct db_args){ .target_velocity = 100.0f, .target_position = 1000 };
+		(void)command(f, cases[i].command);
+		for (unsigned tells = 0; tells < 5 && f->said[0] != '='; tells++)
+			(void)tell(f, tells < 3 ? STANDS : VSMD_ST_PWR);
+		assert_string_equal(f->said, "=ok");
+		assert_int_equal(feedback_of(f).state, cases[i].state);
+		assert_int_equal(feedback_of(f).status & (DB_STATUS_MOVING | DB_STATUS_HOMING),
+		                 DB_STATUS_MOVING |
+		                         (cases[i].state == DB_AXIS_HOMING ? DB_STATUS_HOMING : 0));
+		drop(f);
+	}
+}
+
 /* A run for the origin that may have begun ends with the power that is taken: a stop is no more than that. */
 static void what_may_have_begun_is_over_without_power(void **state)
 {
@@ -554,6 +586,7 @@ int main(void)
 		cmocka_unit_test(another_drive_has_another_generation),
 		cmocka_unit_test(each_bit_of_a_status_is_told_as_what_it_is),
 		cmocka_unit_test(a_status_has_the_levels_of_the_inputs),
+		cmocka_unit_test(a_motion_is_told_by_its_kind),
 		cmocka_unit_test(what_may_have_begun_is_over_without_power),
 	};
 
