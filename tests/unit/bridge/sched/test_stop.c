@@ -391,6 +391,44 @@ static void a_stop_that_was_never_said_waits_for_no_reading(void **state)
 	}
 }
 
+/* So many stops are said in two seconds to the first drive, which does not obey, and to the second one, which is gone where
+ * it must stop, too. */
+static void count_stops(bool gone, unsigned *first, unsigned *second)
+{
+	struct world *world = moving(true);
+
+	world->bus->drives[0].stop_reaction_ms = 10000;
+	world->sim[0].deaf = 100000;
+	world->bus->dead[2] = gone;
+	fake_pass(world->bus, 3000 * MS);
+	assert_int_equal(fake_is_online(world->bus, 1), !gone);
+	if (gone)
+		fake_post(world->bus, 1, DB_CMD_STOP);
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 1000 * MS);
+	fake_forget_sent(world->bus);
+	fake_pass(world->bus, 2000 * MS);
+	*first = fake_count(world->bus, 1, FAKE_STOP);
+	*second = fake_count(world->bus, 2, FAKE_STOP);
+	close_world(world);
+}
+
+/* It has a fifth of the line at most. */
+static void one_that_is_gone_does_not_keep_stops_from_one_that_is_there(void **state)
+{
+	unsigned alone;
+	unsigned beside;
+	unsigned gone;
+
+	(void)state;
+	count_stops(false, &alone, &gone);
+	assert_int_equal(gone, 0);
+	count_stops(true, &beside, &gone);
+	/* A stop and the wait for its answer take 100 ms. */
+	assert_in_range(gone, 2, 2000 / 100 / 5);
+	assert_true(beside * 4 >= alone * 3);
+}
+
 /* The stop came to nothing, while the motion before it was on its way through zero. */
 static void a_reversal_is_no_stop(void **state)
 {
@@ -847,6 +885,7 @@ int main(void)
 		cmocka_unit_test(one_that_moves_is_read_between_stops_without_effect),
 		cmocka_unit_test(stops_without_effect_are_said_as_often_where_all_are_read_evenly),
 		cmocka_unit_test(a_stop_that_was_never_said_waits_for_no_reading),
+		cmocka_unit_test(one_that_is_gone_does_not_keep_stops_from_one_that_is_there),
 		cmocka_unit_test(a_reversal_is_no_stop),
 		cmocka_unit_test(a_motion_that_does_not_show_yet_is_waited_for),
 		cmocka_unit_test(another_motion_takes_its_place),
