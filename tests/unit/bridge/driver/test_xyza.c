@@ -1504,6 +1504,23 @@ static void a_position_in_the_making_is_not_shown(void **state)
 	drop(f);
 }
 
+/* That it was refused before does not count any more: it is not said a third time. */
+static void a_program_that_is_taken_after_a_refusal_may_have_run(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	command(f, 0, DB_CMD_START_PROGRAM, (struct db_args){ .program_number = 4 });
+	assert_string_equal(program(f, 0, 0, 0), "0AF401030500");
+	assert_string_equal(answer(f, OK_PROGRAM), "0AF401030304");
+	assert_string_equal(answer(f, FAILED_PROGRAM), ASK_PROGRAM);
+	assert_string_equal(program(f, 0, 0, 0), "0AF401030304");
+	assert_string_equal(answer(f, OK_PROGRAM), ASK_PROGRAM);
+	/* It may be a short one that has ended. */
+	assert_string_equal(program(f, 0, 0, 0), "=indeterminate");
+	drop(f);
+}
+
 static void a_delay_does_not_outlive_its_start(void **state)
 {
 	struct fixture *f = make(1);
@@ -2448,6 +2465,7 @@ int main(void)
 		cmocka_unit_test(a_position_is_set),
 		cmocka_unit_test(a_position_that_is_not_taken_is_no_success),
 		cmocka_unit_test(a_position_in_the_making_is_not_shown),
+		cmocka_unit_test(a_program_that_is_taken_after_a_refusal_may_have_run),
 		cmocka_unit_test(a_delay_does_not_outlive_its_start),
 		cmocka_unit_test(an_acknowledgement_is_no_proof),
 		cmocka_unit_test(an_effect_may_take_its_time),
