@@ -511,7 +511,17 @@ static void a_status_has_the_levels_of_the_inputs(void **state)
 	drop(f);
 }
 
-/* By what was commanded, while it moves. */
+/* It stands for a while, then moves. */
+static void carry_out(struct fixture *f, enum db_command motion)
+{
+	f->args = (struct db_args){ .target_velocity = 100.0f, .target_position = 1000 };
+	(void)command(f, motion);
+	for (unsigned tells = 0; tells < 5 && f->said[0] != '='; tells++)
+		(void)tell(f, tells < 3 ? STANDS : VSMD_ST_PWR);
+	assert_string_equal(f->said, "=ok");
+}
+
+/* By what was commanded, while it moves, with a target if it has one. */
 static void a_motion_is_told_by_its_kind(void **state)
 {
 	static const struct {
@@ -530,11 +540,12 @@ static void a_motion_is_told_by_its_kind(void **state)
 		struct fixture *f = make();
 
 		poll(f, STANDS);
-		f->args = (struct db_args){ .target_velocity = 100.0f, .target_position = 1000 };
-		(void)command(f, cases[i].command);
-		for (unsigned tells = 0; tells < 5 && f->said[0] != '='; tells++)
-			(void)tell(f, tells < 3 ? STANDS : VSMD_ST_PWR);
-		assert_string_equal(f->said, "=ok");
+		carry_out(f, DB_CMD_MOVE_ABSOLUTE);
+		assert_true(feedback_of(f).has_target);
+		poll(f, STANDS);
+		carry_out(f, cases[i].command);
+		assert_int_equal(feedback_of(f).has_target,
+		                 cases[i].state == DB_AXIS_DISCRETE_MOTION);
 		assert_int_equal(feedback_of(f).state, cases[i].state);
 		assert_int_equal(feedback_of(f).status & (DB_STATUS_MOVING | DB_STATUS_HOMING),
 		                 DB_STATUS_MOVING |
