@@ -2402,6 +2402,20 @@ static bool interrupt(struct fixture *f, enum db_command code)
 }
 
 /* Half a frame stops nothing, and must not count as sent. */
+static void nothing_is_sent_that_has_no_room(void **unused)
+{
+	struct fixture *f = make_on(0);
+
+	(void)unused;
+	f->exchange.request_size = sizeof(struct db_can_frame) - 1;
+	assert_string_equal(begin(f, DB_JOB_PROBE), "=unsupported");
+	assert_string_equal(plain(f, DB_CMD_DISABLE), "=unsupported");
+	assert_int_equal(f->exchange.request_length, 0);
+	f->exchange.request_size++;
+	assert_string_equal(plain(f, DB_CMD_DISABLE), "025#0001");
+	drop(f);
+}
+
 static void an_interrupt_needs_room_for_a_whole_frame(void **unused)
 {
 	struct fixture *f = make_on(ON | STILL | THERE);
@@ -2777,6 +2791,7 @@ int main(void)
 		cmocka_unit_test(frames_tell_their_node),
 		cmocka_unit_test(filters_pass_what_drives_send),
 		cmocka_unit_test(padded_frames),
+		cmocka_unit_test(nothing_is_sent_that_has_no_room),
 		cmocka_unit_test(an_interrupt_needs_room_for_a_whole_frame),
 		cmocka_unit_test(enable_and_disable_for_all),
 		cmocka_unit_test(a_stop_while_an_answer_is_outstanding),
