@@ -243,6 +243,21 @@ static void what_the_line_was_kept_for_is_not_sent_when_it_is_over(void **state)
 	close_world(world);
 }
 
+/* Whatever it was kept for went with its port. */
+static void a_line_is_kept_for_nothing_when_it_is_back(void **state)
+{
+	struct world *world = open_world();
+
+	(void)state;
+	keep_line(world, 400 * MS);
+	fake_port(world->bus, 5);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_BUS_DOWN);
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 50 * MS);
+	assert_true(fake_is_online(world->bus, 0));
+	close_world(world);
+}
+
 /* A probe that is lost costs a drive its place in the round: it is sent when the drive is sure to hear. */
 static void a_probe_waits_until_its_drive_is_sure_to_hear(void **state)
 {
@@ -371,6 +386,7 @@ int main(void)
 		cmocka_unit_test(what_the_line_is_kept_for_is_sent),
 		cmocka_unit_test(what_the_line_is_kept_for_goes_first),
 		cmocka_unit_test(what_the_line_was_kept_for_is_not_sent_when_it_is_over),
+		cmocka_unit_test(a_line_is_kept_for_nothing_when_it_is_back),
 		cmocka_unit_test(a_probe_waits_until_its_drive_is_sure_to_hear),
 		cmocka_unit_test(what_the_line_is_kept_for_is_not_sent_when_a_drive_moves_since),
 		cmocka_unit_test(a_stop_is_said_again_while_the_line_is_kept),

@@ -30,8 +30,9 @@ struct drive {
 	bool powered;
 	unsigned deaf; /* to so many stops: they are acknowledged and nothing happens */
 	bool deaf_to_disable;
-	db_time moves_at; /* a motion that was taken and does not show yet; 0: none */
-	db_time delay;    /* from taking a motion to showing it */
+	bool silent_to_disable; /* it does not even answer that */
+	db_time moves_at;       /* a motion that was taken and does not show yet; 0: none */
+	db_time delay;          /* from taking a motion to showing it */
 };
 
 struct world {
@@ -47,6 +48,8 @@ static db_time obey(void *context, struct fake_frame *frame)
 	struct world *world = context;
 	struct drive *drive = &world->sim[frame->address - 1];
 
+	if (frame->kind == FAKE_DISABLE && drive->silent_to_disable)
+		return 0;
 	if (frame->kind == FAKE_COMMAND) {
 		drive->powered = true;
 		drive->moves_at = world->bus->now + drive->delay;
@@ -252,6 +255,25 @@ static void a_disable_does_not_wait_for_a_stop_without_effect(void **state)
 	fake_pass(world->bus, 100 * MS);
 	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
 	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	close_world(world);
+}
+
+/* It answers all others: it is there, and its motor has power when its time is over. */
+static void a_disable_that_is_never_answered_is_told_in_time(void **state)
+{
+	struct world *world = moving(true);
+	db_time begun = world->bus->now;
+	enum db_result result;
+
+	(void)state;
+	world->sim[0].silent_to_disable = true;
+	fake_post(world->bus, 0, DB_CMD_DISABLE);
+	while ((result = fake_result(world->bus)) == DB_RESULT_NONE &&
+	       world->bus->now < begun + 5000 * MS)
+		fake_pass(world->bus, MS);
+	assert_int_equal(result, DB_RESULT_RUNS_ON);
+	assert_true(world->bus->now < begun + 2000 * MS);
+	assert_true(fake_is_online(world->bus, 0));
 	close_world(world);
 }
 
@@ -879,6 +901,7 @@ int main(void)
 		cmocka_unit_test(a_drive_that_runs_on_is_told_of_and_told_on),
 		cmocka_unit_test(the_last_resort_is_taken_where_it_is_configured),
 		cmocka_unit_test(a_disable_does_not_wait_for_a_stop_without_effect),
+		cmocka_unit_test(a_disable_that_is_never_answered_is_told_in_time),
 		cmocka_unit_test(a_disable_is_not_undone_by_the_enable_on_the_wire),
 		cmocka_unit_test(a_long_deceleration_is_no_failure),
 		cmocka_unit_test(a_slow_drive_is_read_between_two_stops),
