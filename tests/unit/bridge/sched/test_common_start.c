@@ -69,6 +69,14 @@ static enum db_step begun_by_all(struct db_conversation *talk)
 	return step;
 }
 
+static enum db_step begun_by_all_again(struct db_conversation *talk)
+{
+	enum db_step step = begun_by_all(talk);
+
+	talk->exchange->repeatable = true;
+	return step;
+}
+
 static db_time command_time(const struct db_bus_config *bus)
 {
 	(void)bus;
@@ -80,11 +88,12 @@ static db_time command_time(const struct db_bus_config *bus)
 struct world {
 	struct fake_bus *bus;
 	struct db_driver driver;
-	db_time slow[DRIVES]; /* to be prepared, beyond ANSWER_TIME */
-	db_time lag[DRIVES];  /* to answer anything, beyond that */
-	bool refuses[DRIVES]; /* to be prepared */
-	bool silent[DRIVES];  /* when it is polled */
-	char said[256];       /* "1p 2p *b 1l ..." */
+	db_time slow[DRIVES];        /* to be prepared, beyond ANSWER_TIME */
+	db_time lag[DRIVES];         /* to answer anything, beyond that */
+	bool refuses[DRIVES];        /* to be prepared */
+	bool silent[DRIVES];         /* when it is polled */
+	unsigned lost_looks[DRIVES]; /* so many looks at it get no answer */
+	char said[256];              /* "1p 2p *b 1l ..." */
 	enum db_result results[DRIVES];
 	db_time sent[DRIVES];
 };
@@ -97,6 +106,10 @@ static db_time obey(void *context, struct fake_frame *frame)
 
 	if (frame->kind < FAKE_COMMAND && world->silent[i])
 		return 0;
+	if (frame->kind == FAKE_LOOK && world->lost_looks[i] > 0) {
+		world->lost_looks[i]--;
+		return 0;
+	}
 	frame->refused = prepared && world->refuses[i];
 	return ANSWER_TIME + world->lag[i] + (prepared ? world->slow[i] : 0);
 }
@@ -206,6 +219,28 @@ static bool all_ended(const struct world *world, enum db_result result)
 			return false;
 	}
 	return true;
+}
+
+/* --- what is asked after it ------------------------------------------------------------------------ */
+
+/* Whether it has begun is asked as often as any question is, whatever was said again before. */
+static void a_look_that_is_lost_is_repeated(void **state)
+{
+	struct world *world = open_world();
+
+	(void)state;
+	world->driver.begun_by_all = begun_by_all_again;
+	world->lost_looks[1] = world->bus->config.retries;
+	post_all(world);
+	fake_pass(world->bus, 1000 * MS);
+	assert_true(all_ended(world, DB_RESULT_OK));
+	assert_int_equal(count_said(world, "2l"), world->bus->config.retries + 1);
+	post_all(world);
+	world->lost_looks[1] = world->bus->config.retries + 1;
+	fake_pass(world->bus, 1000 * MS);
+	assert_int_equal(world->results[0], DB_RESULT_OK);
+	assert_int_equal(world->results[1], DB_RESULT_TIMEOUT);
+	close_world(world);
 }
 
 /* --- tests ----------------------------------------------------------------------------------------- */
@@ -481,6 +516,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(one_frame_when_all_are_ready),
+		cmocka_unit_test(a_look_that_is_lost_is_repeated),
 		cmocka_unit_test(the_frame_for_all_has_time_to_be_acted_on),
 		cmocka_unit_test(requests_that_come_later_are_waited_for),
 		cmocka_unit_test(without_one_of_them_each_begins_by_itself),
