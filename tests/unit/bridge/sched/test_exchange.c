@@ -323,6 +323,45 @@ static void a_stop_is_said_again_while_the_line_is_kept(void **state)
 	close_world(world);
 }
 
+/* --- what continues ---------------------------------------------------------------------------------- */
+
+/* It is told to get power in two exchanges. */
+static enum db_step answer_twice(struct db_conversation *talk, const uint8_t *bytes, size_t length)
+{
+	if (talk->job->kind == DB_JOB_COMMAND && talk->job->step++ == 0)
+		return fake_say(talk, FAKE_COMMAND);
+	return fake_family.answer(talk, bytes, length);
+}
+
+/* And not with the next cycle only. */
+static void a_command_continues_as_soon_as_its_drive_hears(void **state)
+{
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus;
+	const struct node *node;
+	db_time gap;
+
+	(void)state;
+	driver.answer = answer_twice;
+	bus = fake_bus_new(&driver, 1);
+	bus->config.cycle_ms = 100;
+	bus->config.turnaround_us = 6000;
+	bus->config.adapt = true;
+	fake_bus_open(bus, 1, NULL);
+	fake_port(bus, 0);
+	fake_pass(bus, 530 * MS);
+	node = bus->engine->nodes[0];
+	gap = node->gap.now;
+	assert_true(gap > 2 * MS);
+	fake_forget_sent(bus);
+	fake_post(bus, 0, DB_CMD_ENABLE);
+	fake_pass(bus, 20 * MS);
+	assert_int_equal(fake_result(bus), DB_RESULT_OK);
+	assert_int_equal(bus->sent_count, 2);
+	assert_true(bus->sent[1].at == bus->sent[0].at + FAKE_ANSWER_TIME + gap);
+	fake_bus_free(bus);
+}
+
 /* --- what may move ----------------------------------------------------------------------------------- */
 
 /* A motion that was acknowledged shows with the next sample only. */
@@ -390,6 +429,7 @@ int main(void)
 		cmocka_unit_test(a_probe_waits_until_its_drive_is_sure_to_hear),
 		cmocka_unit_test(what_the_line_is_kept_for_is_not_sent_when_a_drive_moves_since),
 		cmocka_unit_test(a_stop_is_said_again_while_the_line_is_kept),
+		cmocka_unit_test(a_command_continues_as_soon_as_its_drive_hears),
 		cmocka_unit_test(nothing_long_begins_before_it_shows_whether_a_motion_began),
 		cmocka_unit_test(nothing_long_begins_while_a_motion_waits_for_its_drive),
 	};
