@@ -221,6 +221,29 @@ static bool all_ended(const struct world *world, enum db_result result)
 	return true;
 }
 
+/* What is for all must be right for each, whichever it is. */
+static void one_that_goes_elsewhere_is_begun_by_itself(void **state)
+{
+	(void)state;
+	for (uint16_t other = 0; other < DRIVES; other++) {
+		struct world *world = open_world();
+
+		for (uint16_t i = 0; i < DRIVES; i++)
+			post(world, i, DB_CMD_MOVE_ABSOLUTE, i == other ? 6 : 5);
+		fake_pass(world->bus, 300 * MS);
+		assert_int_equal(count_said(world, "*b"), 0);
+		for (unsigned i = 0; i < world->bus->sent_count; i++) {
+			const struct fake_frame *frame = &world->bus->sent[i].frame;
+
+			if (frame->kind == FAKE_BEGIN)
+				assert_int_equal(frame->target,
+				                 frame->address == other + 1 ? 6 : 5);
+		}
+		assert_true(all_ended(world, DB_RESULT_OK));
+		close_world(world);
+	}
+}
+
 /* --- what is asked after it ------------------------------------------------------------------------ */
 
 /* Whether it has begun is asked as often as any question is, whatever was said again before. */
@@ -516,6 +539,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(one_frame_when_all_are_ready),
+		cmocka_unit_test(one_that_goes_elsewhere_is_begun_by_itself),
 		cmocka_unit_test(a_look_that_is_lost_is_repeated),
 		cmocka_unit_test(the_frame_for_all_has_time_to_be_acted_on),
 		cmocka_unit_test(requests_that_come_later_are_waited_for),
