@@ -334,6 +334,20 @@ static void a_jump_to_0_is_doubted_where_nothing_was_commanded(void **state)
 	}
 }
 
+/* A speed is told from two places: of the first one nobody knows where it came from. */
+static void the_first_place_tells_no_speed(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, false, 90000, XYZA_PROGRAM_IDLE);
+	assert_int_equal(feedback(f, 0).position, 90000);
+	assert_float_equal(feedback(f, 0).velocity, 0.0f, 0.0f);
+	poll_all(f, false, 90100, XYZA_PROGRAM_IDLE);
+	assert_true(feedback(f, 0).velocity > 0.0f);
+	drop(f);
+}
+
 /* Of an axis that stands still only its position is news, and of the controller what has changed. */
 static void what_changes_nothing_is_said_to(void **state)
 {
@@ -2425,6 +2439,7 @@ static void dangerous_parameters_are_locked(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(the_first_place_tells_no_speed),
 		cmocka_unit_test(one_cycle_asks_once_for_all_axes),
 		cmocka_unit_test(a_jump_to_0_is_doubted_where_nothing_was_commanded),
 		cmocka_unit_test(what_changes_nothing_is_said_to),
