@@ -572,6 +572,35 @@ static void a_port_that_breaks_is_given_up(void **state)
 	}
 }
 
+static db_time run_port(struct db_port *port, db_time now, int *error)
+{
+	const struct story *story = (const struct story *)port;
+
+	*error = -story->breaks;
+	return now + 7 * MS;
+}
+
+/* As an adapter does that is asked what it does. */
+static void a_port_that_finds_itself_broken_is_given_up(void **state)
+{
+	struct story story = { .answers = true };
+	db_time now;
+
+	(void)state;
+	begin(&story);
+	transport.run = run_port;
+	transport.fd = no_fd;
+	fake_pass(story.bus, 1000 * MS);
+	now = story.bus->now;
+	assert_true(bus_line_run(&story.line, now) == now + 7 * MS);
+	assert_false(bus_line_check(&story.line, now));
+	story.breaks = EPROTO;
+	(void)bus_line_run(&story.line, now);
+	assert_true(bus_line_check(&story.line, now));
+	assert_int_equal(fake_stats(story.bus).last_error, EPROTO);
+	end(&story);
+}
+
 static const struct db_port_health *tell_health(const struct db_port *port)
 {
 	return &((const struct story *)port)->health;
@@ -709,6 +738,7 @@ int main(void)
 		cmocka_unit_test(a_port_that_takes_nothing_is_given_up),
 		cmocka_unit_test(all_that_has_arrived_is_read),
 		cmocka_unit_test(a_port_that_breaks_is_given_up),
+		cmocka_unit_test(a_port_that_finds_itself_broken_is_given_up),
 		cmocka_unit_test(a_controller_that_is_off_the_bus_is_waited_for),
 		cmocka_unit_test(a_scan_has_the_line_at_each_speed_and_gives_it_back),
 		cmocka_unit_test(a_scan_ends_with_its_port),
