@@ -5,6 +5,7 @@
  * spelt in hexadecimal without the header 5A A5 and without the sum at their end, which is computed
  * here by the document's rule and not by the codec.
  */
+#include "codec/description.h"
 #include "codec/xyza.h"
 #include "driver/list.h"
 #include "fakes/options.h"
@@ -2283,6 +2284,29 @@ static void several_parameters_are_written(void **state)
 }
 
 /* Nobody who may only read is to read them. */
+/* The last frame that was sent, in words of a trace. */
+static struct db_description described(const struct fixture *f)
+{
+	struct db_description description;
+
+	db_description_begin(&description);
+	db_driver_xyza.describe(&f->bus, true, f->bytes, f->exchange.request_length, &description);
+	return description;
+}
+
+static void a_trace_says_what_is_asked(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	(void)begin(f, 0, DB_JOB_POLL);
+	assert_int_equal(described(f).address, OBJECT);
+	assert_int_equal(described(f).axis, XYZA_X);
+	assert_false(described(f).secret);
+	assert_true(described(f).length > 0);
+	drop(f);
+}
+
 static void passwords_are_not_shown(void **state)
 {
 	struct fixture *f = make(1);
@@ -2290,6 +2314,7 @@ static void passwords_are_not_shown(void **state)
 	(void)state;
 	set(f, 0, XYZA_PASSWORD, 1234);
 	value(f, 99);
+	assert_true(described(f).secret);
 	answer(f, OK_DATA);
 	assert_string_equal(value(f, 1234), "=ok");
 	assert_true(plate(f, 0)->valid[0] >> XYZA_PASSWORD & 1);
@@ -2503,6 +2528,7 @@ int main(void)
 		cmocka_unit_test(what_is_read_back_counts),
 		cmocka_unit_test(what_is_so_already_is_not_written),
 		cmocka_unit_test(several_parameters_are_written),
+		cmocka_unit_test(a_trace_says_what_is_asked),
 		cmocka_unit_test(passwords_are_not_shown),
 		cmocka_unit_test(what_is_never_answered_is_left_out),
 		cmocka_unit_test(a_raw_frame_is_refused_unless_it_is_allowed),
