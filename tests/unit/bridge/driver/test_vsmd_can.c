@@ -254,6 +254,25 @@ static void a_half_answer_is_not_completed_by_the_next_one(void **state)
 	drop(f);
 }
 
+/* On a bus with other traffic the kernel keeps that away. */
+static void filters_pass_answers_and_nothing_else(void **state)
+{
+	struct fixture *f = make(0, 0);
+	struct db_can_filter filters[DB_FILTERS_MAX] = { { 0 } };
+	size_t count = db_driver_vsmd_can.filters(&f->bus, filters);
+	struct db_can_frame answer = frame_of(0x00080202, STANDS, 0, 4);
+	struct db_can_frame question = frame_of(0x0008039E, 0, 0, 2);
+	struct db_can_frame other = frame_of(0x123, 0, 0, 4);
+
+	(void)state;
+	other.id &= ~DB_CAN_EXTENDED;
+	assert_int_equal(count, 1);
+	assert_true(db_can_filter_passes(filters, count, &answer));
+	assert_false(db_can_filter_passes(filters, count, &question));
+	assert_false(db_can_filter_passes(filters, count, &other));
+	drop(f);
+}
+
 /* Some drives tell no more than two registers at once. One that has told three is asked for three, whatever is lost. */
 static void a_drive_is_asked_for_as_much_as_it_has_told(void **state)
 {
@@ -1745,6 +1764,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(cyclic_status_is_put_together_whatever_the_order),
 		cmocka_unit_test(a_half_answer_is_not_completed_by_the_next_one),
+		cmocka_unit_test(filters_pass_answers_and_nothing_else),
 		cmocka_unit_test(a_drive_is_asked_for_as_much_as_it_has_told),
 		cmocka_unit_test(a_confirmation_is_nothing_else),
 		cmocka_unit_test(probe_and_identity),
