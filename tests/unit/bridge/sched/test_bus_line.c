@@ -349,6 +349,31 @@ static void a_port_that_cannot_be_opened_is_told_with_what_to_do(void **state)
 	assert_string_equal(told.lines[5], told.lines[1]);
 }
 
+static pid_t nobody(const struct db_bus_config *bus)
+{
+	(void)bus;
+	return 0;
+}
+
+/* Also where it cannot be found out who has it. */
+static void a_port_that_is_busy_names_nobody_who_is_not_known(void **state)
+{
+	struct story story = { .answers = true };
+	struct told told = { .count = 0 };
+
+	(void)state;
+	begin_told(&story, &told);
+	transport.holder = nobody;
+	lose_port(&story);
+	story.refuses = EBUSY;
+	fake_pass(story.bus, 600 * MS);
+	end_told(&story);
+	assert_int_equal(told.count, 3);
+	assert_string_equal(
+		told.lines[2],
+		"cannot open can0: Device or resource busy; another program uses it; trying again");
+}
+
 static void a_port_that_was_lost_is_closed_and_opened_again(void **state)
 {
 	struct story story = { .answers = true };
@@ -732,6 +757,7 @@ int main(void)
 		cmocka_unit_test(they_are_open_while_a_silent_drive_is_asked),
 		cmocka_unit_test(answers_to_another_host_are_named),
 		cmocka_unit_test(a_port_that_cannot_be_opened_is_told_with_what_to_do),
+		cmocka_unit_test(a_port_that_is_busy_names_nobody_who_is_not_known),
 		cmocka_unit_test(a_port_that_was_lost_is_closed_and_opened_again),
 		cmocka_unit_test(the_trace_has_when_the_port_came_and_went),
 		cmocka_unit_test(what_a_port_does_not_take_is_sent_later_in_its_order),
