@@ -2,6 +2,7 @@
 """XYZA controllers: four axes are four drives with a unit each, what the controller has in common is
 seen at all of them, and the sign of a position is right while it crosses zero."""
 
+import struct
 import time
 
 import pytest
@@ -21,6 +22,7 @@ from bridgelib import (
     RESULT_REFUSED,
     RESULT_UNPROVEN,
     STANDSTILL,
+    Raw,
     Refused,
     code,
     eventually,
@@ -504,6 +506,24 @@ def test_single_steps(xyza):
     eventually(lambda: drive.read("program_state") in (WAITING, RUNNING))
     drive.command("continue_program")
     eventually(lambda: drive.read("program_step") > 6)
+
+
+@pytest.mark.parametrize("first, second", [("disable", "stop"), ("disable", "quick_stop"), ("stop", "disable")])
+def test_a_stop_beside_a_disable_stops_the_whole_controller(xyza, first, second):
+    """A disable is for its own axis: it does not do for a stop that comes at the same time."""
+    x, y = xyza.drive(1), xyza.drive(2)
+    place = x.row("command").address
+    assert y.settle("jog_positive") == RESULT_OK
+    eventually(lambda: xyza.sim.get()["y_speed"] == 2000, what="motion")
+    with xyza.raw() as client:
+        for number, name in enumerate((first, second)):
+            command = struct.pack(">BHH", 6, place, int(xyza.commands[name]["code"]))
+            client.send(Raw.adu(number, 1, command))
+        answers = {client.receive()[2][0] for _ in range(2)}
+    assert answers == {6}, "both are answered with success"
+    eventually(lambda: xyza.sim.get()["y_speed"] == 0, what="the other axis to stand")
+    eventually(lambda: y.read("axis_state") == STANDSTILL, what="that to show")
+    assert x.read("axis_state") == DISABLED
 
 
 def test_an_emergency_stop_interrupts(xyza):

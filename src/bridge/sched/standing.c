@@ -104,6 +104,14 @@ void standing_enter(struct standing *standing, enum db_command kind, enum db_sta
 	standing->read_at = DB_TIME_NEVER;
 }
 
+void standing_owe(struct standing *standing, enum db_command kind)
+{
+	if (kind == DB_CMD_DISABLE)
+		return;
+	standing->wide |= bit(kind);
+	standing->owed |= bit(kind);
+}
+
 /* Closes the record: the drive is free. */
 static void leave(struct standing *standing)
 {
@@ -140,7 +148,10 @@ db_time standing_send_at(const struct standing *standing)
 enum db_command standing_next(const struct standing *standing)
 {
 	enum db_command next = strongest(standing->kinds & ~standing->refused);
+	enum db_command owed = strongest(standing->owed & ~standing->refused);
 
+	if (standing->kind == DB_CMD_DISABLE && owed != DB_CMD_NONE && !standing->wide_was_last)
+		return owed;
 	return next == DB_CMD_NONE ? standing->kind : next;
 }
 
@@ -151,6 +162,7 @@ void standing_stop_sent(struct standing *standing, bool trusted, db_time round_t
 	db_time share = round_trip * (first ? FIRST_TRIPS : PACE_TRIPS);
 
 	standing->count++;
+	standing->wide_was_last = standing->wide & bit(standing_next(standing));
 	standing->sent_at = now;
 	standing->read_since = !trusted;
 	standing->read_by = now + WITHOUT_LOOK;
@@ -172,8 +184,17 @@ void standing_stop_answered(struct standing *standing, enum db_command command, 
 	standing->read_at = now + LOOK_AFTER;
 	standing->read_by = now + WITHOUT_LOOK;
 	standing->confirmed |= command == DB_CMD_DISABLE;
+	if (command != DB_CMD_DISABLE)
+		standing->owed = 0;
 	if (taken) {
 		standing->refused = 0;
+		/* The other one of the two is due at once. */
+		if (standing->wide != 0 &&
+		    (standing->owed != 0 ||
+		     (standing->kind == DB_CMD_DISABLE && !standing->confirmed))) {
+			standing->send_at = now;
+			standing->read_since = true;
+		}
 		return;
 	}
 	standing->refused |= bit(command);
@@ -217,6 +238,8 @@ void standing_resume(struct standing *standing, db_time now)
 	standing->losses = 0;
 	standing->backoff = BACKOFF_MIN;
 	standing->gives_way = standing->obeys = standing->read_since = standing->confirmed = false;
+	standing->owed = standing->wide;
+	standing->wide_was_last = false;
 	standing->may_move = true;
 	standing->top_speed = standing->least_speed = 0.0f;
 	standing->still_since = 0;
@@ -287,11 +310,13 @@ static enum standing_verdict judge_standing(struct standing *standing,
 		return is_expired(standing, rules, now) ? STANDING_RUNS_ON : STANDING_UNSEEN;
 	}
 	still = now - standing->still_since;
-	standing->progress = now;
+	/* Time counts on while a stop is owed, though this axis stands. */
+	if (standing->owed == 0)
+		standing->progress = now;
 	if (still < rules->doubt)
 		return STANDING_UNSEEN;
 	/* A drive that moved may have been seen at the turning point of a reversal. */
-	if ((standing->may_move && still < STILL_TIME) ||
+	if ((standing->may_move && still < STILL_TIME) || standing->owed != 0 ||
 	    (standing->kind == DB_CMD_DISABLE && !standing->confirmed)) {
 		standing->least_speed = 0.0f;
 		standing->obeys = true;
@@ -335,13 +360,19 @@ static enum standing_verdict judge_moving(struct standing *standing,
 enum standing_verdict standing_judge(struct standing *standing, const struct standing_rules *rules,
                                      const struct db_feedback *feedback, db_time asked, db_time now)
 {
+	enum standing_verdict verdict;
+
 	if (standing_is_free(standing) || standing->gives_way || standing->sent_at == 0 ||
 	    asked <= standing->sent_at || !(feedback->status & DB_STATUS_ONLINE))
 		return STANDING_UNSEEN;
 	standing->read_since = true;
-	if (feedback->status & DB_STATUS_MOVING)
-		return judge_moving(standing, rules, fabsf(feedback->velocity), now);
-	return judge_standing(standing, rules, feedback, now);
+	verdict = feedback->status & DB_STATUS_MOVING ?
+	                  judge_moving(standing, rules, fabsf(feedback->velocity), now) :
+	                  judge_standing(standing, rules, feedback, now);
+	if (standing->owed == 0 || verdict != STANDING_OBEYS)
+		return verdict;
+	standing->obeys = false;
+	return is_expired(standing, rules, now) ? STANDING_RUNS_ON : STANDING_UNSEEN;
 }
 
 db_time standing_deadline(const struct standing *standing, const struct standing_rules *rules)

@@ -9,6 +9,10 @@
  * repeated at intervals, unless the drive is seen to slow down: a drive that obeys is left alone,
  * because no document says what a second stop does to a ramp.
  *
+ * A controller's stop stops all of its axes, its disable one. So such a stop is also sent where a
+ * disable is stronger, in turn with it, and the record is kept until the controller has answered
+ * it: that this axis stands shows nothing about the others.
+ *
  * Only a sample counts whose request was sent after the stop. It shows how fast the drive is, not
  * how fast it should slow down: deceleration may take seconds, by the drive's own ramps, and is no
  * failure while it goes on. A drive that can be reached and does not slow down within `patience` is
@@ -44,6 +48,12 @@ struct standing {
 	/* the drive answered the last stop itself: a slow-down is caused by this stop */
 	bool acknowledged;
 	bool confirmed; /* a disable was answered: it is known whether the power is off */
+
+	/* One bit per command: stops that stop more than this drive, and those of them that it has
+	 * not answered since they joined. */
+	unsigned wide;
+	unsigned owed;
+	bool wide_was_last; /* the last stop sent was one of `wide` */
 
 	/* the drive was not known to stand when the record was opened, or has moved since */
 	bool may_move;
@@ -99,6 +109,8 @@ static inline bool standing_is_seen_still(const struct standing *standing)
 /* A cause joins. `known`: a fresh sample, or null when there is none. */
 void standing_enter(struct standing *standing, enum db_command kind, enum db_stand_cause cause,
                     const struct db_feedback *known, db_time now);
+/* The stop that has just joined is one of a controller with several axes, for all of them. */
+void standing_owe(struct standing *standing, enum db_command kind);
 /* Withdraws a cause; without another one the record is closed. */
 void standing_withdraw(struct standing *standing, enum db_stand_cause cause);
 
@@ -106,7 +118,7 @@ void standing_withdraw(struct standing *standing, enum db_stand_cause cause);
  * nothing more is sent. */
 db_time standing_send_at(const struct standing *standing);
 /* The stop to be sent next: the strongest kind that the drive has not refused, or the strongest one
- * when it has refused all. */
+ * when it has refused all; in turn with an owed stop, where the strongest is a disable. */
 enum db_command standing_next(const struct standing *standing);
 
 /* A stop was sent. `trusted`: its answer will prove something; otherwise it is repeated as soon as

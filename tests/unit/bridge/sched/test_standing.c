@@ -302,6 +302,109 @@ static void a_disable_ends_when_the_power_is_known_to_be_off(void **state)
 	assert_int_equal(judge(&standing, 0, false, T + 30 * MS), STANDING_DONE);
 }
 
+/* Of a controller with several axes: its disable is for one of them, its stop for all. */
+static void a_stop_of_all_axes_is_not_left_out_for_a_disable(void **state)
+{
+	struct db_feedback still = sample(0, false);
+	struct standing standing = { .kind = DB_CMD_NONE };
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, &still, T);
+	standing_stop_sent(&standing, true, 0, T);
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, &still, T + 1 * MS);
+	standing_owe(&standing, DB_CMD_STOP);
+	standing_stop_answered(&standing, DB_CMD_DISABLE, true, true, T + 2 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_STOP);
+	assert_true(standing_send_at(&standing) <= T + 2 * MS);
+	standing_stop_sent(&standing, true, 0, T + 2 * MS);
+	/* That this axis stands does not show that the others were told. */
+	assert_int_equal(judge(&standing, 0, false, T + 3 * MS), STANDING_UNSEEN);
+	standing_stop_answered(&standing, DB_CMD_STOP, true, true, T + 5 * MS);
+	/* Nothing is known of the disable: its answer was an older one's. */
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+	assert_true(standing_send_at(&standing) <= T + 5 * MS);
+	standing_stop_sent(&standing, true, 0, T + 5 * MS);
+	standing_stop_answered(&standing, DB_CMD_DISABLE, true, true, T + 8 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_DONE);
+}
+
+/* Neither waits for the other where only one of them gets through. */
+static void a_disable_and_an_owed_stop_take_turns(void **state)
+{
+	struct standing standing = { .kind = DB_CMD_NONE };
+	unsigned disables = 0;
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+	standing_owe(&standing, DB_CMD_STOP);
+	standing_stop_sent(&standing, true, 0, T);
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T + 1 * MS);
+	for (unsigned i = 0; i < 8; i++) {
+		enum db_command next = standing_next(&standing);
+
+		disables += next == DB_CMD_DISABLE;
+		assert_int_equal(next == DB_CMD_DISABLE, i % 2 == 0);
+		standing_stop_sent(&standing, true, 0, T + (10 + 10 * i) * MS);
+		(void)standing_stop_lost(&standing, true, 2, MS, T + (15 + 10 * i) * MS);
+	}
+	assert_int_equal(disables, 4);
+}
+
+static void an_owed_stop_that_is_never_answered_ends_by_time(void **state)
+{
+	struct db_feedback still = sample(0, false);
+	struct standing standing = { .kind = DB_CMD_NONE };
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, &still, T);
+	standing_owe(&standing, DB_CMD_STOP);
+	standing_stop_sent(&standing, true, 0, T);
+	(void)standing_stop_lost(&standing, true, 2, MS, T + 10 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 20 * MS), STANDING_UNSEEN);
+	assert_true(standing_is_open(&standing));
+	assert_true(standing_send_at(&standing) <= T + 30 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 600 * MS), STANDING_RUNS_ON);
+	/* It is told on, and then that is over. */
+	standing_run_on(&standing, false, T + 600 * MS);
+	standing_stop_sent(&standing, true, 0, T + 610 * MS);
+	standing_stop_answered(&standing, DB_CMD_STOP, true, true, T + 615 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 620 * MS), STANDING_DONE);
+}
+
+/* Some refuse a stop while nothing moves. */
+static void an_owed_stop_that_is_refused_keeps_no_axis_that_stands(void **state)
+{
+	struct db_feedback still = sample(0, false);
+	struct standing standing = { .kind = DB_CMD_NONE };
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, &still, T);
+	standing_owe(&standing, DB_CMD_STOP);
+	standing_stop_sent(&standing, true, 0, T);
+	standing_stop_answered(&standing, DB_CMD_STOP, false, true, T + 5 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_DONE);
+}
+
+/* What was answered before it was away does not count. */
+static void an_owed_stop_is_owed_again_by_a_controller_that_comes_back(void **state)
+{
+	struct db_feedback still = sample(0, false);
+	struct standing standing = { .kind = DB_CMD_NONE };
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+	standing_owe(&standing, DB_CMD_STOP);
+	standing_stop_sent(&standing, true, 0, T);
+	standing_stop_answered(&standing, DB_CMD_STOP, true, true, T + 5 * MS);
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, &still, T + 10 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+	standing_suspend(&standing, &rules, T + 20 * MS);
+	standing_resume(&standing, T + 30 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_STOP);
+	standing_stop_sent(&standing, true, 0, T + 30 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+}
+
 /* A line with many drives may need longer than that to read each of them once. */
 static void a_drive_that_stood_is_read_before_it_runs_on(void **state)
 {
@@ -456,6 +559,11 @@ int main(void)
 		cmocka_unit_test(the_stronger_kind_wins_and_is_sent_first),
 		cmocka_unit_test(what_is_refused_gives_way_to_the_next_kind),
 		cmocka_unit_test(a_disable_ends_when_the_power_is_known_to_be_off),
+		cmocka_unit_test(a_stop_of_all_axes_is_not_left_out_for_a_disable),
+		cmocka_unit_test(a_disable_and_an_owed_stop_take_turns),
+		cmocka_unit_test(an_owed_stop_that_is_never_answered_ends_by_time),
+		cmocka_unit_test(an_owed_stop_that_is_refused_keeps_no_axis_that_stands),
+		cmocka_unit_test(an_owed_stop_is_owed_again_by_a_controller_that_comes_back),
 		cmocka_unit_test(a_drive_that_comes_back_is_told_first_and_seen_anew),
 		cmocka_unit_test(a_drive_that_comes_back_slower_does_not_obey),
 		cmocka_unit_test(a_short_patience_waits_for_a_drive_that_is_away),
