@@ -59,6 +59,11 @@ static bool note_part_lost(struct xyza_part *part, db_time now)
 #define POWER_EVERY 10
 #define ITEM_PAUSE DB_NS_PER_S
 
+/* What was not answered then may have been lost on the line, or the controller does not have it: it
+ * is asked for again, less and less often. */
+#define SILENT_PAUSE_MIN (15 * DB_NS_PER_S)
+#define SILENT_PAUSE_MAX (960 * DB_NS_PER_S)
+
 static unsigned *item_losses(struct xyza_turn *turn)
 {
 	return turn->asked == XYZA_ITEM_ENABLE ? &turn->enable_losses : &turn->losses;
@@ -85,7 +90,29 @@ static bool is_known(const struct db_device *first, unsigned axis, enum xyza_ite
 	return owner && owner->params_valid && !(owner->unread >> item & 1);
 }
 
-static bool is_in_turn(const struct db_device *first, unsigned axis, enum xyza_item item)
+/* True if it was not answered then, nor since. */
+static bool is_silent(const struct db_device *first, unsigned axis, enum xyza_item item)
+{
+	const struct db_device *owner = item_owner(first, axis, item);
+
+	return owner && owner->params_valid && owner->unread >> item & 1;
+}
+
+/* True when such an item is asked for now. */
+static bool try_silent(struct xyza_turn *turn, db_time now)
+{
+	bool due = turn->silent_pause != 0 && now >= turn->silent_at;
+
+	if (turn->silent_pause == 0)
+		turn->silent_pause = SILENT_PAUSE_MIN;
+	else if (due && turn->silent_pause < SILENT_PAUSE_MAX)
+		turn->silent_pause *= 2;
+	if (due || turn->silent_at == 0)
+		turn->silent_at = now + turn->silent_pause;
+	return due;
+}
+
+static bool is_in_turn(struct db_device *first, unsigned axis, enum xyza_item item, db_time now)
 {
 	switch (item) {
 	case XYZA_ITEM_ENABLE:        /* it is read in its own turn */
@@ -100,7 +127,8 @@ static bool is_in_turn(const struct db_device *first, unsigned axis, enum xyza_i
 	/* Common items are read once in a round. */
 	if (!xyza_item_of_axis(item) && axis != XYZA_X)
 		return false;
-	return is_known(first, axis, item);
+	return is_known(first, axis, item) ||
+	       (is_silent(first, axis, item) && try_silent(&first->turn, now));
 }
 
 /* It was refused, or is not answered: it is read again with all others. All axes know a common item
@@ -110,6 +138,8 @@ static void doubt_item(struct db_device *first)
 	struct xyza_turn *turn = &first->turn;
 
 	*item_losses(turn) = 0;
+	if (is_silent(first, turn->axis, turn->asked))
+		return;
 	if (!xyza_item_of_axis(turn->asked))
 		xyza_forget_all(first);
 	else if (first->axes[turn->axis])
@@ -131,7 +161,8 @@ static bool choose_item(struct db_device *first, db_time now)
 	}
 	turn->asked = XYZA_ITEM_ENABLE;
 	if (phase == 0)
-		return is_known(first, XYZA_X, turn->asked);
+		return is_known(first, XYZA_X, turn->asked) ||
+		       (is_silent(first, XYZA_X, turn->asked) && try_silent(turn, now));
 	if (now - turn->at < ITEM_PAUSE)
 		return false;
 	turn->at = now;
@@ -146,7 +177,7 @@ static bool choose_item(struct db_device *first, db_time now)
 			turn->axis = (turn->axis + 1) % XYZA_AXIS_COUNT;
 		// NOLINTNEXTLINE(clang-analyzer-optin.core.EnumCastOutOfRange)
 		turn->asked = turn->item = (enum xyza_item)next;
-		if (is_in_turn(first, turn->axis, turn->item))
+		if (is_in_turn(first, turn->axis, turn->item, now))
 			return true;
 	}
 	return false;
@@ -374,6 +405,9 @@ static enum db_step answer_controller(struct db_conversation *talk)
 			doubt_item(first);
 		else
 			*item_losses(turn) = 0;
+		/* What the line lost may not have been lost alone. */
+		if (!refused && is_silent(first, turn->axis, turn->asked))
+			turn->silent_pause = turn->silent_at = 0;
 		if (!refused && owner)
 			xyza_learn_item(owner, turn->asked, reply->value, talk->now);
 		first->polling = false;
@@ -417,7 +451,8 @@ enum db_step xyza_begin_poll(struct db_conversation *talk)
 			                  &(struct xyza_reply){ .state = XYZA_PROGRAM_IDLE });
 		break;
 	case STEP_ITEM:
-		if (++*item_losses(&first->turn) >= XYZA_ITEM_TRIES)
+		if (++*item_losses(&first->turn) >= XYZA_ITEM_TRIES ||
+		    is_silent(first, first->turn.axis, first->turn.asked))
 			doubt_item(first);
 		break;
 	default:

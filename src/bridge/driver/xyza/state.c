@@ -97,8 +97,12 @@ void xyza_learn_item(struct db_device *device, enum xyza_item item, uint32_t con
 {
 	struct db_device *const *axes = device->first->axes;
 
-	device->unread &= ~(1u << item);
-	device->plate.missing[0] &= ~params_of(item);
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (!axes[i] || (xyza_item_of_axis(item) && axes[i] != device))
+			continue;
+		axes[i]->unread &= ~(1u << item);
+		axes[i]->plate.missing[0] &= ~params_of(item);
+	}
 	for (unsigned i = 0; i < XYZA_PARAM_COUNT; i++) {
 		enum xyza_param param = (enum xyza_param)i;
 		union db_value value;

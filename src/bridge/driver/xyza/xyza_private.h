@@ -103,6 +103,10 @@ struct xyza_turn {
 	db_time at;             /* when an item was last read */
 	unsigned losses;        /* lost answers in a row */
 	unsigned enable_losses; /* lost answers of the power in a row */
+	/* Items that were not answered when all were read: when one is asked for again, and the
+	 * pause after that. 0: there was none yet. */
+	db_time silent_at;
+	db_time silent_pause;
 };
 
 struct db_device {

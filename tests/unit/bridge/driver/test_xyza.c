@@ -2136,6 +2136,78 @@ static void an_item_that_falls_silent_is_doubtful(void **state)
 	drop(f);
 }
 
+/* All parameters of an axis are read; the answer to this is lost each time. */
+static void identify_without(struct fixture *f, unsigned axis, const char *question)
+{
+	const char *said = begin(f, axis, DB_JOB_IDENTIFY);
+
+	while (said[0] != '=')
+		said = strcmp(said, question) == 0 ? lost(f) : obey(f);
+	assert_string_equal(said, "=ok");
+}
+
+/* Two answers were lost, but the line's losses are not the controller's. */
+static void what_was_lost_is_asked_for_again(void **state)
+{
+	static const char *const questions[] = { "0AF10103E2A1", "0AF10103E5C1", "0AF10103E5C9" };
+	static const enum xyza_param params[] = { XYZA_MIN_SPEED, XYZA_ENABLE, XYZA_PULSE_MODE };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof params / sizeof params[0]; i++) {
+		struct fixture *f = make(3);
+		uint64_t bit = UINT64_C(1) << params[i];
+
+		identify_without(f, 0, questions[i]);
+		identify_without(f, 1, questions[i]);
+		assert_true(plate(f, 0)->missing[0] & bit);
+		assert_int_equal(count_in_cycles(f, 140, questions[i]), 0);
+		assert_true(count_in_cycles(f, 450, questions[i]) > 0);
+		assert_true(plate(f, 0)->valid[0] & bit);
+		assert_false(plate(f, 0)->missing[0] & bit);
+		/* From now on in its turn, as all others. */
+		assert_true(count_in_cycles(f, 200, questions[i]) > 0);
+		drop(f);
+	}
+}
+
+/* The other axis has read what is common. */
+static void what_one_axis_lost_another_has_read(void **state)
+{
+	struct fixture *f = make(3);
+	uint64_t bit = UINT64_C(1) << XYZA_PULSE_MODE;
+
+	(void)state;
+	identify(f, 0);
+	identify_without(f, 1, "0AF10103E5C9");
+	assert_true(plate(f, 1)->missing[0] & bit);
+	count_in_cycles(f, 250, "");
+	assert_true(plate(f, 1)->valid[0] & bit);
+	assert_false(plate(f, 1)->missing[0] & bit);
+	drop(f);
+}
+
+/* Each time is a lost answer, for which all axes wait. */
+static void what_a_controller_lacks_is_asked_for_seldom(void **state)
+{
+	struct fixture *f = make(3);
+	unsigned asked = 0;
+
+	(void)state;
+	identify_without(f, 0, "0AF10103E2A1");
+	identify(f, 1);
+	for (unsigned i = 0; i < 36000; i++) {
+		const char *said = begin(f, 0, DB_JOB_POLL);
+
+		while (said[0] != '=' && strcmp(said, "0AF10103E2A1") != 0)
+			said = obey(f);
+		asked += said[0] != '=';
+		assert_false(plate(f, 0)->doubtful);
+		f->now += 100 * MS;
+	}
+	assert_in_range(asked, 4, 10);
+	drop(f);
+}
+
 /* The way that it needs for stopping is looked up before it begins to move. */
 static void a_jog_with_limits_looks_at_its_brakes(void **state)
 {
@@ -2520,6 +2592,9 @@ int main(void)
 		cmocka_unit_test(the_power_is_read_again),
 		cmocka_unit_test(every_item_is_read_again_in_turn),
 		cmocka_unit_test(an_item_that_falls_silent_is_doubtful),
+		cmocka_unit_test(what_was_lost_is_asked_for_again),
+		cmocka_unit_test(what_one_axis_lost_another_has_read),
+		cmocka_unit_test(what_a_controller_lacks_is_asked_for_seldom),
 		cmocka_unit_test(a_jog_with_limits_looks_at_its_brakes),
 		cmocka_unit_test(one_key_is_changed_and_the_others_kept),
 		cmocka_unit_test(enabling_an_axis_leaves_the_others),
