@@ -24,7 +24,8 @@ static void usage(FILE *out)
 	      "  --config FILE  run in the foreground with this configuration;\n"
 	      "                 " PACKAGED_CONFIG " when not given\n"
 	      "  --check        read the file, say what would run or what is wrong, and end\n"
-	      "  --no-last-good end when the file is wrong, instead of running with the last good one\n"
+	      "  --no-last-good end when the file is wrong, instead of running with the last good "
+	      "one\n"
 	      "  --version      print the version\n"
 	      "  --help         print this\n",
 	      out);

@@ -47,8 +47,8 @@ static struct places places_of(size_t param_count)
 
 struct db_axis *db_axis_new(size_t param_count)
 {
-	struct db_axis *axis = calloc(1, sizeof *axis + places_of(param_count).end *
-	                                                        sizeof axis->nameplate[0]);
+	struct db_axis *axis = calloc(1, sizeof(*axis) + places_of(param_count).end *
+	                                                         sizeof(axis->nameplate[0]));
 
 	if (axis)
 		axis->param_count = param_count;
@@ -62,7 +62,7 @@ void db_axis_free(struct db_axis *axis)
 
 void db_axis_publish(struct db_axis *axis, const struct db_snapshot *snapshot)
 {
-	db_seqlock_write(&axis->snapshot_sequence, axis->snapshot, snapshot, sizeof *snapshot);
+	db_seqlock_write(&axis->snapshot_sequence, axis->snapshot, snapshot, sizeof(*snapshot));
 }
 
 void db_axis_publish_nameplate(struct db_axis *axis, const struct db_nameplate *nameplate)
@@ -76,15 +76,15 @@ void db_axis_publish_nameplate(struct db_axis *axis, const struct db_nameplate *
 	db_seqlock_store(axis->nameplate + at.valid, nameplate->valid, set);
 	db_seqlock_store(axis->nameplate + at.missing, nameplate->missing, set);
 	db_seqlock_store(axis->nameplate + at.values, nameplate->values,
-	                 count * sizeof nameplate->values[0]);
+	                 count * sizeof(nameplate->values[0]));
 	db_seqlock_store(axis->nameplate + at.told, nameplate->told,
-	                 count * sizeof nameplate->told[0]);
+	                 count * sizeof(nameplate->told[0]));
 	db_seqlock_end(&axis->nameplate_sequence);
 }
 
 void db_axis_read(const struct db_axis *axis, struct db_snapshot *snapshot)
 {
-	db_seqlock_read(&axis->snapshot_sequence, axis->snapshot, snapshot, sizeof *snapshot);
+	db_seqlock_read(&axis->snapshot_sequence, axis->snapshot, snapshot, sizeof(*snapshot));
 }
 
 void db_axis_read_nameplate(const struct db_axis *axis, struct db_nameplate_copy *copy)
@@ -103,9 +103,9 @@ void db_axis_read_nameplate(const struct db_axis *axis, struct db_nameplate_copy
 		db_seqlock_copy(axis->nameplate + at.valid, plate->valid, set);
 		db_seqlock_copy(axis->nameplate + at.missing, plate->missing, set);
 		db_seqlock_copy(axis->nameplate + at.values, plate->values,
-		                count * sizeof plate->values[0]);
+		                count * sizeof(plate->values[0]));
 		db_seqlock_copy(axis->nameplate + at.told, plate->told,
-		                count * sizeof plate->told[0]);
+		                count * sizeof(plate->told[0]));
 	} while (!db_seqlock_is(&axis->nameplate_sequence, before));
 }
 

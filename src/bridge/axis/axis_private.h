@@ -410,8 +410,8 @@ struct db_writers {
 	struct db_writer *each;
 };
 
-/* Forgets the writers; zeroed memory means one record for all. Memory for records by address must be
- * there before, and is released when there is one record for all. */
+/* Forgets the writers; zeroed memory means one record for all. Memory for records by address must
+ * be there before, and is released when there is one record for all. */
 void db_writers_set(struct db_writers *writers, bool by_address);
 
 /* Null when this client has commanded nothing that is remembered. Without by_address there is one
@@ -539,7 +539,8 @@ struct db_commander {
 	struct db_client fed_by; /* the client that fed it last; DB_CLIENT_NOBODY: none */
 	struct db_hold hold;
 	/* The stop for them: the same for every cause, so that none weakens what another has asked
-	 * for. Without on-client-loss there is no watchdog; a held motion is stopped all the same. */
+	 * for. Without on-client-loss there is no watchdog; a held motion is stopped all the same.
+	 */
 	enum db_command reaction;
 	enum db_stand_cause reaction_cause; /* of that stop */
 	/* it found no room and is submitted again then; or NEVER */
@@ -549,7 +550,7 @@ struct db_commander {
 	db_time find_at;
 };
 
-/* --- outcome: what became of requests ---------------------------------------------------------- */
+/* --- outcome: what became of requests --------------------------------------------------------- */
 
 /* Adds a request to the history and the audit trail: with `pending` one that went to the bus, whose
  * end will be added. In the history, of several settings the first is recorded. */
@@ -566,7 +567,7 @@ void db_outcome_join(struct db_commander *commander, const struct db_request *re
 void db_outcome_log(const struct db_commander *commander, const struct db_client *client,
                     const struct db_refused_write *write);
 
-/* --- flight: the requests that the bus has ------------------------------------------------------ */
+/* --- flight: the requests that the bus has ---------------------------------------------------- */
 
 /* OK when the drive can be asked now. A stop is kept for a drive, or a bus, that may come back. */
 enum db_result db_flight_reach(const struct db_commander *commander, enum db_command command);
@@ -618,7 +619,7 @@ void db_flight_expire(struct db_commander *commander, db_time now);
 /* When that is due; DB_TIME_NEVER. */
 db_time db_flight_deadline(const struct db_commander *commander);
 
-/* --- motion: followed to its end, and kept within the limits ------------------------------------ */
+/* --- motion: followed to its end, and kept within the limits ---------------------------------- */
 
 /*
  * A request was submitted, by this writer or (null) none: a stop ends what moves and what is still
@@ -649,7 +650,7 @@ db_time db_motion_deadline(const struct db_commander *commander);
 db_time db_motion_check_interval(const struct db_bus_config *bus);
 
 /*
- * --- guard: the stop when clients are missed ------------------------------------------------------
+ * --- guard: the stop when clients are missed -----------------------------------------------------
  *
  * By the watchdog when all of them fall silent, with the latch after it, and by the end of a hold
  * when the holder of a motion is gone. The bus repeats the stop until the drive stands.

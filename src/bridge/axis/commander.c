@@ -11,13 +11,13 @@
 int db_commander_new(const struct db_commander_config *config, const struct db_commander_ops *ops,
                      void *context, struct db_commander **commander)
 {
-	struct db_commander *made = calloc(1, sizeof *made);
+	struct db_commander *made = calloc(1, sizeof(*made));
 
 	if (!made)
 		return -ENOMEM;
 	made->settle.check_at = DB_TIME_NEVER;
 	if (config->driver->holds) {
-		made->settle.places = calloc(DB_SETTLE_MAX, sizeof made->settle.places[0]);
+		made->settle.places = calloc(DB_SETTLE_MAX, sizeof(made->settle.places[0]));
 		made->settle.count = DB_SETTLE_MAX;
 	}
 	if ((config->driver->holds && !made->settle.places) ||
@@ -55,7 +55,7 @@ int db_commander_reserve(struct db_commander *commander, bool ids_by_client)
 	struct db_writers *writers = &commander->writers;
 
 	if (ids_by_client && !writers->each)
-		writers->each = calloc(DB_WRITERS, sizeof writers->each[0]);
+		writers->each = calloc(DB_WRITERS, sizeof(writers->each[0]));
 	return !ids_by_client || writers->each ? 0 : -ENOMEM;
 }
 
@@ -180,7 +180,7 @@ db_time db_commander_next_deadline(const struct db_commander *commander)
 	};
 	db_time next = DB_TIME_NEVER;
 
-	for (size_t i = 0; i < sizeof due / sizeof due[0]; i++) {
+	for (size_t i = 0; i < sizeof(due) / sizeof(due[0]); i++) {
 		if (due[i] < next)
 			next = due[i];
 	}

@@ -145,7 +145,7 @@ void db_flight_replace_stop(struct db_commander *commander, struct db_request *s
 
 	if (!older)
 		return;
-	memcpy(stop->waiters, older->waiters, sizeof stop->waiters);
+	memcpy(stop->waiters, older->waiters, sizeof(stop->waiters));
 	stop->waiter_count = older->waiter_count;
 	older->waiter_count = 0;
 	db_writers_retarget(&commander->writers, older->ticket, stop->ticket);
@@ -210,7 +210,7 @@ static void answer_waiters(struct db_commander *commander, struct db_request *re
 	unsigned count = request->waiter_count;
 	struct db_waiter waiters[DB_REQUEST_WAITERS];
 
-	memcpy(waiters, request->waiters, sizeof waiters);
+	memcpy(waiters, request->waiters, sizeof(waiters));
 	request->waiter_count = 0;
 	request->early = 0;
 	commander->waiting -= count;

@@ -27,7 +27,7 @@ static bool is_same_refusal(const struct db_history_kept *last,
 	       last->position == entry->position && last->position_2 == entry->position_2 &&
 	       !(last->real < entry->real) && !(last->real > entry->real) &&
 	       last->value == entry->value &&
-	       memcmp(last->address, entry->address, sizeof last->address) == 0;
+	       memcmp(last->address, entry->address, sizeof(last->address)) == 0;
 }
 
 uint32_t db_history_add(struct db_history *history, const struct db_history_entry *entry, bool bus)
@@ -47,7 +47,7 @@ uint32_t db_history_add(struct db_history *history, const struct db_history_entr
 		.bus = bus,
 	};
 
-	memcpy(kept.address, entry->address, sizeof kept.address);
+	memcpy(kept.address, entry->address, sizeof(kept.address));
 	if (last && !bus && !db_result_is_success((enum db_result)entry->result) &&
 	    is_same_refusal(last, entry)) {
 		if (last->repeats < UINT16_MAX)
@@ -99,7 +99,7 @@ bool db_history_get(const struct db_history *history, size_t age, struct db_hist
 	entry->sequence = history->count - (uint32_t)age;
 	kept = &history->entries[entry->sequence % DB_HISTORY_MAX];
 	entry->timestamp_us = kept->timestamp_us;
-	memcpy(entry->address, kept->address, sizeof entry->address);
+	memcpy(entry->address, kept->address, sizeof(entry->address));
 	entry->port = kept->port;
 	entry->command_id = kept->command_id;
 	entry->command = kept->command;
@@ -122,23 +122,23 @@ void db_history_args(struct db_history_entry *entry, unsigned code, const struct
 		const char *from = (const char *)args + db_arg_rows[row->args[i]].offset;
 		uint16_t narrow;
 
-		memcpy(&narrow, from, sizeof narrow);
+		memcpy(&narrow, from, sizeof(narrow));
 		switch (row->args[i]) {
 		case DB_ARG_TARGET_POSITION:
 		case DB_ARG_SHAKE_START_POSITION:
-			memcpy(&entry->position, from, sizeof entry->position);
+			memcpy(&entry->position, from, sizeof(entry->position));
 			break;
 		case DB_ARG_SHAKE_END_POSITION:
-			memcpy(&entry->position_2, from, sizeof entry->position_2);
+			memcpy(&entry->position_2, from, sizeof(entry->position_2));
 			break;
 		case DB_ARG_TARGET_VELOCITY:
 		case DB_ARG_TARGET_CURRENT:
 		case DB_ARG_SHAKE_FREQUENCY:
-			memcpy(&entry->real, from, sizeof entry->real);
+			memcpy(&entry->real, from, sizeof(entry->real));
 			break;
 		case DB_ARG_SHAKE_CYCLES:
 		case DB_ARG_SHAKE_TIME:
-			memcpy(&entry->value, from, sizeof entry->value);
+			memcpy(&entry->value, from, sizeof(entry->value));
 			break;
 		case DB_ARG_OUTPUT_NUMBER:
 		case DB_ARG_OUTPUT_MASK:

@@ -78,7 +78,7 @@ struct db_writer *db_writers_claim(struct db_writers *writers, const struct db_c
 			writer = &writers->each[i];
 	}
 	*writer = (struct db_writer){ .taken = true, .heard = now };
-	memcpy(writer->address, client->address, sizeof writer->address);
+	memcpy(writer->address, client->address, sizeof(writer->address));
 	return writer;
 }
 
@@ -320,7 +320,7 @@ void db_outcome_record(struct db_commander *commander, const struct db_request *
 	};
 	struct db_noted noted = { 0 };
 
-	memcpy(entry.address, request->client.address, sizeof entry.address);
+	memcpy(entry.address, request->client.address, sizeof(entry.address));
 	if (request->command != DB_CMD_NONE) {
 		db_history_args(&entry, request->command, request->args);
 	} else {

@@ -22,38 +22,52 @@ static const struct {
 	[DB_TROUBLE_NONE] = { "none", DB_NEED_NOTHING, "" },
 	[DB_TROUBLE_PORT] = { "port", DB_NEED_ACT, "the port of bus {bus} is not open{port}" },
 	[DB_TROUBLE_ASIDE] = { "aside", DB_NEED_LOOK,
-	                       "bus {bus} is out of service for a scan{scan}; it comes back when that has ended" },
+	                       "bus {bus} is out of service for a scan{scan}; it comes back when "
+	                       "that has ended" },
 	[DB_TROUBLE_NO_ANSWER] = { "no_answer", DB_NEED_ACT,
-	                           "check its power, its cable and its address; it comes back by itself" },
+	                           "check its power, its cable and its address; it comes back by "
+	                           "itself" },
 	[DB_TROUBLE_NOT_UNDERSTOOD] = { "not_understood", DB_NEED_ACT,
-	                                "it answers, but not as documented: check protocol, baud or bit rate and "
+	                                "it answers, but not as documented: check protocol, baud "
+	                                "or bit rate and "
 	                                "model, and whether another drive has address {address}" },
 	[DB_TROUBLE_LATE] = { "late", DB_NEED_ACT,
-	                      "its answers come after they were given up: raise drive-latency-ms of bus {bus}{late}" },
+	                      "its answers come after they were given up: raise drive-latency-ms "
+	                      "of bus {bus}{late}" },
 	[DB_TROUBLE_DEAF] = { "deaf", DB_NEED_ACT,
-	                      "it does not hear what follows its answers at once: raise turnaround-us of bus {bus}" },
+	                      "it does not hear what follows its answers at once: raise "
+	                      "turnaround-us of bus {bus}" },
 	[DB_TROUBLE_TWO_DRIVES] = { "two_drives", DB_NEED_ACT,
-	                            "two drives answer at address {address}: disconnect one of them and give it another "
+	                            "two drives answer at address {address}: disconnect one of "
+	                            "them and give it another "
 	                            "address; until then neither position can be trusted" },
 	[DB_TROUBLE_RUNS_ON] = { "runs_on", DB_NEED_ACT,
-	                         "it did not stop when it was told to: take its power off, then look for the cause" },
+	                         "it did not stop when it was told to: take its power off, then "
+	                         "look for the cause" },
 	[DB_TROUBLE_MUST_STAND] = { "must_stand", DB_NEED_ACT,
-	                            "it was told to stop and is not seen to stand; if it moves, take its power off" },
+	                            "it was told to stop and is not seen to stand; if it moves, "
+	                            "take its power off" },
 	[DB_TROUBLE_FAULT] = { "fault", DB_NEED_ACT,
 	                       "{fault}; then drivebridgectl run {drive} clear_fault" },
 	[DB_TROUBLE_WATCHDOG] = { "watchdog", DB_NEED_ACT,
-	                          "its client fell silent; when the client is back: drivebridgectl run {drive} "
+	                          "its client fell silent; when the client is back: drivebridgectl "
+	                          "run {drive} "
 	                          "clear_fault" },
 	[DB_TROUBLE_WARNING] = { "warning", DB_NEED_LOOK,
-	                         "it warns: see drivebridgectl show {drive}, and the drive's manual" },
+	                         "it warns: see drivebridgectl show {drive}, and the drive's "
+	                         "manual" },
 	[DB_TROUBLE_MAY_HAVE_RESTARTED] = { "may_have_restarted", DB_NEED_LOOK,
-	                                    "where its position is counted from is not certain: check its power, "
-	                                    "then drivebridgectl run {drive} home (or set_position)" },
+	                                    "where its position is counted from is not certain: "
+	                                    "check its power, "
+	                                    "then drivebridgectl run {drive} home (or "
+	                                    "set_position)" },
 	[DB_TROUBLE_ORIGIN_LOST] = { "origin_lost", DB_NEED_LOOK,
-	                             "its position means nothing until it is homed or set: drivebridgectl run {drive} "
+	                             "its position means nothing until it is homed or set: "
+	                             "drivebridgectl run {drive} "
 	                             "home (or set_position)" },
 	[DB_TROUBLE_PARAMS_UNSAVED] = { "params_unsaved", DB_NEED_HINT,
-	                                "its parameters are not saved and are lost at power-off: drivebridgectl run {drive} "
+	                                "its parameters are not saved and are lost at power-off: "
+	                                "drivebridgectl run {drive} "
 	                                "save_parameters" },
 };
 
@@ -161,9 +175,11 @@ static const char *find_port_advice(bool serial, int error)
 		return "; the interface is down: set it up with its bit rate (systemd-networkd)";
 	case ENOBUFS:
 		if (serial)
-			return "; it takes no bytes: unplug the adapter and plug it in again, and check its "
+			return "; it takes no bytes: unplug the adapter and plug it in again, and "
+			       "check its "
 			       "flow control";
-		return "; nobody on the bus acknowledges: check wiring, termination, bit rate and the drives' power";
+		return "; nobody on the bus acknowledges: check wiring, termination, bit rate and "
+		       "the drives' power";
 	default:
 		return "";
 	}
@@ -173,12 +189,12 @@ void db_trouble_port_advice(bool serial, int error, const char *device, const ch
                             char text[DB_TROUBLE_ADVICE_MAX])
 {
 	if (error == EBUSY && holder && holder[0])
-		(void)snprintf(text, DB_TROUBLE_ADVICE_MAX, "; %s has it: end that", holder);
+		snprintf(text, DB_TROUBLE_ADVICE_MAX, "; %s has it: end that", holder);
 	else if (error == EBUSY && device)
-		(void)snprintf(text, DB_TROUBLE_ADVICE_MAX,
-		               "; another program has it: sudo fuser -v %.200s says which", device);
+		snprintf(text, DB_TROUBLE_ADVICE_MAX,
+		         "; another program has it: sudo fuser -v %.200s says which", device);
 	else
-		(void)snprintf(text, DB_TROUBLE_ADVICE_MAX, "%s", find_port_advice(serial, error));
+		snprintf(text, DB_TROUBLE_ADVICE_MAX, "%s", find_port_advice(serial, error));
 }
 
 /* The text for a word between braces, of `length` characters; written into `number` where it is a
@@ -193,7 +209,7 @@ static const char *find_filling(const struct db_trouble_about *about, const char
 	else if (strncmp(word, "{bus}", length) == 0)
 		filling = about->bus;
 	else if (strncmp(word, "{scan}", length) == 0 && about->scan && about->scan[0])
-		(void)snprintf(number, size, " of %s", about->scan);
+		snprintf(number, size, " of %s", about->scan);
 	else if (strncmp(word, "{port}", length) == 0)
 		filling = about->port_advice && about->port_advice[0] ?
 		                  about->port_advice :
@@ -201,9 +217,9 @@ static const char *find_filling(const struct db_trouble_about *about, const char
 	else if (strncmp(word, "{fault}", length) == 0)
 		filling = db_trouble_fault_advice(about->driver, about->error);
 	else if (strncmp(word, "{address}", length) == 0)
-		(void)snprintf(number, size, "%u", about->address);
+		snprintf(number, size, "%u", about->address);
 	else if (strncmp(word, "{late}", length) == 0 && about->late_ms > 0)
-		(void)snprintf(number, size, " to %u", about->late_ms + about->late_ms / 2);
+		snprintf(number, size, " to %u", about->late_ms + about->late_ms / 2);
 	if (!filling)
 		return "";
 	return number[0] ? number : filling;
@@ -225,7 +241,7 @@ void db_trouble_advice(enum db_trouble_cause cause, const struct db_trouble_abou
 		}
 		used += (size_t)snprintf(text + used, DB_TROUBLE_ADVICE_MAX - used, "%s",
 		                         find_filling(about, format, (size_t)(end - format) + 1,
-		                                      number, sizeof number));
+		                                      number, sizeof(number)));
 		format = end + 1;
 	}
 	text[used < DB_TROUBLE_ADVICE_MAX ? used : DB_TROUBLE_ADVICE_MAX - 1] = '\0';

@@ -10,7 +10,7 @@ bool db_heartbeat_write(struct db_heartbeat *heartbeat, const uint8_t writer[16]
 	bool same = db_client_same(heartbeat->writer, writer);
 	bool beats = same && value != heartbeat->value;
 
-	memcpy(heartbeat->writer, writer, sizeof heartbeat->writer);
+	memcpy(heartbeat->writer, writer, sizeof(heartbeat->writer));
 	heartbeat->value = value;
 	return beats;
 }
@@ -38,7 +38,7 @@ void db_watchdog_arm(struct db_watchdog *watchdog, db_time now)
 {
 	if (!watchdog->armed) {
 		watchdog->fed = now;
-		memset(watchdog->commanders, 0, sizeof watchdog->commanders);
+		memset(watchdog->commanders, 0, sizeof(watchdog->commanders));
 		watchdog->was_commanded_by_plc = watchdog->session_has_left = false;
 	} else if (watchdog->feed <= DB_FEED_WRITES) {
 		note_life(watchdog, now);
@@ -74,7 +74,7 @@ void db_watchdog_commanded(struct db_watchdog *watchdog, const struct db_client 
 		return;
 	watchdog->was_commanded_by_plc |= !db_client_is_session(client->id);
 	*place = (struct db_watchdog_commander){ .client = client->id, .taken = true };
-	memcpy(place->address, client->address, sizeof place->address);
+	memcpy(place->address, client->address, sizeof(place->address));
 	watchdog->next_commander = (watchdog->next_commander + 1) % DB_WATCHDOG_COMMANDERS;
 }
 

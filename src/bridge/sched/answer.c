@@ -96,7 +96,7 @@ static void keep_unusable(struct node *node, const uint8_t *frame, size_t length
 {
 	struct db_unusable *unusable = &node->unusable;
 
-	unusable->length = length < sizeof unusable->bytes ? length : sizeof unusable->bytes;
+	unusable->length = length < sizeof(unusable->bytes) ? length : sizeof(unusable->bytes);
 	memcpy(unusable->bytes, frame, unusable->length);
 	unusable->count++;
 	node->flight.got_unusable = true;
@@ -472,8 +472,8 @@ void answer_lost(struct db_engine *engine, struct node *node, db_time now)
 	struct station *station = node->flight.station;
 	enum lane_kind kind = node->flight.lane;
 	/* What the other drives lose by it: the whole wait, or only the time on the wire. It is no
-	 * longer than the wait for this drive: a port that took nothing, or a busy computer, must not
-	 * put off its stops and probes. */
+	 * longer than the wait for this drive: a port that took nothing, or a busy computer, must
+	 * not put off its stops and probes. */
 	db_time cost = engine->driver->medium == DB_MEDIUM_CAN ?
 	                       node->flight.wire :
 	                       db_time_min(now - node->flight.sent,

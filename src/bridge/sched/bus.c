@@ -103,14 +103,14 @@ static void log_unusable(void *context, const struct db_drive_config *drive,
 	bus_log_unusable(&bus->log, drive, bus->config->driver->medium, unusable, db_clock_now());
 }
 
-/* How long this thread was ready to run but not running, since it began; 0 where the kernel does not
- * report it. */
+/* How long this thread was ready to run but not running, since it began; 0 where the kernel does
+ * not report it. */
 static db_time read_wait(const struct db_bus *bus)
 {
 	unsigned long long waited = 0;
 	char text[96] = "";
 
-	if (bus->schedstat < 0 || pread(bus->schedstat, text, sizeof text - 1, 0) <= 0 ||
+	if (bus->schedstat < 0 || pread(bus->schedstat, text, sizeof(text) - 1, 0) <= 0 ||
 	    sscanf(text, "%*s %llu", &waited) != 1)
 		waited = 0;
 	return (db_time)waited;
@@ -193,8 +193,8 @@ static void publish_stats(struct db_bus *bus, db_time now)
 
 	db_engine_stats(bus->engine, &stats);
 	stats.port = *bus_line_health(&bus->line);
-	memcpy(stats.holder, bus->line.holder, sizeof stats.holder);
-	db_seqlock_write(&bus->stats_sequence, bus->stats_words, &stats, sizeof stats);
+	memcpy(stats.holder, bus->line.holder, sizeof(stats.holder));
+	db_seqlock_write(&bus->stats_sequence, bus->stats_words, &stats, sizeof(stats));
 	watch_cycle(bus, &stats, now);
 }
 
@@ -219,7 +219,7 @@ static void wait_for_work(struct db_bus *bus, db_time until)
 	if (fds[0].revents) {
 		uint64_t count;
 
-		(void)!read(bus->wake_fd, &count, sizeof count);
+		(void)!read(bus->wake_fd, &count, sizeof(count));
 	}
 	bus_line_polled(&bus->line, fds[1].revents, ready == 0);
 }
@@ -250,7 +250,7 @@ static void wake(int event_fd)
 {
 	uint64_t one = 1;
 
-	(void)!write(event_fd, &one, sizeof one);
+	(void)!write(event_fd, &one, sizeof(one));
 }
 
 /* The thread's name, its processors and its priority, as the system allows them. */
@@ -261,7 +261,7 @@ static void set_up_thread(struct db_bus *bus)
 	cpu_set_t set;
 	int error = 0;
 
-	snprintf(name, sizeof name, "%s", config->name);
+	snprintf(name, sizeof(name), "%s", config->name);
 	pthread_setname_np(pthread_self(), name);
 	/* Opened now: opening a file later could delay the cycle. */
 	bus->schedstat = open("/proc/thread-self/schedstat", O_RDONLY | O_CLOEXEC);
@@ -271,7 +271,7 @@ static void set_up_thread(struct db_bus *bus)
 			CPU_SET(cpu, &set);
 	}
 	if (config->cpus != 0)
-		error = pthread_setaffinity_np(pthread_self(), sizeof set, &set);
+		error = pthread_setaffinity_np(pthread_self(), sizeof(set), &set);
 	if (error != 0)
 		db_log(&bus->log, db_clock_now(), DB_EVENT_CPUS_REFUSED, NULL,
 		       "cannot run on the processors of cpus: %s; check cpus, and CPUAffinity and "
@@ -282,7 +282,8 @@ static void set_up_thread(struct db_bus *bus)
 	if (error != 0)
 		db_log(&bus->log, db_clock_now(), DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "cannot run at real-time priority %u: %s; the bus runs without it, and its "
-		       "cycles may be late when the computer is busy; allow it with LimitRTPRIO of the "
+		       "cycles may be late when the computer is busy; allow it with LimitRTPRIO of "
+		       "the "
 		       "service, or set priority = 0",
 		       config->priority, strerror(error));
 	/* The default slack of 50 us is a good part of an exchange at high baud rates. */
@@ -304,7 +305,8 @@ static void judge_priority(struct db_bus *bus)
 		       bus_line_place(&bus->line));
 	else if (change == PRIORITY_LOST)
 		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
-		       "ran for a second without a pause and lost its real-time priority; it has it "
+		       "ran for a second without a pause and lost its real-time priority; it has "
+		       "it "
 		       "again when that ends");
 	else if (change == PRIORITY_RESTORED)
 		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
@@ -355,8 +357,8 @@ static void *run_thread(void *context)
 			wake(bus->completion_fd);
 		if (exit_by == DB_TIME_NEVER && atomic_load(&bus->ending)) {
 			exit_by = db_clock_now() + DB_EXIT_TIME;
-			/* A line that is being cleared or was taken out of service has its drives released
-			 * already. */
+			/* A line that is being cleared or was taken out of service has its drives
+			 * released already. */
 			if (bus->line.use == LINE_IN_SERVICE)
 				db_engine_shut_down(bus->engine, db_clock_now());
 			continue;
@@ -380,7 +382,7 @@ static void *run_thread(void *context)
 int db_bus_new(const struct db_bus_config *config, const struct db_bus_drive *drives,
                size_t drive_count, struct db_log *log, struct db_bus **bus)
 {
-	struct db_bus *made = calloc(1, sizeof *made);
+	struct db_bus *made = calloc(1, sizeof(*made));
 	int error;
 
 	if (!made)
@@ -519,7 +521,7 @@ bool db_bus_scan_read(const struct db_bus *bus, uint32_t number, struct db_scan_
 {
 	if (!bus->scan || bus->scan->number != number)
 		return false;
-	db_seqlock_read(&bus->scan->sequence, bus->scan->words, progress, sizeof *progress);
+	db_seqlock_read(&bus->scan->sequence, bus->scan->words, progress, sizeof(*progress));
 	return true;
 }
 
@@ -575,7 +577,7 @@ struct db_request *db_bus_completion(struct db_bus *bus)
 		return request;
 	/* Clear the notification first, then look: a request finished in between notifies again or
 	 * is found. */
-	(void)!read(bus->completion_fd, &count, sizeof count);
+	(void)!read(bus->completion_fd, &count, sizeof(count));
 	return db_queue_collect(bus->queue);
 }
 
@@ -591,5 +593,5 @@ const struct db_trace *db_bus_trace(const struct db_bus *bus)
 
 void db_bus_read_stats(const struct db_bus *bus, struct db_bus_stats *stats)
 {
-	db_seqlock_read(&bus->stats_sequence, bus->stats_words, stats, sizeof *stats);
+	db_seqlock_read(&bus->stats_sequence, bus->stats_words, stats, sizeof(*stats));
 }

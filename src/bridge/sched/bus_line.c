@@ -39,7 +39,7 @@ db_time bus_line_send(struct bus_line *line, const uint8_t *bytes, size_t length
 	db_time now = db_clock_now();
 	ssize_t sent = 0;
 
-	if (line->unsent_length + length > sizeof line->unsent) {
+	if (line->unsent_length + length > sizeof(line->unsent)) {
 		fail_port(line, ENOBUFS); /* cannot happen: nothing is sent while bytes are held */
 		return now;
 	}
@@ -208,9 +208,9 @@ static void follow_health(struct bus_line *line, db_time now)
 		return; /* expected at another speed than the drives' */
 	bus_line_trace(line, DB_EVENT_BUS_OFF, NULL, now);
 	db_log(line->log, now, DB_EVENT_BUS_OFF, NULL, "%s: %s", bus_line_place(line),
-	       health->error == ENETRESET ?
-	               "bus off, too many errors on the wire; check wiring, termination and bit rate" :
-	               strerror(health->error));
+	       health->error == ENETRESET ? "bus off, too many errors on the wire; check wiring, "
+	                                    "termination and bit rate" :
+	                                    strerror(health->error));
 	bring_down(line, health->error, now);
 }
 
@@ -222,12 +222,12 @@ static bool read_port(struct bus_line *line)
 
 	for (unsigned reads = 0; reads < READS_AT_ONCE; reads++) {
 		line->last_io = db_clock_now();
-		count = line->transport->read(line->port, bytes, sizeof bytes, line->last_io);
+		count = line->transport->read(line->port, bytes, sizeof(bytes), line->last_io);
 		if (count > 0)
 			db_engine_receive(line->engine, bytes, (size_t)count, db_clock_now());
 		if (count < 0)
 			fail_port(line, (int)-count);
-		if (count < (ssize_t)sizeof bytes)
+		if (count < (ssize_t)sizeof(bytes))
 			return reads > 0 || count > 0;
 	}
 	return true;
@@ -251,7 +251,7 @@ static void write_rest(struct bus_line *line, db_time now)
 		fail_port(line, ENOBUFS);
 }
 
-/* --- a line that is out of service ----------------------------------------------------------------- */
+/* --- a line that is out of service ------------------------------------------------------------ */
 
 static void close_port(struct bus_line *line, db_time now)
 {
@@ -281,7 +281,8 @@ static void follow_scan(struct bus_line *line, db_time now)
 		const char *whose = scans ? line->engine->scan->plan.whose : "";
 
 		db_log(line->log, now, DB_EVENT_BUS_ASIDE, NULL,
-		       "%s is out of service for a scan%s%s: its drives are left as on-exit says, and are "
+		       "%s is out of service for a scan%s%s: its drives are left as on-exit says, "
+		       "and are "
 		       "offline until it has ended",
 		       bus_line_place(line), whose[0] ? " of " : "", whose);
 		db_engine_shut_down(line->engine, now);
@@ -355,9 +356,9 @@ db_time bus_line_poll(const struct bus_line *line, struct pollfd *poll)
 		poll->events |= POLLOUT;
 	if (!line->port || line->gathers == 0)
 		return DB_TIME_NEVER;
-	/* The port does not report an answer shorter than usual, nor the rest of a longer one: these
-	 * are polled for. The rest of a usual answer after an echo arrives by itself, and takes as
-	 * long as its bytes do. */
+	/* The port does not report an answer shorter than usual, nor the rest of a longer one:
+	 * these are polled for. The rest of a usual answer after an echo arrives by itself, and
+	 * takes as long as its bytes do. */
 	awaited = db_engine_awaited(line->engine, &come);
 	if (awaited == 0 || (awaited == line->gathers && come == 0))
 		return DB_TIME_NEVER;

@@ -11,7 +11,8 @@
 #include <string.h>
 
 /* A computer that keeps the bus waiting for this part of the time keeps others waiting too: what
- * passes bytes on from an adapter, or a simulator. Then a late answer says little about its drive. */
+ * passes bytes on from an adapter, or a simulator. Then a late answer says little about its drive.
+ */
 #define BUSY_SHARE 50
 
 void bus_log_timing(const struct db_log_source *log, const struct db_bus_config *bus,
@@ -29,8 +30,10 @@ void bus_log_timing(const struct db_log_source *log, const struct db_bus_config 
 	if (late && timing->told.learnt > 0 && busy)
 		db_log(log, now, timing->told.event, &about,
 		       "answers up to %u ms after a request: the bus now waits %u ms for it; this "
-		       "computer is busy, the bus waited %u ms for a processor in the last %u s: find "
-		       "out what else runs, and set drive-latency-ms = %u to keep that after a restart "
+		       "computer is busy, the bus waited %u ms for a processor in the last %u s: "
+		       "find "
+		       "out what else runs, and set drive-latency-ms = %u to keep that after a "
+		       "restart "
 		       "only if it stays so",
 		       ms, learnt_ms, missed_ms, timing->seconds, learnt_ms);
 	else if (late && timing->told.learnt > 0)
@@ -40,28 +43,35 @@ void bus_log_timing(const struct db_log_source *log, const struct db_bus_config 
 		       ms, learnt_ms, learnt_ms);
 	else if (late && busy)
 		db_log(log, now, timing->told.event, &about,
-		       "answers %u ms after a request, but the bus waits only drive-latency-ms = %u "
-		       "for it; this computer is busy, the bus waited %u ms for a processor in the last "
-		       "%u s: find out what else runs, and set drive-latency-ms = %u only if it stays so",
+		       "answers %u ms after a request, but the bus waits only drive-latency-ms = "
+		       "%u "
+		       "for it; this computer is busy, the bus waited %u ms for a processor in the "
+		       "last "
+		       "%u s: find out what else runs, and set drive-latency-ms = %u only if it "
+		       "stays so",
 		       ms, bus->drive_latency_ms, missed_ms, timing->seconds, ms + ms / 2);
 	else if (late)
 		db_log(log, now, timing->told.event, &about,
-		       "answers %u ms after a request, but the bus waits only drive-latency-ms = %u "
+		       "answers %u ms after a request, but the bus waits only drive-latency-ms = "
+		       "%u "
 		       "for it; set drive-latency-ms = %u",
 		       ms, bus->drive_latency_ms, ms + ms / 2);
 	else if (timing->told.others)
 		db_log(log, now, timing->told.event, &about,
-		       "requests to other drives sent %u us after its answers are lost: the bus now waits %u "
+		       "requests to other drives sent %u us after its answers are lost: the bus "
+		       "now waits %u "
 		       "us; set turnaround-us = %u to keep that after a restart",
 		       bus->turnaround_us, learnt_us, learnt_us);
 	else if (timing->told.learnt > 0)
 		db_log(log, now, timing->told.event, &about,
-		       "does not receive requests sent %u us after its answers: the bus now waits %u "
+		       "does not receive requests sent %u us after its answers: the bus now waits "
+		       "%u "
 		       "us; set turnaround-us = %u to keep that after a restart",
 		       bus->turnaround_us, learnt_us, learnt_us);
 	else
 		db_log(log, now, timing->told.event, &about,
-		       "does not receive requests that follow its answer within a few milliseconds, but "
+		       "does not receive requests that follow its answer within a few "
+		       "milliseconds, but "
 		       "receives later ones; raise turnaround-us, which is %u",
 		       bus->turnaround_us);
 }
@@ -75,7 +85,8 @@ void bus_log_slow(const struct db_log_source *log, const struct db_bus_config *b
 	 * is the cause. */
 	if (missed / DB_NS_PER_MS * 4 > (db_time)slow->overruns * bus->cycle_ms)
 		db_log(log, now, DB_EVENT_BUS_SLOW, NULL,
-		       "%u times in %u s the drives could not all be read within cycle-ms = %u: this "
+		       "%u times in %u s the drives could not all be read within cycle-ms = %u: "
+		       "this "
 		       "computer is busy, the bus waited %u ms for a processor; %s",
 		       (unsigned)slow->overruns, slow->seconds, bus->cycle_ms,
 		       (unsigned)(missed / DB_NS_PER_MS),
@@ -85,7 +96,8 @@ void bus_log_slow(const struct db_log_source *log, const struct db_bus_config *b
 	else
 		db_log(log, now, DB_EVENT_BUS_SLOW, NULL,
 		       "%u times in %u s the drives could not all be read within cycle-ms = %u "
-		       "(the last round over all took %u ms); raise cycle-ms or baud, or find drives "
+		       "(the last round over all took %u ms); raise cycle-ms or baud, or find "
+		       "drives "
 		       "that answer slowly or not at all",
 		       (unsigned)slow->overruns, slow->seconds, bus->cycle_ms,
 		       (unsigned)(slow->cycle_us / 1000));
@@ -115,12 +127,13 @@ static void log_found(const struct db_log_source *log, const struct db_driver *d
 
 	/* Each outage has an end with its length and its cause. */
 	if (outage)
-		(void)snprintf(after, sizeof after, " again, after %.1f s (%s)",
-		               (double)outage->time / (double)DB_NS_PER_S,
-		               db_trouble_name(outage->cause));
+		snprintf(after, sizeof(after), " again, after %.1f s (%s)",
+		         (double)outage->time / (double)DB_NS_PER_S,
+		         db_trouble_name(outage->cause));
 	if (feedback->status & DB_STATUS_MOVING)
 		db_log(log, now, DB_EVENT_DRIVE_ONLINE, about,
-		       "answers at address %u%s: %s, moving at %.6g %s/s, position %.10g %s, error %s",
+		       "answers at address %u%s: %s, moving at %.6g %s/s, position %.10g %s, error "
+		       "%s",
 		       drive->address, after, power, velocity, drive->unit_name, position,
 		       drive->unit_name, db_error_text(driver, feedback->error, error));
 	else
@@ -158,13 +171,15 @@ void bus_log_event(const struct db_log_source *log, const struct db_driver *driv
 		break;
 	case DB_EVENT_DRIVE_LOST:
 		db_log(log, now, event, &about,
-		       "does not answer at address %u; check its power, wiring, address and baud or "
+		       "does not answer at address %u; check its power, wiring, address and baud "
+		       "or "
 		       "bit rate",
 		       drive->address);
 		break;
 	case DB_EVENT_DRIVE_DOUBLED:
 		db_log(log, now, event, &about,
-		       "two drives answer at address %u; disconnect one of them and give it another "
+		       "two drives answer at address %u; disconnect one of them and give it "
+		       "another "
 		       "address: until then the position shown may be the other drive's",
 		       drive->address);
 		break;
@@ -192,13 +207,16 @@ void bus_log_event(const struct db_log_source *log, const struct db_driver *driv
 		break;
 	case DB_EVENT_DRIVE_RESTARTED:
 		db_log(log, now, event, &about,
-		       "was restarted: its position and unsaved parameters are lost; check its power, "
+		       "was restarted: its position and unsaved parameters are lost; check its "
+		       "power, "
 		       "and home it");
 		break;
 	case DB_EVENT_DRIVE_MAY_HAVE_RESTARTED:
 		db_log(log, now, event, &about,
-		       "%s may have been restarted: where its position is counted from is not certain "
-		       "(status %08X, position %.10g %s); check its power, and home it or set its position",
+		       "%s may have been restarted: where its position is counted from is not "
+		       "certain "
+		       "(status %08X, position %.10g %s); check its power, and home it or set its "
+		       "position",
 		       feedback->doubt == DB_DOUBT_SILENT ? "was silent and" :
 		                                            "shows one sign of a restart and",
 		       (unsigned)feedback->drive_status,
@@ -218,8 +236,8 @@ void bus_log_missing_params(const struct db_log_source *log, const struct db_dri
 	for (size_t i = 0; i < driver->param_count; i++) {
 		size_t length = strlen(names);
 
-		if (db_params_have(params, i) && length < sizeof names - 1)
-			snprintf(names + length, sizeof names - length, "%s%s", length ? ", " : "",
+		if (db_params_have(params, i) && length < sizeof(names) - 1)
+			snprintf(names + length, sizeof(names) - length, "%s%s", length ? ", " : "",
 			         driver->params[i].name);
 	}
 	db_log(log, now, DB_EVENT_DRIVE_PARAMS_MISSING, &about,
@@ -227,7 +245,7 @@ void bus_log_missing_params(const struct db_log_source *log, const struct db_dri
 	       names);
 }
 
-#define FRAME_TEXT_MAX (2 * sizeof((struct db_unusable *)0)->bytes + sizeof "12345678#...")
+#define FRAME_TEXT_MAX (2 * sizeof((struct db_unusable *)0)->bytes + sizeof("12345678#..."))
 
 /* "165#0000" for a CAN frame, else its bytes. */
 static void write_frame(const struct db_unusable *unusable, enum db_medium medium, char *text)
@@ -236,8 +254,8 @@ static void write_frame(const struct db_unusable *unusable, enum db_medium mediu
 	size_t length = unusable->length;
 	struct db_can_frame frame;
 
-	if (medium == DB_MEDIUM_CAN && length == sizeof frame) {
-		memcpy(&frame, unusable->bytes, sizeof frame);
+	if (medium == DB_MEDIUM_CAN && length == sizeof(frame)) {
+		memcpy(&frame, unusable->bytes, sizeof(frame));
 		text += sprintf(text, frame.id & DB_CAN_EXTENDED ? "%08X#" : "%03X#",
 		                (unsigned)(frame.id & DB_CAN_ID_MASK));
 		bytes = unusable->bytes + offsetof(struct db_can_frame, data);
@@ -245,7 +263,7 @@ static void write_frame(const struct db_unusable *unusable, enum db_medium mediu
 	}
 	for (size_t i = 0; i < length; i++)
 		text += sprintf(text, "%02X", bytes[i]);
-	if (medium != DB_MEDIUM_CAN && length == sizeof unusable->bytes)
+	if (medium != DB_MEDIUM_CAN && length == sizeof(unusable->bytes))
 		(void)sprintf(text, "...");
 	else
 		*text = '\0';
@@ -259,8 +277,8 @@ void bus_log_raw_frame(const struct db_log_source *log, const struct db_drive_co
 	struct db_unusable frame = { .length = length };
 	char text[FRAME_TEXT_MAX];
 
-	if (frame.length > sizeof frame.bytes)
-		frame.length = sizeof frame.bytes;
+	if (frame.length > sizeof(frame.bytes))
+		frame.length = sizeof(frame.bytes);
 	if (length == 0) {
 		db_log(log, now, DB_EVENT_RAW_FRAME, &about,
 		       "does not answer the raw frame; whether it was carried out is not known");
@@ -280,7 +298,8 @@ void bus_log_unusable(const struct db_log_source *log, const struct db_drive_con
 
 	write_frame(unusable, medium, text);
 	db_log(log, now, DB_EVENT_DRIVE_HEARD, &about,
-	       "answers at address %u, but not as documented: %s is no answer to what was asked (%u such frames); "
+	       "answers at address %u, but not as documented: %s is no answer to what was asked "
+	       "(%u such frames); "
 	       "check protocol, address, model, and what the drive's manual says about it",
 	       drive->address, text, (unsigned)unusable->count);
 }

@@ -12,7 +12,7 @@ struct db_change *change_new(const struct db_bus_config *bus, size_t present,
                              const uint16_t *leaving, size_t leaving_count,
                              const struct db_bus_drive *coming, size_t coming_count)
 {
-	struct db_change *change = calloc(1, sizeof *change);
+	struct db_change *change = calloc(1, sizeof(*change));
 	size_t room = present + coming_count;
 
 	if (!change)
@@ -20,7 +20,7 @@ struct db_change *change_new(const struct db_bus_config *bus, size_t present,
 	change->leaving_count = leaving_count;
 	change->coming_count = coming_count;
 	/* One more of each than needed, so that no allocation has size 0. */
-	change->leaving = calloc(leaving_count + 1, sizeof change->leaving[0]);
+	change->leaving = calloc(leaving_count + 1, sizeof(change->leaving[0]));
 	change->removed = calloc(leaving_count + 1, sizeof(struct station *));
 	change->coming = calloc(coming_count + 1, sizeof(struct station *));
 	change->stations = calloc(room + 1, sizeof(struct station *));
@@ -163,9 +163,9 @@ static void add_stations(struct db_engine *engine, struct db_change *change, db_
 
 	/* Swap arrays: the engine takes the larger ones, the change frees the old ones. */
 	if (engine->station_count > 0)
-		memcpy(change->stations, stations, engine->station_count * sizeof stations[0]);
+		memcpy(change->stations, stations, engine->station_count * sizeof(stations[0]));
 	if (engine->node_count > 0)
-		memcpy(change->nodes, nodes, engine->node_count * sizeof nodes[0]);
+		memcpy(change->nodes, nodes, engine->node_count * sizeof(nodes[0]));
 	engine->stations = change->stations;
 	engine->nodes = change->nodes;
 	change->stations = stations;

@@ -94,7 +94,7 @@ static void begin_one_by_one(struct db_engine *engine, uint32_t group)
 static bool write_common(const struct db_engine *engine, struct db_exchange *all)
 {
 	uint8_t bytes[DB_SHORT_REQUEST];
-	struct db_exchange other = { .request = bytes, .request_size = sizeof bytes };
+	struct db_exchange other = { .request = bytes, .request_size = sizeof(bytes) };
 
 	for (size_t i = 0; i < engine->station_count; i++) {
 		const struct station *station = engine->stations[i];
@@ -114,7 +114,7 @@ static bool write_common(const struct db_engine *engine, struct db_exchange *all
 static bool begin_all(struct db_engine *engine, uint32_t group, db_time now)
 {
 	uint8_t bytes[DB_SHORT_REQUEST];
-	struct db_exchange all = { .request = bytes, .request_size = sizeof bytes };
+	struct db_exchange all = { .request = bytes, .request_size = sizeof(bytes) };
 
 	if (!write_common(engine, &all)) {
 		begin_one_by_one(engine, group);

@@ -110,7 +110,7 @@ void engine_join_waiting_writes(struct db_engine *engine, struct station *statio
 		db_queue_join(station->request, request);
 		engine->waiting_count--;
 		memmove(&engine->waiting[i], &engine->waiting[i + 1],
-		        (engine->waiting_count - i) * sizeof engine->waiting[0]);
+		        (engine->waiting_count - i) * sizeof(engine->waiting[0]));
 	}
 }
 

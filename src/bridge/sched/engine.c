@@ -20,7 +20,7 @@ int db_engine_new(const struct db_bus_config *bus, const struct db_bus_drive *dr
                   size_t drive_count, struct db_queue *queue, const struct db_engine_ops *ops,
                   void *context, struct db_engine **engine)
 {
-	struct db_engine *made = calloc(1, sizeof *made);
+	struct db_engine *made = calloc(1, sizeof(*made));
 
 	if (!made)
 		return -ENOMEM;
@@ -36,7 +36,7 @@ int db_engine_new(const struct db_bus_config *bus, const struct db_bus_drive *dr
 	if (bus->driver->frame_silence)
 		made->frame_silence = bus->driver->frame_silence(bus);
 	made->waiting_max = bus->queue;
-	made->waiting = calloc(made->waiting_max, sizeof made->waiting[0]);
+	made->waiting = calloc(made->waiting_max, sizeof(made->waiting[0]));
 	/* The first drives are added as all later ones are. */
 	made->change = change_new(bus, 0, NULL, 0, drives, drive_count);
 	made->trace = db_trace_new(bus->driver->medium == DB_MEDIUM_CAN ? TRACE_SIZE_CAN :
@@ -197,8 +197,8 @@ static void take_frames(struct db_engine *engine, db_time silence, db_time now)
 		                                             &scan->exchange :
 		                                             NULL;
 
-		/* Where exchanges overlap there is no one question, and the node that was asked last
-		 * may have been removed since. */
+		/* Where exchanges overlap there is no one question, and the node that was asked
+		 * last may have been removed since. */
 		if (exchange_overlaps(engine))
 			question = NULL;
 		else if (!question && engine->flights > 0)
@@ -228,7 +228,7 @@ void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t le
 {
 	extend_for_delay(engine, now);
 	while (length > 0) {
-		size_t room = sizeof engine->received - engine->received_length;
+		size_t room = sizeof(engine->received) - engine->received_length;
 		size_t take = length < room ? length : room;
 
 		if (engine->scan)
@@ -238,13 +238,13 @@ void db_engine_receive(struct db_engine *engine, const uint8_t *bytes, size_t le
 		bytes += take;
 		length -= take;
 		take_frames(engine, 0, now);
-		if (engine->received_length == sizeof engine->received) {
+		if (engine->received_length == sizeof(engine->received)) {
 			skip_garbage(engine, engine->received, engine->received_length, now);
 			engine->received_length = 0;
 		}
 	}
-	/* An answer of unknown length is arriving: it is awaited as long as bytes arrive, and may be
-	 * valid. */
+	/* An answer of unknown length is arriving: it is awaited as long as bytes arrive, and may
+	 * be valid. */
 	for (size_t i = 0; engine->received_length > LONG_ANSWER && i < engine->node_count; i++) {
 		struct flight *flight = &engine->nodes[i]->flight;
 		db_time until = now + flight->patience;
@@ -449,9 +449,9 @@ static void give_up_overdue(struct db_engine *engine, db_time now)
 		exchange = &flight->station->lanes[flight->lane].exchange;
 		if (now >= flight->deadline && !exchange_overlaps(engine) && !flight->extended &&
 		    engine->received_length > 0) {
-			/* The first bytes of a frame have come. We wait for the others, once, and send
-			 * nothing that would disturb them: a drive that is late by just this much would
-			 * never be understood, and nothing could be learnt about it. */
+			/* The first bytes of a frame have come. We wait for the others, once, and
+			 * send nothing that would disturb them: a drive that is late by just this
+			 * much would never be understood, and nothing could be learnt about it. */
 			db_time rest = engine->bus->transport->wire_time(
 				engine->bus, exchange->request, 0, exchange->answer_length);
 

@@ -55,8 +55,8 @@ struct db_engine_ops {
 	 * with it (ONLINE), else null. May be null. */
 	void (*on_event)(void *context, const struct db_drive_config *drive, enum db_event event,
 	                 const struct db_feedback *feedback, const struct db_outage *outage);
-	/* A drive was asked for these parameters (a set as in db_nameplate) and did not report them.
-	 * May be null. */
+	/* A drive was asked for these parameters (a set as in db_nameplate) and did not report
+	 * them. May be null. */
 	void (*on_missing_params)(void *context, const struct db_drive_config *drive,
 	                          const uint64_t *params);
 	/* Something was received from a drive that does not answer: the last frame from its address

@@ -192,11 +192,11 @@ static void charge(struct db_engine *engine, struct node *node, db_time cost, db
 static db_time poll_wire_time(const struct db_engine *engine, struct node *node,
                               const struct db_exchange *exchange)
 {
-	if (exchange->request_length != sizeof node->poll_frame || !exchange_overlaps(engine))
+	if (exchange->request_length != sizeof(node->poll_frame) || !exchange_overlaps(engine))
 		return exchange_wire_time(engine, exchange);
 	if (node->poll_wire == 0 || node->poll_answer != exchange->answer_length ||
-	    memcmp(&node->poll_frame, exchange->request, sizeof node->poll_frame) != 0) {
-		memcpy(&node->poll_frame, exchange->request, sizeof node->poll_frame);
+	    memcmp(&node->poll_frame, exchange->request, sizeof(node->poll_frame)) != 0) {
+		memcpy(&node->poll_frame, exchange->request, sizeof(node->poll_frame));
 		node->poll_answer = exchange->answer_length;
 		node->poll_wire = exchange_wire_time(engine, exchange);
 	}

@@ -28,10 +28,11 @@ struct learn_gap {
 	int32_t most;  /* never above this */
 	int32_t now;
 	int32_t sure;
-	int32_t peak;     /* value up to which losses raised it last; begin: never */
-	int32_t widest;   /* the longest pause among those received in a row */
-	uint8_t received; /* requests received at `now` since it changed; halved from time to time */
-	uint8_t lost;     /* requests lost at `now`, counted the same way */
+	int32_t peak;       /* value up to which losses raised it last; begin: never */
+	int32_t widest;     /* the longest pause among those received in a row */
+	uint8_t received;   /* requests received at `now` since it changed; halved from time to time
+	                   */
+	uint8_t lost;       /* requests lost at `now`, counted the same way */
 	uint8_t lost_later; /* requests lost although the pause was longer than any gap */
 	uint8_t received_in_row;
 	db_time lower_at;    /* not lowered before this time, ... */

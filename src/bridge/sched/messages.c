@@ -18,7 +18,7 @@ void messages_begin(struct db_engine *engine, db_time now)
 bool messages_send(struct db_engine *engine, db_time now)
 {
 	uint8_t request[DB_SHORT_REQUEST];
-	struct db_exchange exchange = { .request = request, .request_size = sizeof request };
+	struct db_exchange exchange = { .request = request, .request_size = sizeof(request) };
 	const struct db_bus_message *message;
 	db_time period;
 	size_t i = 0;

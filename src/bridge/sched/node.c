@@ -8,7 +8,7 @@
 
 struct node *node_new(const struct db_bus_config *bus, unsigned address)
 {
-	struct node *node = calloc(1, sizeof *node);
+	struct node *node = calloc(1, sizeof(*node));
 	bool serial;
 	db_time turnaround;
 	db_time quiet;

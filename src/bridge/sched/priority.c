@@ -30,9 +30,9 @@ static void limit_time_without_sleep(void)
 }
 
 /*
- * The kernel sends the signal to the thread that runs, which is the one that has not slept. In other
- * threads it would change nothing. With the signal the kernel raises the limit of all threads by a
- * second: the next one would have the processor longer. Only system calls, so it may interrupt
+ * The kernel sends the signal to the thread that runs, which is the one that has not slept. In
+ * other threads it would change nothing. With the signal the kernel raises the limit of all threads
+ * by a second: the next one would have the processor longer. Only system calls, so it may interrupt
  * anything.
  */
 static void lend_priority(int number)
@@ -46,8 +46,8 @@ static void lend_priority(int number)
 	errno = before;
 }
 
-/* A loop that hangs is judged by nobody, and on a computer with one processor nothing else would run:
- * neither what tells of it, nor what ends it, nor what stops the drives of other buses. */
+/* A loop that hangs is judged by nobody, and on a computer with one processor nothing else would
+ * run: neither what tells of it, nor what ends it, nor what stops the drives of other buses. */
 static void guard_against_hanging(void)
 {
 	struct sigaction action = { .sa_handler = lend_priority, .sa_flags = SA_RESTART };

@@ -3,8 +3,8 @@
  * The real-time priority of a bus's thread. Its work is short, so it may run before everything else
  * on the computer. A port that never falls silent would make it long: a thread that takes more than
  * half of a processor loses the priority until that is over; one that has not slept for a second of
- * processor time, and so may hang, loses it by a signal (SIGXCPU). Internal to src/bridge/sched; the
- * bus's thread only.
+ * processor time, and so may hang, loses it by a signal (SIGXCPU). Internal to src/bridge/sched;
+ * the bus's thread only.
  */
 #ifndef DRIVEBRIDGE_SCHED_PRIORITY_H
 #define DRIVEBRIDGE_SCHED_PRIORITY_H

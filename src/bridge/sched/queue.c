@@ -57,18 +57,18 @@ static struct db_block *next_of(struct db_block *block)
 static struct db_block *new_block(struct db_queue *queue, size_t commands, size_t drives)
 {
 	size_t total = commands + drives * DB_QUEUE_STOPS_EACH;
-	struct db_block *block = calloc(1, sizeof *block + total * sizeof block->requests[0]);
+	struct db_block *block = calloc(1, sizeof(*block) + total * sizeof(block->requests[0]));
 
 	if (!block)
 		return NULL;
-	block->states = calloc(total, sizeof block->states[0]);
+	block->states = calloc(total, sizeof(block->states[0]));
 	/* Mapped, because most of them are never used and then take no memory. */
 	if (commands > 0)
-		block->rooms = mmap(NULL, commands * sizeof block->rooms[0], PROT_READ | PROT_WRITE,
-		                    MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+		block->rooms = mmap(NULL, commands * sizeof(block->rooms[0]),
+		                    PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
 	if (!block->states || block->rooms == MAP_FAILED) {
 		if (block->rooms && block->rooms != MAP_FAILED)
-			munmap(block->rooms, commands * sizeof block->rooms[0]);
+			munmap(block->rooms, commands * sizeof(block->rooms[0]));
 		free(block->states);
 		free(block);
 		return NULL;
@@ -81,7 +81,7 @@ static struct db_block *new_block(struct db_queue *queue, size_t commands, size_
 
 int db_queue_new(size_t commands, size_t drives, struct db_queue **queue)
 {
-	struct db_queue *made = calloc(1, sizeof *made);
+	struct db_queue *made = calloc(1, sizeof(*made));
 
 	if (!made)
 		return -ENOMEM;
@@ -103,7 +103,7 @@ void db_queue_free(struct db_queue *queue)
 		struct db_block *next = next_of(block);
 
 		if (block->rooms)
-			munmap(block->rooms, block->commands * sizeof block->rooms[0]);
+			munmap(block->rooms, block->commands * sizeof(block->rooms[0]));
 		free(block->states);
 		free(block);
 		block = next;

@@ -72,7 +72,7 @@ static void report_presence(struct db_engine *engine, struct station *station, b
 	station->last_logged.online = online;
 	station->last_logged.error = DB_ERROR_NONE;
 	memset(station->missing, 0,
-	       DB_PARAM_WORDS(engine->driver->param_count) * sizeof station->missing[0]);
+	       DB_PARAM_WORDS(engine->driver->param_count) * sizeof(station->missing[0]));
 	if (!online)
 		station->last_logged.silent = station->snapshot.feedback.taken;
 	if (online) {
@@ -98,11 +98,15 @@ static void report_changes(struct db_engine *engine, struct station *station)
 		station->last_logged.silence = station->snapshot.trouble.cause;
 		return;
 	}
-	if (feedback->error != station->last_logged.error)
-		engine_report_event(engine, station,
-		                    feedback->error == DB_ERROR_RUNS_ON ? DB_EVENT_DRIVE_RUNS_ON :
-		                    feedback->error != DB_ERROR_NONE    ? DB_EVENT_DRIVE_FAULT :
-		                                                          DB_EVENT_DRIVE_FAULT_GONE);
+	if (feedback->error != station->last_logged.error) {
+		enum db_event event = DB_EVENT_DRIVE_FAULT;
+
+		if (feedback->error == DB_ERROR_NONE)
+			event = DB_EVENT_DRIVE_FAULT_GONE;
+		else if (feedback->error == DB_ERROR_RUNS_ON)
+			event = DB_EVENT_DRIVE_RUNS_ON;
+		engine_report_event(engine, station, event);
+	}
 	if ((feedback->status & ~station->last_logged.status & DB_STATUS_WARNING) &&
 	    feedback->error == DB_ERROR_NONE)
 		engine_report_event(engine, station, DB_EVENT_DRIVE_WARNING);
@@ -131,8 +135,8 @@ void engine_publish(struct db_engine *engine, struct station *station)
 
 	station_publish(station, engine->driver, &bus);
 	report_changes(engine, station);
-	/* Parameters are found missing one after the other: they are reported together after all were
-	 * requested. */
+	/* Parameters are found missing one after the other: they are reported together after all
+	 * were requested. */
 	if (driver->param_count == 0 ||
 	    !(station->snapshot.feedback.status & DB_STATUS_PARAMS_VALID))
 		return;

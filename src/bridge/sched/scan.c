@@ -31,7 +31,7 @@
 struct scan *scan_new(const struct db_bus_config *bus, const struct db_scan_plan *plan,
                       uint32_t number)
 {
-	struct scan *scan = calloc(1, sizeof *scan);
+	struct scan *scan = calloc(1, sizeof(*scan));
 
 	if (!scan)
 		return NULL;
@@ -41,11 +41,11 @@ struct scan *scan_new(const struct db_bus_config *bus, const struct db_scan_plan
 	scan->port = *bus;
 	scan->latency = (db_time)bus->drive_latency_ms * DB_NS_PER_MS;
 	scan->exchange.request = scan->request;
-	scan->exchange.request_size = sizeof scan->request;
+	scan->exchange.request_size = sizeof(scan->request);
 	scan->progress.total = (plan->last - plan->first + 1) *
 	                       (uint32_t)(plan->aside ? plan->speed_count : 1);
 	scan->progress.wait_us = bus->drive_latency_ms * 1000;
-	db_seqlock_write(&scan->sequence, scan->words, &scan->progress, sizeof scan->progress);
+	db_seqlock_write(&scan->sequence, scan->words, &scan->progress, sizeof(scan->progress));
 	return scan;
 }
 
@@ -58,7 +58,7 @@ void scan_free(struct scan *scan)
 
 static void publish(struct scan *scan)
 {
-	db_seqlock_write(&scan->sequence, scan->words, &scan->progress, sizeof scan->progress);
+	db_seqlock_write(&scan->sequence, scan->words, &scan->progress, sizeof(scan->progress));
 }
 
 static void drop_question(struct db_engine *engine)
@@ -103,7 +103,7 @@ void scan_begin(struct db_engine *engine, struct scan *scan, db_time now)
 	publish(scan);
 }
 
-/* --- a bus that is out of service ------------------------------------------------------------------ */
+/* --- a bus that is out of service ------------------------------------------------------------- */
 
 const struct db_bus_config *scan_port_config(const struct db_engine *engine)
 {
@@ -543,9 +543,9 @@ void scan_count_foreign(struct db_engine *engine, const uint8_t *bytes, size_t l
 	struct db_can_frame frame;
 	uint32_t i = 0;
 
-	if (!scan || length != sizeof frame)
+	if (!scan || length != sizeof(frame))
 		return;
-	memcpy(&frame, bytes, sizeof frame);
+	memcpy(&frame, bytes, sizeof(frame));
 	while (i < scan->progress.foreign && i < DB_SCAN_FOREIGN_MAX &&
 	       scan->foreign[i].id != frame.id)
 		i++;

@@ -128,7 +128,8 @@ struct node {
 	db_time poll_cost; /* average wire time of a poll; 0: unknown */
 	/* interval at which it is read, for the drives that moved as the cycle began */
 	db_time interval;
-	db_time poll_duration; /* average time from the first request of a poll to its last answer */
+	db_time poll_duration; /* average time from the first request of a poll to its last answer
+	                        */
 
 	struct db_unusable unusable; /* received from its address since its last valid status */
 	/* LATE or DEAF: a cause of its losses that longer waiting does not cure, until it is
@@ -261,8 +262,8 @@ struct db_engine {
 	db_time last_answer_at;
 	bool tests_gap;
 	struct reserved reserved;
-	/* The bus's own messages: when each is due (DB_TIME_NEVER: not any more), the first of these
-	 * times, and how many were sent since the port was opened. */
+	/* The bus's own messages: when each is due (DB_TIME_NEVER: not any more), the first of
+	 * these times, and how many were sent since the port was opened. */
 	db_time message_at[DB_BUS_MESSAGES_MAX];
 	db_time next_message_at;
 	uint32_t messages_sent[DB_BUS_MESSAGES_MAX];
@@ -561,8 +562,8 @@ static inline db_time exchange_may_begin_at(const struct db_engine *engine, bool
 	               engine->wire_free - EXCHANGE_AHEAD;
 }
 
-/* Reserves the line until then for an exchange, or with LANE_COMMAND and no station (null) for a frame
- * to all drives. */
+/* Reserves the line until then for an exchange, or with LANE_COMMAND and no station (null) for a
+ * frame to all drives. */
 void exchange_reserve(struct db_engine *engine, struct station *station, enum lane_kind kind,
                       db_time until, db_time now);
 /* Sends the exchange for which the line was reserved. */

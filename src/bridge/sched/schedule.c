@@ -66,7 +66,7 @@ static bool begin_queued(struct db_engine *engine, size_t index, db_time now)
 
 	engine->waiting_count--;
 	memmove(&engine->waiting[index], &engine->waiting[index + 1],
-	        (engine->waiting_count - index) * sizeof engine->waiting[0]);
+	        (engine->waiting_count - index) * sizeof(engine->waiting[0]));
 	station->request = request;
 	station->lanes[LANE_COMMAND].exchange.request = db_queue_bytes(request);
 	station->lanes[LANE_COMMAND].exchange.request_size = DB_REQUEST_MAX;
@@ -117,8 +117,8 @@ static size_t find_continued(struct db_engine *engine, size_t *again, db_time no
 	return NO_DRIVE;
 }
 
-/* The first request in the queue, from `from` on, that can begin, or NO_DRIVE. A command given after
- * a stop waits until the stop is confirmed. */
+/* The first request in the queue, from `from` on, that can begin, or NO_DRIVE. A command given
+ * after a stop waits until the stop is confirmed. */
 static size_t find_queued(const struct db_engine *engine, size_t from, db_time now)
 {
 	for (size_t i = from; i < engine->waiting_count; i++) {
@@ -213,8 +213,8 @@ void schedule_begin_cycle(struct db_engine *engine, db_time now)
 	/* A cycle has room for all drives, or must have it. */
 	bool late = !round && (engine->bus->polls_evenly || round_time <= engine->period);
 
-	memset(engine->members, 0, sizeof engine->members);
-	memset(engine->demand, 0, sizeof engine->demand);
+	memset(engine->members, 0, sizeof(engine->members));
+	memset(engine->demand, 0, sizeof(engine->demand));
 	for (size_t i = 0; i < engine->node_count; i++) {
 		struct node *node = engine->nodes[i];
 		enum db_share share;
@@ -260,7 +260,7 @@ struct due {
 static void find_due(struct db_engine *engine, const struct node *except, struct due *due,
                      db_time now)
 {
-	memset(due, 0, sizeof *due);
+	memset(due, 0, sizeof(*due));
 	for (size_t n = 0, i = engine->next_poll; engine->nodes_due > 0 && n < engine->node_count;
 	     n++, i++) {
 		struct node **first;

@@ -40,8 +40,8 @@
  * online. */
 #define PATIENCE_LEFT (100 * DB_NS_PER_MS)
 
-/* A drive that was known to stand is reported as running on, without a sample, only after the patience
- * times this. */
+/* A drive that was known to stand is reported as running on, without a sample, only after the
+ * patience times this. */
 #define UNREAD_PATIENCES 4
 
 /* --- entering and leaving --------------------------------------------------------------------- */
@@ -53,7 +53,7 @@ static unsigned bit(unsigned number)
 
 static const enum db_command strongest_first[] = { DB_CMD_DISABLE, DB_CMD_QUICK_STOP, DB_CMD_STOP };
 
-#define KINDS (sizeof strongest_first / sizeof strongest_first[0])
+#define KINDS (sizeof(strongest_first) / sizeof(strongest_first[0]))
 
 /* NONE if there is none. */
 static enum db_command strongest(unsigned kinds)

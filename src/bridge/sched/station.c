@@ -6,7 +6,7 @@
 struct station *station_new(const struct db_bus_config *bus, const struct db_bus_drive *drive)
 {
 	size_t set = DB_PARAM_WORDS(bus->driver->param_count);
-	struct station *station = calloc(1, sizeof *station + set * sizeof station->missing[0]);
+	struct station *station = calloc(1, sizeof(*station) + set * sizeof(station->missing[0]));
 
 	if (!station)
 		return NULL;
@@ -23,7 +23,7 @@ struct station *station_new(const struct db_bus_config *bus, const struct db_bus
 		struct db_exchange *exchange = &station->lanes[i].exchange;
 
 		exchange->request = station->requests[i];
-		exchange->request_size = sizeof station->requests[i];
+		exchange->request_size = sizeof(station->requests[i]);
 	}
 	return station;
 }

@@ -59,7 +59,7 @@ static bool send_stop(struct db_engine *engine, struct station *station, db_time
 static bool try_broadcast(struct db_engine *engine, db_time now)
 {
 	uint8_t request[DB_SHORT_REQUEST];
-	struct db_exchange exchange = { .request = request, .request_size = sizeof request };
+	struct db_exchange exchange = { .request = request, .request_size = sizeof(request) };
 	enum db_command command;
 
 	if (engine->station_count < 2 || !engine->driver->broadcast)
@@ -95,7 +95,7 @@ static bool try_interrupt(struct db_engine *engine, db_time now)
 		struct station *station = engine->stations[i];
 		struct standing *standing = &station->standing;
 		struct db_exchange exchange = { .request = request,
-			                        .request_size = sizeof request };
+			                        .request_size = sizeof(request) };
 
 		if (standing_is_free(standing) || standing->gives_way || standing->sent_at != 0 ||
 		    standing->interrupted || !is_flying(station->node) ||

@@ -134,9 +134,9 @@ void visit_add_outcome(struct visit *visit, const struct db_inquiry *inquiry,
 			find->doubled += outcome->doubled;
 			find->garbled += outcome->garbled;
 			if (outcome->answered && !find->identity[0])
-				snprintf(find->identity, sizeof find->identity, "%s", identity);
+				snprintf(find->identity, sizeof(find->identity), "%s", identity);
 			else if (outcome->answered && strcmp(find->identity, identity) != 0)
-				snprintf(find->other, sizeof find->other, "%s", identity);
+				snprintf(find->other, sizeof(find->other), "%s", identity);
 		}
 		break;
 	case DB_INQUIRY_STANDING:

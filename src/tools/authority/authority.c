@@ -31,7 +31,7 @@ struct pair {
 
 static bool fail(const char *what, int result)
 {
-	(void)fprintf(stderr, "%s: %s\n", what, gnutls_strerror(result));
+	fprintf(stderr, "%s: %s\n", what, gnutls_strerror(result));
 	return false;
 }
 
@@ -154,7 +154,7 @@ static bool write_pair(const struct pair *pair, const struct db_authority_reques
 	if (result == 0)
 		result = gnutls_x509_privkey_export2_pkcs8(pair->key, GNUTLS_X509_FMT_PEM, NULL,
 		                                           GNUTLS_PKCS_PLAIN, &key);
-	(void)snprintf(key_name, sizeof(key_name), "%s-key", name);
+	snprintf(key_name, sizeof(key_name), "%s-key", name);
 	if (result < 0)
 		(void)fail(name, result);
 	else
@@ -282,7 +282,7 @@ bool db_authority_make(const struct db_authority_request *request)
 	int result;
 
 	if (mkdir(request->folder, 0755) != 0 && errno != EEXIST) {
-		(void)fprintf(stderr, "%s: %s\n", request->folder, strerror(errno));
+		fprintf(stderr, "%s: %s\n", request->folder, strerror(errno));
 		return false;
 	}
 	result = begin_pair(&pair, request);

@@ -2,8 +2,8 @@
 /*
  * A certificate authority in a folder, for a plant that has none: its key, the certificates that it
  * has signed, and its list of revoked ones. Keys are P-256. Files that are there are not replaced
- * but where that is said. Times are seconds since 1970-01-01 UTC. Errors are printed. One process at
- * a time.
+ * but where that is said. Times are seconds since 1970-01-01 UTC. Errors are printed. One process
+ * at a time.
  *
  *	authority.pem, authority-key.pem   the authority
  *	server.pem, server-key.pem         the gateway's
@@ -36,12 +36,12 @@ bool db_authority_make(const struct db_authority_request *request);
 bool db_authority_make_server(const struct db_authority_request *request);
 bool db_authority_make_client(const struct db_authority_request *request);
 
-/* Adds the client's certificate to the list, which is made anew. Of the request the folder, the name
- * and `begins`, the moment of now, are used. */
+/* Adds the client's certificate to the list, which is made anew. Of the request the folder, the
+ * name and `begins`, the moment of now, are used. */
 bool db_authority_revoke(const struct db_authority_request *request);
 
-/* True if it can be the name of a client, and of its files: 1 to 64 of A-Z a-z 0-9 . _ - and none of the
- * names above. */
+/* True if it can be the name of a client, and of its files: 1 to 64 of A-Z a-z 0-9 . _ - and none
+ * of the names above. */
 bool db_authority_is_name(const char *name);
 
 #endif

@@ -12,7 +12,7 @@
 
 static bool fail(const char *path)
 {
-	(void)fprintf(stderr, "%s: %s\n", path, strerror(errno));
+	fprintf(stderr, "%s: %s\n", path, strerror(errno));
 	return false;
 }
 
@@ -88,6 +88,6 @@ bool db_authority_read(const char *folder, const char *name, struct db_certifica
 		return false;
 	if (db_certificate_file_read(file, path, why))
 		return true;
-	(void)fprintf(stderr, "%s: %s\n", path, why);
+	fprintf(stderr, "%s: %s\n", path, why);
 	return false;
 }

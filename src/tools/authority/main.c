@@ -54,7 +54,7 @@ static const struct task tasks[] = {
 
 static int complain(const char *why)
 {
-	(void)fprintf(stderr, "%s\n", why);
+	fprintf(stderr, "%s\n", why);
 	return EXIT_USAGE;
 }
 
@@ -85,21 +85,21 @@ static int read_words(const struct task *task, struct db_authority_request *requ
 static void say_what_next(const struct task *task, const struct db_authority_request *request)
 {
 	if (task->carry_out == db_authority_make_client)
-		(void)printf("%s/%s.pem and %s-key.pem are for the client, with authority.pem; "
-		             "delete the key here when it has it\n",
-		             request->folder, request->name, request->name);
+		printf("%s/%s.pem and %s-key.pem are for the client, with authority.pem; "
+		       "delete the key here when it has it\n",
+		       request->folder, request->name, request->name);
 	else if (task->carry_out == db_authority_revoke)
-		(void)printf("%s is revoked in %s/revoked.pem, which crl-file in tls.conf has to "
-		             "name; now: systemctl reload drivebridge-tls\n",
-		             request->name, request->folder);
+		printf("%s is revoked in %s/revoked.pem, which crl-file in tls.conf has to "
+		       "name; now: systemctl reload drivebridge-tls\n",
+		       request->name, request->folder);
 	else if (task->carry_out == db_authority_make_server)
-		(void)printf("%s/server.pem is made; systemctl reload drivebridge-tls takes it "
-		             "over\n",
-		             request->folder);
+		printf("%s/server.pem is made; systemctl reload drivebridge-tls takes it "
+		       "over\n",
+		       request->folder);
 	else
-		(void)printf("%s/authority-key.pem signs whoever may command drives: only root "
-		             "must be able to read it\n",
-		             request->folder);
+		printf("%s/authority-key.pem signs whoever may command drives: only root "
+		       "must be able to read it\n",
+		       request->folder);
 }
 
 int main(int argc, char **argv)
@@ -129,13 +129,13 @@ int main(int argc, char **argv)
 				return complain("--days takes 1 to 36500");
 			break;
 		case 'h':
-			(void)fputs(usage, stdout);
+			fputs(usage, stdout);
 			return EXIT_SUCCESS;
 		case 'v':
-			(void)puts("drivebridge-certificate " DB_VERSION);
+			puts("drivebridge-certificate " DB_VERSION);
 			return EXIT_SUCCESS;
 		default:
-			(void)fputs(usage, stderr);
+			fputs(usage, stderr);
 			return EXIT_USAGE;
 		}
 	}
@@ -144,7 +144,7 @@ int main(int argc, char **argv)
 			task = &tasks[i];
 	}
 	if (!task || argc - optind - 1 < task->min || argc - optind - 1 > task->max) {
-		(void)fputs(usage, stderr);
+		fputs(usage, stderr);
 		return EXIT_USAGE;
 	}
 	request.name = name;

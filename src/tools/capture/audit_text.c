@@ -38,15 +38,15 @@ char *db_capture_audit_describe(const json_t *record)
 	if (!out)
 		return NULL;
 	if (strcmp(kind, "command") == 0)
-		(void)fputs(what, out);
+		fputs(what, out);
 	else
-		(void)fprintf(out, "%s%s%s", kind, what[0] ? ": " : "", what);
+		fprintf(out, "%s%s%s", kind, what[0] ? ": " : "", what);
 	json_object_foreach((json_t *)(uintptr_t)json_object_get(record, "arguments"), name, part)
 	{
 		char *value = json_dumps(part,
 		                         JSON_ENCODE_ANY | JSON_COMPACT | JSON_REAL_PRECISION(9));
 
-		(void)fprintf(out, " %s=%s", name, value ? value : "?");
+		fprintf(out, " %s=%s", name, value ? value : "?");
 		free(value);
 	}
 	json_object_foreach((json_t *)(uintptr_t)json_object_get(record, "values"), name, part)
@@ -56,26 +56,26 @@ char *db_capture_audit_describe(const json_t *record)
 		char *new = json_dumps(json_array_get(part, 1),
 		                       JSON_ENCODE_ANY | JSON_REAL_PRECISION(9));
 
-		(void)fprintf(out, " %s %s -> %s", name, old ? old : "?", new ? new : "?");
+		fprintf(out, " %s %s -> %s", name, old ? old : "?", new ? new : "?");
 		free(old);
 		free(new);
 	}
 	if (json_object_get(record, "register"))
-		(void)fprintf(out, " register %lld",
-		              (long long)json_integer_value(json_object_get(record, "register")));
+		fprintf(out, " register %lld",
+		        (long long)json_integer_value(json_object_get(record, "register")));
 	if (json_object_get(record, "unit"))
-		(void)fprintf(out, " unit %lld",
-		              (long long)json_integer_value(json_object_get(record, "unit")));
+		fprintf(out, " unit %lld",
+		        (long long)json_integer_value(json_object_get(record, "unit")));
 	if (json_object_get(record, "endpoint"))
-		(void)fprintf(out, " endpoint %s", db_words_text(record, "endpoint"));
+		fprintf(out, " endpoint %s", db_words_text(record, "endpoint"));
 	if (json_object_get(record, "count"))
-		(void)fprintf(out, " %lld times",
-		              (long long)json_integer_value(json_object_get(record, "count")));
+		fprintf(out, " %lld times",
+		        (long long)json_integer_value(json_object_get(record, "count")));
 	if (json_object_get(record, "of"))
-		(void)fprintf(out, " (of %lld)",
-		              (long long)json_integer_value(json_object_get(record, "of")));
+		fprintf(out, " (of %lld)",
+		        (long long)json_integer_value(json_object_get(record, "of")));
 	if (db_words_text(record, "text")[0])
-		(void)fprintf(out, "%s %s", what[0] ? "," : "", db_words_text(record, "text"));
+		fprintf(out, "%s %s", what[0] ? "," : "", db_words_text(record, "text"));
 	(void)fclose(out);
 	if (text)
 		db_words_clean(text);
@@ -117,9 +117,9 @@ static void put_cef(FILE *out, const char *text, char special)
 {
 	for (; *text; text++) {
 		if (*text == special || *text == '\\')
-			(void)fputc('\\', out);
+			fputc('\\', out);
 		if ((unsigned char)*text >= ' ')
-			(void)fputc(*text, out);
+			fputc(*text, out);
 	}
 }
 
@@ -127,7 +127,7 @@ static void put_cef_field(FILE *out, const char *key, const char *value)
 {
 	if (value[0] == '\0')
 		return;
-	(void)fprintf(out, " %s=", key);
+	fprintf(out, " %s=", key);
 	put_cef(out, value, '=');
 }
 
@@ -139,17 +139,17 @@ void db_capture_audit_write_cef(const json_t *record, FILE *out)
 	json_int_t time_us = json_integer_value(json_object_get(record, "time_us"));
 	json_int_t port = json_integer_value(json_object_get(record, "port"));
 
-	(void)fprintf(out, "CEF:0|drivebridge|drivebridged|" DB_VERSION "|");
+	fprintf(out, "CEF:0|drivebridge|drivebridged|" DB_VERSION "|");
 	put_cef(out, kind, '|');
-	(void)fputc('|', out);
+	fputc('|', out);
 	put_cef(out, what[0] ? what : kind, '|');
-	(void)fprintf(out, "|%d|rt=%lld externalId=%lld",
-	              db_capture_audit_is_refused(record) ? CEF_REFUSED : CEF_USUAL,
-	              (long long)(time_us / 1000),
-	              (long long)json_integer_value(json_object_get(record, "number")));
+	fprintf(out, "|%d|rt=%lld externalId=%lld",
+	        db_capture_audit_is_refused(record) ? CEF_REFUSED : CEF_USUAL,
+	        (long long)(time_us / 1000),
+	        (long long)json_integer_value(json_object_get(record, "number")));
 	put_cef_field(out, "src", db_words_text(record, "address"));
 	if (port > 0 && db_words_text(record, "address")[0])
-		(void)fprintf(out, " spt=%lld", (long long)port);
+		fprintf(out, " spt=%lld", (long long)port);
 	put_cef_field(out, "suser",
 	              db_words_text(record, "user")[0] ? db_words_text(record, "user") :
 	                                                 db_words_text(record, "login"));
@@ -161,6 +161,6 @@ void db_capture_audit_write_cef(const json_t *record, FILE *out)
 	put_cef_field(out, "cs2Label", "who");
 	put_cef_field(out, "cs2", db_words_text(record, "who"));
 	put_cef_field(out, "msg", line ? line : "");
-	(void)fputc('\n', out);
+	fputc('\n', out);
 	free(line);
 }

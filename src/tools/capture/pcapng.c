@@ -81,9 +81,9 @@ bool db_capture_pcapng_begin(FILE *file, const json_t *bus)
 	struct builder builder;
 	char description[256];
 
-	(void)snprintf(description, sizeof(description), "%s at %lld bit/s, bus %s of drivebridge",
-	               db_words_text(bus, "device"),
-	               (long long)json_integer_value(json_object_get(bus, "speed")), interface);
+	snprintf(description, sizeof(description), "%s at %lld bit/s, bus %s of drivebridge",
+	         db_words_text(bus, "device"),
+	         (long long)json_integer_value(json_object_get(bus, "speed")), interface);
 	begin_block(&builder, BLOCK_SECTION);
 	put(&builder, 0x1A2B3C4D, 4);
 	put(&builder, 1, 2);
@@ -216,8 +216,8 @@ bool db_capture_pcapng_take(struct db_capture_pcapng *pcapng, const json_t *reco
 
 	if (pcapng->family)
 		return write_line_packet(pcapng, record, words, file);
-	(void)snprintf(pcapng->comment + used, sizeof(pcapng->comment) - used, "%s%s: %s",
-	               used > 0 ? "; " : "", db_words_text(record, "kind"), words);
+	snprintf(pcapng->comment + used, sizeof(pcapng->comment) - used, "%s%s: %s",
+	         used > 0 ? "; " : "", db_words_text(record, "kind"), words);
 	if (!json_is_integer(json_object_get(record, "id")))
 		return true;
 	begin_packet(&builder, record, frame.length);

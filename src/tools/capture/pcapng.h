@@ -16,8 +16,8 @@
 #include <stdbool.h>
 #include <stdio.h>
 
-/* Writes the headers of the file, for a bus of the service's description. False: a write failed, and
- * errno has the reason; also for the next one. */
+/* Writes the headers of the file, for a bus of the service's description. False: a write failed,
+ * and errno has the reason; also for the next one. */
 bool db_capture_pcapng_begin(FILE *file, const json_t *bus);
 
 /* What comes before the next frame. Starts as zeros. */

@@ -39,13 +39,13 @@ static void write_who(const json_t *record, char *who, size_t size)
 	const json_t *address = json_object_get(record, "address");
 
 	if (drive[0] != '\0')
-		(void)snprintf(who, size, "%s", drive);
+		snprintf(who, size, "%s", drive);
 	else if (!address || json_is_null(address))
 		who[0] = '\0';
 	else if (json_integer_value(address) == 0)
-		(void)snprintf(who, size, "all drives");
+		snprintf(who, size, "all drives");
 	else
-		(void)snprintf(who, size, "address %d", (int)json_integer_value(address));
+		snprintf(who, size, "address %d", (int)json_integer_value(address));
 	db_words_clean(who);
 }
 
@@ -93,8 +93,8 @@ void db_capture_trace_take(struct db_capture_questions *questions, const json_t 
 	questions->asked[place].number = number;
 	questions->asked[place].time_us = db_words_number(record, "time_us");
 	write_who(record, questions->asked[place].who, sizeof(questions->asked[place].who));
-	(void)snprintf(questions->asked[place].words, sizeof(questions->asked[place].words), "%s",
-	               db_words_text(record, "words"));
+	snprintf(questions->asked[place].words, sizeof(questions->asked[place].words), "%s",
+	         db_words_text(record, "words"));
 	db_words_clean(questions->asked[place].words);
 }
 
@@ -125,9 +125,9 @@ void db_capture_trace_write_head(const json_t *bus, json_int_t time_us, char *te
 
 	if (localtime_r(&seconds, &local))
 		(void)strftime(day, sizeof(day), "%Y-%m-%d, time of day at UTC %z", &local);
-	(void)snprintf(text, size, "# drivebridge trace\n# bus %s: %s, %s at %lld bit/s\n# %s\n",
-	               db_words_text(bus, "name"), db_words_text(bus, "protocol"),
-	               db_words_text(bus, "device"), (long long)db_words_number(bus, "speed"), day);
+	snprintf(text, size, "# drivebridge trace\n# bus %s: %s, %s at %lld bit/s\n# %s\n",
+	         db_words_text(bus, "name"), db_words_text(bus, "protocol"),
+	         db_words_text(bus, "device"), (long long)db_words_number(bus, "speed"), day);
 }
 
 void db_capture_trace_write_line(const json_t *record, const char *words, char *text, size_t size)

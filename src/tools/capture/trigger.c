@@ -39,11 +39,11 @@ bool db_capture_trigger_set(struct db_capture_trigger *trigger, const json_t *re
 
 	trigger->bits = type && strncmp(type, "bits", 4) == 0;
 	if (type && strcmp(type, "text") == 0) {
-		(void)snprintf(problem, size, "a text cannot be waited for");
+		snprintf(problem, size, "a text cannot be waited for");
 		return false;
 	}
 	if (trigger->bits && trigger->relation >= DB_CAPTURE_ABOVE) {
-		(void)snprintf(problem, size, "bits are set (=) or not (!=), not more or less");
+		snprintf(problem, size, "bits are set (=) or not (!=), not more or less");
 		return false;
 	}
 	parsed = db_words_parse_value(reg, value, problem, size);
@@ -53,7 +53,7 @@ bool db_capture_trigger_set(struct db_capture_trigger *trigger, const json_t *re
 	trigger->value = json_is_boolean(parsed) ? json_is_true(parsed) : json_number_value(parsed);
 	json_decref(parsed);
 	if (trigger->bits && trigger->mask == 0) {
-		(void)snprintf(problem, size, "right is the name of a bit");
+		snprintf(problem, size, "right is the name of a bit");
 		return false;
 	}
 	return true;

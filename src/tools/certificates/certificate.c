@@ -20,18 +20,17 @@ bool db_certificate_file_read(struct db_certificate_file *file, const char *path
 
 	*file = (struct db_certificate_file){ .bytes = NULL };
 	if (!stream || fstat(fileno(stream), &status) != 0) {
-		(void)snprintf(why, DB_CERTIFICATE_WHY, "%s", strerror(errno));
+		snprintf(why, DB_CERTIFICATE_WHY, "%s", strerror(errno));
 	} else if (!S_ISREG(status.st_mode) || status.st_size <= 0 ||
 	           (uint64_t)status.st_size > DB_CERTIFICATE_FILE_MAX) {
-		(void)snprintf(why, DB_CERTIFICATE_WHY,
-		               "it is no file with a certificate or key in it");
+		snprintf(why, DB_CERTIFICATE_WHY, "it is no file with a certificate or key in it");
 	} else {
 		file->bytes = calloc(1, (size_t)status.st_size + 1);
 		file->size = file->bytes ? fread(file->bytes, 1, (size_t)status.st_size, stream) :
 		                           0;
 		if (file->size != (size_t)status.st_size) {
 			db_certificate_file_clear(file);
-			(void)snprintf(why, DB_CERTIFICATE_WHY, "it cannot be read");
+			snprintf(why, DB_CERTIFICATE_WHY, "it cannot be read");
 		}
 	}
 	if (stream)
@@ -83,8 +82,8 @@ static bool read_list(struct list *list, const struct db_certificate_file *file,
 	result = gnutls_x509_crt_list_import2(&list->all, &list->count, &datum, format_of(file), 0);
 	if (result >= 0 && list->count > 0)
 		return true;
-	(void)snprintf(why, DB_CERTIFICATE_WHY, "it has no certificate that can be read: %s",
-	               gnutls_strerror(result < 0 ? result : GNUTLS_E_NO_CERTIFICATE_FOUND));
+	snprintf(why, DB_CERTIFICATE_WHY, "it has no certificate that can be read: %s",
+	         gnutls_strerror(result < 0 ? result : GNUTLS_E_NO_CERTIFICATE_FOUND));
 	return false;
 }
 
@@ -102,7 +101,7 @@ static void write_name(gnutls_x509_crt_t certificate, char name[DB_CERTIFICATE_N
 	name[0] = '\0';
 	if (gnutls_x509_crt_get_dn3(certificate, &text, 0) != 0)
 		return;
-	(void)snprintf(name, DB_CERTIFICATE_NAME, "%s", (const char *)text.data);
+	snprintf(name, DB_CERTIFICATE_NAME, "%s", (const char *)text.data);
 	gnutls_free(text.data);
 }
 
@@ -113,7 +112,7 @@ void db_certificate_write_date(int64_t time, char text[DB_CERTIFICATE_DATE])
 
 	if (!gmtime_r(&seconds, &parts) ||
 	    strftime(text, DB_CERTIFICATE_DATE, "%Y-%m-%d %H:%M UTC", &parts) == 0)
-		(void)snprintf(text, DB_CERTIFICATE_DATE, "%lld", (long long)time);
+		snprintf(text, DB_CERTIFICATE_DATE, "%lld", (long long)time);
 }
 
 /* Fills in the facts. Whether all are valid now. */
@@ -138,8 +137,8 @@ static bool check_dates(const struct list *list, int64_t now, struct db_certific
 		good = false;
 		write_name(list->all[i], name);
 		db_certificate_write_date(now < begins ? begins : ends, date);
-		(void)snprintf(why, DB_CERTIFICATE_WHY, "the certificate of %s %s %s", name,
-		               now < begins ? "is not valid before" : "has ended on", date);
+		snprintf(why, DB_CERTIFICATE_WHY, "the certificate of %s %s %s", name,
+		         now < begins ? "is not valid before" : "has ended on", date);
 	}
 	return good;
 }
@@ -162,9 +161,9 @@ static bool check_chain(const struct list *list, char why[DB_CERTIFICATE_WHY])
 			continue;
 		write_name(list->all[i], name);
 		write_name(list->all[i + 1], next);
-		(void)snprintf(why, DB_CERTIFICATE_WHY,
-		               "the certificate of %s is not signed by the next one, that of %s",
-		               name, next);
+		snprintf(why, DB_CERTIFICATE_WHY,
+		         "the certificate of %s is not signed by the next one, that of %s", name,
+		         next);
 		return false;
 	}
 	return true;
@@ -189,8 +188,8 @@ static bool check_key(gnutls_x509_crt_t certificate, const struct db_certificate
 	if (result == 0)
 		result = gnutls_privkey_import_x509_raw(key, &datum, format_of(file), NULL, 0);
 	if (result != 0) {
-		(void)snprintf(why, DB_CERTIFICATE_WHY, "the key cannot be read: %s",
-		               gnutls_strerror(result));
+		snprintf(why, DB_CERTIFICATE_WHY, "the key cannot be read: %s",
+		         gnutls_strerror(result));
 		goto end;
 	}
 	result = gnutls_pubkey_init(&ours);
@@ -207,9 +206,8 @@ static bool check_key(gnutls_x509_crt_t certificate, const struct db_certificate
 		                                  &other_size);
 	good = result == 0 && one_size == other_size && memcmp(one, other, one_size) == 0;
 	if (!good)
-		(void)snprintf(why, DB_CERTIFICATE_WHY,
-		               "the key does not belong to the certificate%s%s",
-		               result != 0 ? ": " : "", result != 0 ? gnutls_strerror(result) : "");
+		snprintf(why, DB_CERTIFICATE_WHY, "the key does not belong to the certificate%s%s",
+		         result != 0 ? ": " : "", result != 0 ? gnutls_strerror(result) : "");
 end:
 	gnutls_pubkey_deinit(theirs);
 	gnutls_pubkey_deinit(ours);
@@ -253,9 +251,8 @@ enum db_certificate_state db_certificate_check_server(const struct db_certificat
 		missing = "digital signatures (key usage)";
 	if (missing) {
 		write_name(list.all[0], name);
-		(void)snprintf(why, DB_CERTIFICATE_WHY,
-		               "the certificate of %s is not for %s: clients refuse it", name,
-		               missing);
+		snprintf(why, DB_CERTIFICATE_WHY,
+		         "the certificate of %s is not for %s: clients refuse it", name, missing);
 	}
 	clear_list(&list);
 	return missing ? DB_CERTIFICATE_DOUBTFUL : DB_CERTIFICATE_GOOD;
@@ -283,7 +280,7 @@ enum db_certificate_state db_certificate_check_list(const struct db_certificate_
 			facts->ends = ends;
 	}
 	if (!valid)
-		(void)snprintf(why, DB_CERTIFICATE_WHY, "none of its certificates is valid now");
+		snprintf(why, DB_CERTIFICATE_WHY, "none of its certificates is valid now");
 	clear_list(&list);
 	return valid ? DB_CERTIFICATE_GOOD : DB_CERTIFICATE_DOUBTFUL;
 }

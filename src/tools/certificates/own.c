@@ -110,8 +110,8 @@ bool db_certificate_make_own(const struct db_certificate_wish *wish, int64_t now
 		result = gnutls_x509_privkey_export2(secret, GNUTLS_X509_FMT_DER, &secret_bytes);
 	good = result == 0 && keep(certificate, &made_bytes) && keep(key, &secret_bytes);
 	if (!good)
-		(void)snprintf(why, DB_CERTIFICATE_WHY, "%s",
-		               result != 0 ? gnutls_strerror(result) : "out of memory");
+		snprintf(why, DB_CERTIFICATE_WHY, "%s",
+		         result != 0 ? gnutls_strerror(result) : "out of memory");
 	if (secret_bytes.data)
 		explicit_bzero(secret_bytes.data, secret_bytes.size);
 	gnutls_free(secret_bytes.data);

@@ -9,7 +9,7 @@ static void put_path(const char *path, char why[DB_CERTIFICATE_WHY])
 {
 	char text[DB_CERTIFICATE_WHY];
 
-	(void)snprintf(text, sizeof(text), "%s: %s", path, why);
+	snprintf(text, sizeof(text), "%s: %s", path, why);
 	memcpy(why, text, sizeof(text));
 }
 
@@ -55,10 +55,10 @@ bool db_certificate_pair_check(const char *certificate_path, const char *key_pat
 
 	db_certificate_write_date(pair.facts.ends, date);
 	if (state != DB_CERTIFICATE_GOOD)
-		(void)fprintf(out, "%s\n", why);
+		fprintf(out, "%s\n", why);
 	else if (pair.facts.ends - now <= DB_CERTIFICATE_SOON)
-		(void)fprintf(out, "%s: warning: the certificate ends on %s; renew it\n",
-		              certificate_path, date);
+		fprintf(out, "%s: warning: the certificate ends on %s; renew it\n",
+		        certificate_path, date);
 	db_certificate_pair_clear(&pair);
 	return state == DB_CERTIFICATE_GOOD;
 }

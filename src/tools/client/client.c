@@ -47,10 +47,10 @@ static void explain_failure(struct db_client_error *error, const char *path, int
 			path);
 		break;
 	case ECONNREFUSED:
-		db_client_error_set(
-			error, DB_CLIENT_UNREACHABLE,
-			"nobody listens on %s; is the service running? systemctl status drivebridge",
-			path);
+		db_client_error_set(error, DB_CLIENT_UNREACHABLE,
+		                    "nobody listens on %s; is the service running? systemctl "
+		                    "status drivebridge",
+		                    path);
 		break;
 	case EACCES:
 		db_client_error_set(error, DB_CLIENT_UNREACHABLE,

@@ -52,9 +52,9 @@ void db_client_error_set(struct db_client_error *error, const char *name, const 
 	va_list arguments;
 
 	db_client_error_clear(error);
-	(void)snprintf(error->name, sizeof(error->name), "%s", name);
+	snprintf(error->name, sizeof(error->name), "%s", name);
 	va_start(arguments, format);
-	(void)vsnprintf(error->text, sizeof(error->text), format, arguments);
+	vsnprintf(error->text, sizeof(error->text), format, arguments);
 	va_end(arguments);
 }
 
@@ -72,7 +72,7 @@ static void fill_in(char *text, size_t size, const char *format, const json_t *p
 			text[used++] = *format++;
 			continue;
 		}
-		(void)snprintf(name, sizeof(name), "%.*s", (int)(end - format - 1), format + 1);
+		snprintf(name, sizeof(name), "%.*s", (int)(end - format - 1), format + 1);
 		value = json_object_get(parameters, name);
 		used += (size_t)snprintf(text + used, size - used, "%s",
 		                         json_is_string(value) ? json_string_value(value) : "?");

@@ -39,8 +39,8 @@ void db_client_error_read(struct db_client_error *error, const char *name, json_
 /* The last part of an error's name: BadValue of io.drivebridge.Control.BadValue. */
 const char *db_client_error_short(const struct db_client_error *error);
 
-/* Of a command that moves: true if the drive may move although the call failed. After a refusal there is nothing to stop,
- * and another client's motion must not be stopped. */
+/* Of a command that moves: true if the drive may move although the call failed. After a refusal
+ * there is nothing to stop, and another client's motion must not be stopped. */
 bool db_client_error_may_move(const struct db_client_error *error);
 
 #endif

@@ -15,7 +15,8 @@ static size_t count_seen(const struct db_client_events *seen, const json_t *even
 	{
 		if (seen->number == 0 && integer_of(event, "time_us") >= seen->from_us)
 			return i;
-		/* After a restart of the service this number belongs to another event, or to none. */
+		/* After a restart of the service this number belongs to another event, or to none.
+		 */
 		if (seen->number > 0 && integer_of(event, "number") == seen->number &&
 		    integer_of(event, "time_us") == seen->time_us)
 			return i + 1;

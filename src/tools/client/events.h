@@ -19,7 +19,8 @@ struct db_client_events {
 	/* The latest event seen; number 0: none yet. */
 	int64_t number;
 	int64_t time_us;
-	/* The first answer has arrived: all later ones are new. False again for a new connection. */
+	/* The first answer has arrived: all later ones are new. False again for a new connection.
+	 */
 	bool connected;
 };
 

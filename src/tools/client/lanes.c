@@ -168,7 +168,7 @@ bool db_lane_command(struct db_lane *lane, const char *drive, db_time now)
 		one = calloc(1, sizeof(*one));
 		if (!one)
 			return false;
-		(void)snprintf(one->name, sizeof(one->name), "%s", drive);
+		snprintf(one->name, sizeof(one->name), "%s", drive);
 		one->lane = lane;
 		one->next = lane->drives;
 		lane->drives = one;

@@ -49,8 +49,8 @@ struct db_lanes *db_lanes_new(sd_event *loop, const struct db_lanes_form *form, 
 /* As db_lanes_drop(). NULL is allowed. */
 void db_lanes_free(struct db_lanes *lanes);
 
-/* Closes all, without answers to waiting calls; waiting stops are answered with DB_CLIENT_LOST. True
- * if there were any. */
+/* Closes all, without answers to waiting calls; waiting stops are answered with DB_CLIENT_LOST.
+ * True if there were any. */
 bool db_lanes_drop(struct db_lanes *lanes);
 
 /* Those that go past the lanes. */

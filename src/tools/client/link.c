@@ -213,8 +213,8 @@ static json_t *take_user(struct db_link *link, const char *user, const char *fro
 {
 	if (strcmp(link->user, user) == 0 && strcmp(link->from, from) == 0)
 		return NULL;
-	(void)snprintf(link->user, sizeof(link->user), "%s", user);
-	(void)snprintf(link->from, sizeof(link->from), "%s", from);
+	snprintf(link->user, sizeof(link->user), "%s", user);
+	snprintf(link->from, sizeof(link->from), "%s", from);
 	return json_pack("{s:s, s:s*}", "user", user, "from", from[0] ? from : NULL);
 }
 

@@ -13,7 +13,7 @@ __attribute__((format(printf, 2, 0))) static void write_line(enum db_client_leve
 {
 	char line[1024];
 
-	(void)vsnprintf(line, sizeof(line), format, arguments);
+	vsnprintf(line, sizeof(line), format, arguments);
 	for (char *at = line; *at; at++) {
 		unsigned char byte = (unsigned char)*at;
 
@@ -21,9 +21,9 @@ __attribute__((format(printf, 2, 0))) static void write_line(enum db_client_leve
 			*at = '?';
 	}
 	if (getenv("JOURNAL_STREAM"))
-		(void)fprintf(stderr, "<%d>%s\n", (int)level, line);
+		fprintf(stderr, "<%d>%s\n", (int)level, line);
 	else
-		(void)fprintf(stderr, "%s: %s\n", program_invocation_short_name, line);
+		fprintf(stderr, "%s: %s\n", program_invocation_short_name, line);
 }
 
 void db_client_log(enum db_client_level level, const char *format, ...)

@@ -110,7 +110,7 @@ void db_plant_free(struct db_plant *plant)
 void db_plant_fail(struct db_plant *plant, const char *why)
 {
 	if (!plant->failed)
-		(void)snprintf(plant->why, sizeof(plant->why), "%s", why);
+		snprintf(plant->why, sizeof(plant->why), "%s", why);
 	plant->failed = true;
 }
 
@@ -147,7 +147,7 @@ static bool goes_on(struct db_plant *plant, const char *what, const struct db_cl
 {
 	char why[64];
 
-	(void)snprintf(why, sizeof(why), "the service has ended the stream of %s", what);
+	snprintf(why, sizeof(why), "the service has ended the stream of %s", what);
 	if (error || !more)
 		db_plant_fail(plant, error ? error->text : why);
 	return !error && more;

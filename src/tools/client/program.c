@@ -42,15 +42,15 @@ int db_client_options_read(const char *program, const char *usage,
 		};
 	while ((option = getopt_long(argc, argv, "", known, NULL)) != -1) {
 		if (option == HELP) {
-			(void)fputs(usage, stdout);
+			fputs(usage, stdout);
 			return EXIT_SUCCESS;
 		}
 		if (option == VERSION) {
-			(void)printf("%s %s\n", program, DB_VERSION);
+			printf("%s %s\n", program, DB_VERSION);
 			return EXIT_SUCCESS;
 		}
 		if (option == '?') {
-			(void)fputs(usage, stderr);
+			fputs(usage, stderr);
 			return DB_CLIENT_EXIT_USAGE;
 		}
 		if (options[option].text)
@@ -60,7 +60,7 @@ int db_client_options_read(const char *program, const char *usage,
 	}
 	if (optind == argc)
 		return -1;
-	(void)fputs(usage, stderr);
+	fputs(usage, stderr);
 	return DB_CLIENT_EXIT_USAGE;
 }
 
@@ -101,9 +101,9 @@ static int check(const struct db_program *program, const char *path, void *confi
 	if (program->check && !program->check(config))
 		good = false;
 	if (good && program->keeper)
-		(void)printf("%s: OK; %zu users\n", path, count);
+		printf("%s: OK; %zu users\n", path, count);
 	else if (good)
-		(void)printf("%s: OK\n", path);
+		printf("%s: OK\n", path);
 	return good ? EXIT_SUCCESS : DB_CLIENT_EXIT_CONFIG;
 }
 
@@ -185,7 +185,7 @@ int db_program_main(const struct db_program *program, int argc, char **argv)
 	if (status >= 0)
 		return status;
 	if (!db_users_task_is_good(&task)) {
-		(void)fputs(program->usage, stderr);
+		fputs(program->usage, stderr);
 		return DB_CLIENT_EXIT_USAGE;
 	}
 	config = calloc(1, program->form->size);

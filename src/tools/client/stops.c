@@ -176,10 +176,10 @@ bool db_stops_send(struct db_stops *stops, const char *key, const struct db_stop
 	place->parameters = json_incref(parameters);
 	place->answer = answer;
 	place->data = data;
-	(void)snprintf(place->method, sizeof(place->method), "%s", method);
-	(void)snprintf(place->key, sizeof(place->key), "%s", key ? key : "");
-	(void)snprintf(place->user, sizeof(place->user), "%s", user->name);
-	(void)snprintf(place->from, sizeof(place->from), "%s", user->from);
+	snprintf(place->method, sizeof(place->method), "%s", method);
+	snprintf(place->key, sizeof(place->key), "%s", key ? key : "");
+	snprintf(place->user, sizeof(place->user), "%s", user->name);
+	snprintf(place->from, sizeof(place->from), "%s", user->from);
 	db_client_error_clear(&error);
 	if (place->link) {
 		db_link_introduce(place->link, user->name, user->from, NULL, NULL);

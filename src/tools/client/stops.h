@@ -49,7 +49,8 @@ void db_stops_forget(struct db_stops *stops, const void *data);
 /* The connection over which an answer to this receiver is awaited; NULL: none. */
 struct db_link *db_stops_link(const struct db_stops *stops, const void *data);
 
-/* Closes all connections; waiting stops are answered with DB_CLIENT_LOST. True if there were any. */
+/* Closes all connections; waiting stops are answered with DB_CLIENT_LOST. True if there were any.
+ */
 bool db_stops_drop(struct db_stops *stops);
 
 #endif

@@ -66,8 +66,8 @@ void db_client_trouble_words(const json_t *record, char text[DB_CLIENT_TROUBLE_W
 	if (strcmp(cause, "none") == 0)
 		cause = "";
 	if (strcmp(cause, "fault") == 0 && detail[0])
-		(void)snprintf(text, DB_CLIENT_TROUBLE_WORDS_MAX, "%s", detail);
+		snprintf(text, DB_CLIENT_TROUBLE_WORDS_MAX, "%s", detail);
 	else
-		(void)snprintf(text, DB_CLIENT_TROUBLE_WORDS_MAX, "%s%s%s%s", cause,
-		               detail[0] ? " (" : "", detail, detail[0] ? ")" : "");
+		snprintf(text, DB_CLIENT_TROUBLE_WORDS_MAX, "%s%s%s%s", cause,
+		         detail[0] ? " (" : "", detail, detail[0] ? ")" : "");
 }

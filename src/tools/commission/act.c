@@ -35,7 +35,7 @@ static void take_samples(void *data, json_t *parameters, const struct db_client_
 	(void)more;
 	if (error)
 		return;
-	(void)snprintf(act->token, sizeof(act->token), "%s", db_words_text(parameters, "token"));
+	snprintf(act->token, sizeof(act->token), "%s", db_words_text(parameters, "token"));
 	json_array_foreach(json_object_get(parameters, "samples"), i, sample)
 	{
 		const json_t *values = json_object_get(sample, "values");
@@ -73,7 +73,7 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 			result = strrchr(error->name, '.') ? strrchr(error->name, '.') + 1 :
 			                                     error->name;
 	}
-	(void)snprintf(act->result, sizeof(act->result), "%.63s", result);
+	snprintf(act->result, sizeof(act->result), "%.63s", result);
 }
 
 static void take_stop(void *data, json_t *parameters, const struct db_client_error *error,
@@ -268,7 +268,7 @@ static void do_move(struct db_commission_act *act, const struct db_commission_ac
 	if (!token) {
 		act->interrupted = true;
 	} else if (!stays_inside(act, action->velocity, action->ms + 200)) {
-		(void)snprintf(act->result, sizeof(act->result), "limit");
+		snprintf(act->result, sizeof(act->result), "limit");
 	} else {
 		call = json_pack("{s:s, s:s, s:{s:f}, s:s}", "drive", act->drive, "command",
 		                 "move_velocity", "arguments", "target_velocity", action->velocity,

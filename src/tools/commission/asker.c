@@ -15,7 +15,7 @@ bool db_commission_choose(const char *choices, const char *text, char *answer, s
 
 	if (choices[0] == '\0') {
 		number = strtod(text, &end);
-		(void)snprintf(answer, size, "%s", text);
+		snprintf(answer, size, "%s", text);
 		return end != text && *end == '\0' && isfinite(number) && number > 0;
 	}
 	for (const char *at = choices; *at && length > 0;) {
@@ -26,7 +26,7 @@ bool db_commission_choose(const char *choices, const char *text, char *answer, s
 		if (word >= length && strncmp(at, text, length) == 0 &&
 		    (whole || strncmp(at, "yes", word) != 0)) {
 			found = whole ? 1 : found + 1;
-			(void)snprintf(answer, size, "%.*s", (int)word, at);
+			snprintf(answer, size, "%.*s", (int)word, at);
 			if (whole)
 				return true;
 		}

@@ -35,7 +35,7 @@ const char *db_commission_setting(const struct db_commission *commission, const 
 
 	if (given)
 		return given;
-	(void)snprintf(family, sizeof(family), " %s ", commission->facts.family);
+	snprintf(family, sizeof(family), " %s ", commission->facts.family);
 	for (const struct db_commission_preset *row = db_commission_presets; row->name; row++) {
 		if (strcmp(row->section, section) == 0 && strcmp(row->name, name) == 0 &&
 		    strstr(row->families, family))
@@ -94,15 +94,14 @@ void db_commission_judge(struct db_commission *commission, const char *section, 
 	               strcmp(verdict, DB_COMMISSION_NOT_SEEN) == 0))
 		return;
 	va_start(arguments, format);
-	(void)vsnprintf(how, sizeof(how), format, arguments);
+	vsnprintf(how, sizeof(how), format, arguments);
 	va_end(arguments);
 	if (doubted)
-		(void)snprintf(
-			how, sizeof(how),
-			"nothing was heard of the drive for %.0f ms while this was measured, so "
-			"its times are doubtful: run this step again, on a computer that is not "
-			"busy",
-			commission->doubt_ms);
+		snprintf(how, sizeof(how),
+		         "nothing was heard of the drive for %.0f ms while this was measured, so "
+		         "its times are doubtful: run this step again, on a computer that is not "
+		         "busy",
+		         commission->doubt_ms);
 	if (!old) {
 		old = json_object();
 		(void)json_array_append_new(commission->verdicts, old);
@@ -126,7 +125,7 @@ bool db_commission_ask(struct db_commission_action *action, const char *id, cons
 		                                 .id = id,
 		                                 .choices = choices };
 	va_start(arguments, format);
-	(void)vsnprintf(action->text, sizeof(action->text), format, arguments);
+	vsnprintf(action->text, sizeof(action->text), format, arguments);
 	va_end(arguments);
 	return true;
 }
@@ -168,7 +167,7 @@ double db_commission_number(const struct db_commission *commission, const char *
 
 void db_commission_write_ms(double ms, char text[32])
 {
-	(void)snprintf(text, 32, "%.0f", 50 * ceil(ms / 50));
+	snprintf(text, 32, "%.0f", 50 * ceil(ms / 50));
 }
 
 bool db_commission_answered(const struct db_commission_outcome *outcome, const char *answer)

@@ -31,16 +31,16 @@ static void print_verdict(FILE *out, const json_t *verdict,
 	const char *right = db_words_text(verdict, "right");
 	bool key = db_words_text(verdict, "section")[0] != '\0';
 
-	(void)fprintf(out, "  %s%*s  %-20s", word, columns < 14 ? 14 - (int)columns : 0, "",
-	              db_words_text(verdict, "setting"));
+	fprintf(out, "  %s%*s  %-20s", word, columns < 14 ? 14 - (int)columns : 0, "",
+	        db_words_text(verdict, "setting"));
 	if (db_words_text(verdict, "now")[0])
-		(void)fprintf(out, " = %s", db_words_text(verdict, "now"));
-	(void)fprintf(out, "\n                %s\n",
-	              db_words_in(language, db_words_text(verdict, "how"), room));
+		fprintf(out, " = %s", db_words_text(verdict, "now"));
+	fprintf(out, "\n                %s\n",
+	        db_words_in(language, db_words_text(verdict, "how"), room));
 	if (right[0])
-		(void)fprintf(out, "                %s%s\n",
-		              key ? db_words_find_text(language, "right: ") : "",
-		              db_words_in(language, right, room));
+		fprintf(out, "                %s%s\n",
+		        key ? db_words_find_text(language, "right: ") : "",
+		        db_words_in(language, right, room));
 }
 
 void db_commission_report_verdicts(FILE *out, const json_t *verdicts, const char *step,
@@ -68,17 +68,17 @@ void db_commission_report_sections(FILE *out, const struct db_commission_report 
 	json_t *const keys[] = { report->bus_keys, report->drive_keys };
 
 	if (report->problem[0])
-		(void)fprintf(out,
-		              "the configuration could not be read (%s): what follows has only "
-		              "what changes\n",
-		              report->problem);
+		fprintf(out,
+		        "the configuration could not be read (%s): what follows has only "
+		        "what changes\n",
+		        report->problem);
 	for (size_t i = 0; i < 2; i++) {
 		if (db_commission_section_changes(sections[i], report->verdicts))
 			db_commission_section_write(out, sections[i], names[i], keys[i],
 			                            report->verdicts);
 		else
-			(void)fprintf(out, "# %s %s: nothing that was seen changes it\n",
-			              sections[i], names[i]);
+			fprintf(out, "# %s %s: nothing that was seen changes it\n", sections[i],
+			        names[i]);
 	}
 }
 
@@ -92,21 +92,21 @@ void db_commission_report_write(FILE *out, const struct db_commission_report *re
 
 	if (localtime_r(&now, &broken))
 		(void)strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &broken);
-	(void)fprintf(out, "commissioning of %s (%s on bus %s)\n%s\n", report->drive,
-	              report->family, report->bus, when);
+	fprintf(out, "commissioning of %s (%s on bus %s)\n%s\n", report->drive, report->family,
+	        report->bus, when);
 	if (report->identity[0])
-		(void)fprintf(out, "it says that it is %s\n", report->identity);
-	(void)fputs("steps that were done:", out);
+		fprintf(out, "it says that it is %s\n", report->identity);
+	fputs("steps that were done:", out);
 	json_array_foreach(report->done, i, name)
 	{
-		(void)fprintf(out, " %s", json_string_value(name));
+		fprintf(out, " %s", json_string_value(name));
 	}
-	(void)fprintf(out, "\n\n%zu contradicted, %zu proven, %zu not seen\n\n",
-	              db_commission_report_count(report->verdicts, DB_COMMISSION_CONTRADICTED),
-	              db_commission_report_count(report->verdicts, DB_COMMISSION_PROVEN),
-	              db_commission_report_count(report->verdicts, DB_COMMISSION_NOT_SEEN));
+	fprintf(out, "\n\n%zu contradicted, %zu proven, %zu not seen\n\n",
+	        db_commission_report_count(report->verdicts, DB_COMMISSION_CONTRADICTED),
+	        db_commission_report_count(report->verdicts, DB_COMMISSION_PROVEN),
+	        db_commission_report_count(report->verdicts, DB_COMMISSION_NOT_SEEN));
 	db_commission_report_verdicts(out, report->verdicts, NULL, NULL);
-	(void)fputs("\nfor the configuration, then drivebridgectl reload:\n\n", out);
+	fputs("\nfor the configuration, then drivebridgectl reload:\n\n", out);
 	db_commission_report_sections(out, report);
 }
 

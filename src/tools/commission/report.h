@@ -22,7 +22,8 @@ struct db_commission_report {
 	const json_t *done; /* names of completed steps */
 };
 
-/* Lines for each verdict, the verdict first. Those of `step`, or all of them (NULL). `language`: null for English. */
+/* Lines for each verdict, the verdict first. Those of `step`, or all of them (NULL). `language`:
+ * null for English. */
 void db_commission_report_verdicts(FILE *out, const json_t *verdicts, const char *step,
                                    const struct db_words_language *language);
 

@@ -83,7 +83,7 @@ static bool do_step(struct db_commission_round *round, size_t index)
 		round->touched = round->touched || action.kind == DB_COMMISSION_RUN;
 		identity = db_words_text(outcome.values, "identity");
 		if (identity[0])
-			(void)snprintf(round->identity, sizeof(round->identity), "%s", identity);
+			snprintf(round->identity, sizeof(round->identity), "%s", identity);
 		if (round->act.interrupted)
 			return false;
 	}

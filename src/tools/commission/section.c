@@ -80,9 +80,8 @@ json_t *db_commission_section_read(const char *path, const char *section, const 
 	for (size_t other = 0; other < sizeof(others) / sizeof(others[0]) && !keys; other++) {
 		glob_t found = { .gl_pathc = 0 };
 
-		(void)snprintf(pattern, sizeof(pattern), "%.*s%s/%s",
-		               slash ? (int)(slash - path) + 1 : 0, path, others[other].folder,
-		               others[other].files);
+		snprintf(pattern, sizeof(pattern), "%.*s%s/%s", slash ? (int)(slash - path) + 1 : 0,
+		         path, others[other].folder, others[other].files);
 		if (glob(pattern, 0, NULL, &found) == 0) {
 			for (size_t i = 0; i < found.gl_pathc && !keys; i++)
 				keys = read_file(found.gl_pathv[i], section, name, errors);
@@ -90,8 +89,8 @@ json_t *db_commission_section_read(const char *path, const char *section, const 
 		globfree(&found);
 	}
 	(void)fclose(errors);
-	(void)snprintf(problem, size, "%s%s", said && said[0] ? said : "it is not in ",
-	               said && said[0] ? "" : path);
+	snprintf(problem, size, "%s%s", said && said[0] ? said : "it is not in ",
+	         said && said[0] ? "" : path);
 	problem[strcspn(problem, "\n")] = '\0';
 	free(said);
 	return keys;
@@ -104,7 +103,7 @@ static void write_word(FILE *out, const char *text)
 
 	for (const char *at = text; *at; at++)
 		bare = bare && (isalnum((unsigned char)*at) || strchr("._-:/", *at));
-	(void)fprintf(out, bare ? "%s" : "\"%s\"", text);
+	fprintf(out, bare ? "%s" : "\"%s\"", text);
 }
 
 static void write_value(FILE *out, const json_t *value)
@@ -116,13 +115,13 @@ static void write_value(FILE *out, const json_t *value)
 		write_word(out, json_string_value(value));
 		return;
 	}
-	(void)fputs("{ ", out);
+	fputs("{ ", out);
 	json_array_foreach(value, i, word)
 	{
 		write_word(out, json_string_value(word));
-		(void)fputs(" ", out);
+		fputs(" ", out);
 	}
-	(void)fputs("}", out);
+	fputs("}", out);
 }
 
 /* The verdict that changes this key, or NULL. */
@@ -153,11 +152,11 @@ static void write_change(FILE *out, const json_t *verdict)
 {
 	const char *now = json_string_value(json_object_get(verdict, "now"));
 
-	(void)fprintf(out, "    # %s%s: %s\n    %s = ", now && now[0] ? "was " : "was not given",
-	              now ? now : "", json_string_value(json_object_get(verdict, "how")),
-	              json_string_value(json_object_get(verdict, "setting")));
+	fprintf(out, "    # %s%s: %s\n    %s = ", now && now[0] ? "was " : "was not given",
+	        now ? now : "", json_string_value(json_object_get(verdict, "how")),
+	        json_string_value(json_object_get(verdict, "setting")));
 	write_value(out, json_object_get(verdict, "right"));
-	(void)fputs("\n", out);
+	fputs("\n", out);
 }
 
 void db_commission_section_write(FILE *out, const char *section, const char *name, json_t *keys,
@@ -168,7 +167,7 @@ void db_commission_section_write(FILE *out, const char *section, const char *nam
 	const json_t *verdict;
 	size_t i;
 
-	(void)fprintf(out, "%s %s {\n", section, name);
+	fprintf(out, "%s %s {\n", section, name);
 	json_object_foreach(keys, key, value)
 	{
 		verdict = find_change(verdicts, section, key);
@@ -176,9 +175,9 @@ void db_commission_section_write(FILE *out, const char *section, const char *nam
 			write_change(out, verdict);
 			continue;
 		}
-		(void)fprintf(out, "    %s = ", key);
+		fprintf(out, "    %s = ", key);
 		write_value(out, value);
-		(void)fputs("\n", out);
+		fputs("\n", out);
 	}
 	json_array_foreach(verdicts, i, verdict)
 	{
@@ -188,5 +187,5 @@ void db_commission_section_write(FILE *out, const char *section, const char *nam
 		    !json_object_get(keys, setting))
 			write_change(out, verdict);
 	}
-	(void)fputs("}\n", out);
+	fputs("}\n", out);
 }

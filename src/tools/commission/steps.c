@@ -249,7 +249,7 @@ void db_commission_fill(struct db_commission *commission)
 {
 	char family[64];
 
-	(void)snprintf(family, sizeof(family), " %s ", commission->facts.family);
+	snprintf(family, sizeof(family), " %s ", commission->facts.family);
 	for (const struct db_commission_preset *row = db_commission_presets; row->name; row++) {
 		if (strstr(row->families, family))
 			fill_preset(commission, row, DB_COMMISSION_NOT_SEEN,

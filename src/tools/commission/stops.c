@@ -235,7 +235,7 @@ static void judge_scale(struct db_commission *commission, const char *setting, d
 	bool right = now > 0 && fabs(counts / measured / now - 1) < 0.05;
 	char text[32];
 
-	(void)snprintf(text, sizeof(text), "%.6g", counts / measured);
+	snprintf(text, sizeof(text), "%.6g", counts / measured);
 	db_commission_judge(commission, "drive", setting,
 	                    right ? DB_COMMISSION_PROVEN : DB_COMMISSION_CONTRADICTED,
 	                    right ? NULL : text, "%.0f counts were %.6g, as it was measured",

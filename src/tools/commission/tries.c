@@ -39,8 +39,8 @@ static void judge_latency(struct db_commission *commission, const json_t *values
 	bool has_learnt = learnt > latency;
 	char right[32];
 
-	(void)snprintf(right, sizeof(right), "%.0f",
-	               has_learnt ? ceil(fmax(learnt, 1.5 * longest)) : 2 * latency);
+	snprintf(right, sizeof(right), "%.0f",
+	         has_learnt ? ceil(fmax(learnt, 1.5 * longest)) : 2 * latency);
 	if (has_learnt)
 		db_commission_judge(
 			commission, "bus", "drive-latency-ms", DB_COMMISSION_CONTRADICTED, right,
@@ -82,8 +82,8 @@ static void judge_turnaround(struct db_commission *commission, const json_t *val
 	if (strcmp(commission->facts.family, "vsmd-serial") != 0 &&
 	    strcmp(commission->facts.family, "xyza") != 0)
 		return;
-	(void)snprintf(right, sizeof(right), "%.0f",
-	               learnt > 0 ? learnt : fmax(6000, 2 * strtod(now, NULL)));
+	snprintf(right, sizeof(right), "%.0f",
+	         learnt > 0 ? learnt : fmax(6000, 2 * strtod(now, NULL)));
 	if (db_words_flag(values, "deaf") && learnt > 0)
 		db_commission_judge(commission, "bus", "turnaround-us", DB_COMMISSION_CONTRADICTED,
 		                    right,
@@ -165,7 +165,7 @@ static void judge_standing(struct db_commission *commission, const struct db_tri
 	double window = db_commission_number(commission, "drive", "in-position-window") * unit;
 	char right[32];
 
-	(void)snprintf(right, sizeof(right), "%.6g", (figures->span + 1) / unit);
+	snprintf(right, sizeof(right), "%.6g", (figures->span + 1) / unit);
 	if (figures->ever_moving)
 		db_commission_judge(commission, "", "status", DB_COMMISSION_CONTRADICTED,
 		                    is_servo(commission) ? "raise standstill-speed" : NULL,
@@ -240,8 +240,8 @@ static void judge_enable(struct db_commission *commission,
 			                    DB_COMMISSION_PROVEN, NULL,
 			                    "the shaft held when the bit said so");
 	} else if (db_commission_answered(outcome, "no")) {
-		(void)snprintf(right, sizeof(right), "%d",
-		               db_commission_number(commission, "drive", "enabled-bit") == 0);
+		snprintf(right, sizeof(right), "%d",
+		         db_commission_number(commission, "drive", "enabled-bit") == 0);
 		db_commission_judge(commission, servo ? "drive" : "",
 		                    servo ? "enabled-bit" : "enable", DB_COMMISSION_CONTRADICTED,
 		                    servo ? right :
@@ -456,7 +456,7 @@ static void judge_speed(struct db_commission *commission)
 		db_commission_judge(commission, "drive", "speed-sign", DB_COMMISSION_PROVEN, NULL,
 		                    "it told %.6g while its position fell", told);
 	if (is_servo(commission)) {
-		(void)snprintf(right, sizeof(right), "%.0f", fabs(speed * 60 / told));
+		snprintf(right, sizeof(right), "%.0f", fabs(speed * 60 / told));
 		db_commission_judge(
 			commission, "drive", "counts-per-turn",
 			turn > 0 && fabs(fabs(expected / told) - 1) < 0.05 ?

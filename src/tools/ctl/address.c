@@ -91,8 +91,7 @@ static void say(const struct doing *doing, const struct db_setup_action *action)
 
 	if (!doing->ctl->json) {
 		db_ctl_translate_lines(stdout, action->text);
-		(void)printf("%s%s\n", action->configuration[0] ? "\n\n" : "",
-		             action->configuration);
+		printf("%s%s\n", action->configuration[0] ? "\n\n" : "", action->configuration);
 		(void)fflush(stdout);
 	} else if (move->done) {
 		object = json_pack("{s:s, s:I, s:I, s:s, s:s}", "bus",

@@ -44,8 +44,7 @@ static json_t *read_alarms(struct db_ctl *ctl, json_t **state, enum db_ctl_statu
 		{
 			char id[24];
 
-			(void)snprintf(id, sizeof(id), "%lld",
-			               (long long)db_words_number(alarm, "id"));
+			snprintf(id, sizeof(id), "%lld", (long long)db_words_number(alarm, "id"));
 			(void)json_object_set(by_id, id, alarm);
 		}
 		after = db_words_number(answer, "change");
@@ -88,9 +87,9 @@ static void add_row(struct db_ctl_grid *grid, const json_t *alarm)
 	char when[DB_WORDS_TIME_MAX];
 	char by[256];
 
-	(void)snprintf(what, sizeof(what), "%s%s%s", db_ctl_say_name(db_words_text(alarm, "cause")),
-	               db_words_text(alarm, "detail")[0] ? ": " : "",
-	               db_ctl_translate(db_words_text(alarm, "detail"), room));
+	snprintf(what, sizeof(what), "%s%s%s", db_ctl_say_name(db_words_text(alarm, "cause")),
+	         db_words_text(alarm, "detail")[0] ? ": " : "",
+	         db_ctl_translate(db_words_text(alarm, "detail"), room));
 	db_words_clean(what);
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)db_words_number(alarm, "id"));
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", name[0] ? name : db_words_text(alarm, "kind"));
@@ -107,7 +106,7 @@ static void add_row(struct db_ctl_grid *grid, const json_t *alarm)
 	}
 	db_words_write_time(db_words_number(alarm, "acknowledged_us"), when);
 	when[strcspn(when, ".")] = '\0';
-	(void)snprintf(by, sizeof(by), "%s", db_words_text(alarm, "acknowledged_by"));
+	snprintf(by, sizeof(by), "%s", db_words_text(alarm, "acknowledged_by"));
 	db_words_clean(by);
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s, %s", when, by);
 }

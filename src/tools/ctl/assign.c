@@ -39,13 +39,13 @@ static enum db_ctl_status read_one(struct db_ctl *ctl, const struct db_ctl_assig
 		return db_ctl_complain(ctl, DB_CTL_USAGE, DB_CLIENT_SERVICE "BadValue",
 		                       "\"%s\": right is NAME=VALUE", argument);
 	} else {
-		(void)snprintf(name, sizeof(name), "%.*s", (int)(equals - argument), argument);
+		snprintf(name, sizeof(name), "%.*s", (int)(equals - argument), argument);
 		reg = db_ctl_find(ctl, to->taken, name, DB_CLIENT_SERVICE "NoSuchRegister",
 		                  to->unknown);
 	}
 	if (!reg)
 		return DB_CTL_USAGE;
-	(void)snprintf(name, sizeof(name), "%s", db_words_text(reg, "name"));
+	snprintf(name, sizeof(name), "%s", db_words_text(reg, "name"));
 	if (!json_is_true(json_object_get(reg, "writable")))
 		return db_ctl_complain(ctl, DB_CTL_USAGE, DB_CLIENT_SERVICE "BadValue",
 		                       "%s can only be read", name);

@@ -28,7 +28,7 @@ static enum db_ctl_status write_text(const struct backup *backup, const char *na
 	FILE *out;
 	bool failed;
 
-	(void)snprintf(path, sizeof(path), "%s/%s", backup->folder, name);
+	snprintf(path, sizeof(path), "%s/%s", backup->folder, name);
 	out = fopen(path, "we");
 	failed = !out || fputs(text, out) == EOF;
 	if (out)
@@ -47,7 +47,7 @@ static enum db_ctl_status add_drive(struct backup *backup, const json_t *familie
 
 	if (status == DB_CTL_OK)
 		text = db_params_write(&params);
-	(void)snprintf(path, sizeof(path), "parameters/%s.params", name);
+	snprintf(path, sizeof(path), "parameters/%s.params", name);
 	if (text)
 		status = write_text(backup, path, text);
 	else if (status != DB_CTL_UNREACHABLE)
@@ -70,16 +70,15 @@ static enum db_ctl_status add_folders(const struct backup *backup)
 	const char *slash = strrchr(main_file, '/');
 	enum db_ctl_status status;
 
-	(void)snprintf(folder, sizeof(folder), "%.*s", slash ? (int)(slash - main_file) : 1,
-	               slash ? main_file : ".");
-	(void)snprintf(head, sizeof(head), DB_CTL_BACKUP_HEAD "\n%s\n%s\n",
-	               slash ? slash + 1 : main_file,
-	               db_words_text(backup->ctl->description, "version"));
+	snprintf(folder, sizeof(folder), "%.*s", slash ? (int)(slash - main_file) : 1,
+	         slash ? main_file : ".");
+	snprintf(head, sizeof(head), DB_CTL_BACKUP_HEAD "\n%s\n%s\n", slash ? slash + 1 : main_file,
+	         db_words_text(backup->ctl->description, "version"));
 	status = write_text(backup, "gateway", head);
-	(void)snprintf(path, sizeof(path), "%s/configuration", backup->folder);
+	snprintf(path, sizeof(path), "%s/configuration", backup->folder);
 	if (status == DB_CTL_OK && (!realpath(folder, absolute) || symlink(absolute, path) != 0))
 		status = db_ctl_fail_file(backup->ctl, folder);
-	(void)snprintf(path, sizeof(path), "%s/opcua", backup->folder);
+	snprintf(path, sizeof(path), "%s/opcua", backup->folder);
 	if (status == DB_CTL_OK && access(DB_CTL_OPCUA_FOLDER, F_OK) == 0 &&
 	    symlink(DB_CTL_OPCUA_FOLDER, path) != 0)
 		status = db_ctl_fail_file(backup->ctl, path);
@@ -105,7 +104,7 @@ static enum db_ctl_status pack(const struct backup *backup)
 	int written;
 
 	written = snprintf(part, sizeof(part), "%s.part", backup->file);
-	(void)snprintf(folder, sizeof(folder), "%s", backup->folder);
+	snprintf(folder, sizeof(folder), "%s", backup->folder);
 	if (written < 0 || (size_t)written >= sizeof(part)) {
 		errno = ENAMETOOLONG;
 		return db_ctl_fail_file(backup->ctl, backup->file);
@@ -130,7 +129,7 @@ static enum db_ctl_status put_together(struct backup *backup)
 	size_t i;
 	const json_t *drive;
 
-	(void)snprintf(path, sizeof(path), "%s/parameters", backup->folder);
+	snprintf(path, sizeof(path), "%s/parameters", backup->folder);
 	if (mkdir(path, 0700) != 0)
 		return db_ctl_fail_file(backup->ctl, path);
 	families = db_ctl_read_families(backup->ctl, &status);

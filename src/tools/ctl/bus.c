@@ -132,7 +132,7 @@ enum db_ctl_status db_ctl_bus(struct db_ctl *ctl, int count, char **arguments)
 		json_decref(object);
 	} else if (status == DB_CTL_OK && grid && drives) {
 		db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
-		(void)putchar('\n');
+		putchar('\n');
 		db_ctl_grid_print(drives, ctl->colour, 0, "\n", stdout);
 	}
 	db_ctl_grid_free(grid);

@@ -23,8 +23,7 @@ bool db_ctl_child_run(char *const words[], bool quiet)
 		if (nowhere >= 0)
 			(void)dup2(nowhere, STDOUT_FILENO);
 		(void)execvp(words[0], words);
-		(void)fprintf(stderr, "%s: %s\n", words[0],
-		              db_ctl_translate(strerror(errno), room));
+		fprintf(stderr, "%s: %s\n", words[0], db_ctl_translate(strerror(errno), room));
 		_exit(127);
 	}
 	while (child > 0 && waitpid(child, &state, 0) < 0 && errno == EINTR)

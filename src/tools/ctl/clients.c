@@ -84,7 +84,7 @@ static bool read_host(struct db_ctl_clients *of, const char *text)
 	}
 	if (length == 0 || length >= sizeof(of->host) || strcspn(text, " \t\r\n\"") < length)
 		return false;
-	(void)snprintf(of->host, sizeof(of->host), "%.*s", (int)length, text);
+	snprintf(of->host, sizeof(of->host), "%.*s", (int)length, text);
 	return true;
 }
 

@@ -15,19 +15,18 @@ static void put_entity(FILE *out, const struct db_ctl_clients *of, size_t drive,
 	const char *called = db_ctl_drive_name(of, drive);
 	char text[512];
 
-	(void)snprintf(text, sizeof(text), "%s %s", called, name);
+	snprintf(text, sizeof(text), "%s %s", called, name);
 	for (char *at = text; *at; at++)
 		*at = *at == '_' && at > text + strlen(called) ? ' ' : *at;
-	(void)fputs("      - name: ", out);
+	fputs("      - name: ", out);
 	db_ctl_put_quoted(out, text);
-	(void)snprintf(text, sizeof(text), "drivebridge_%s_%u_%s_%s", of->host, of->port, called,
-	               name);
-	(void)fputs("\n        unique_id: ", out);
+	snprintf(text, sizeof(text), "drivebridge_%s_%u_%s_%s", of->host, of->port, called, name);
+	fputs("\n        unique_id: ", out);
 	db_ctl_put_quoted(out, text);
-	(void)fprintf(out,
-	              "\n        slave: %lld\n        address: %lld\n        input_type: %s\n"
-	              "        scan_interval: 5\n",
-	              (long long)unit, json_integer_value(json_object_get(reg, "address")), input);
+	fprintf(out,
+	        "\n        slave: %lld\n        address: %lld\n        input_type: %s\n"
+	        "        scan_interval: 5\n",
+	        (long long)unit, json_integer_value(json_object_get(reg, "address")), input);
 }
 
 /* In the user's units if they have a name. */
@@ -46,33 +45,33 @@ static void put_quantity(FILE *out, const struct db_ctl_clients *of, size_t driv
 		return;
 	type = db_ctl_client_type(reg);
 	put_entity(out, of, drive, own, reg, unit, "holding");
-	(void)fprintf(out, "        data_type: %s\n        state_class: measurement\n", type->home);
+	fprintf(out, "        data_type: %s\n        state_class: measurement\n", type->home);
 	if (strcmp(type->type, "f32") == 0)
-		(void)fputs("        precision: 2\n", out);
+		fputs("        precision: 2\n", out);
 	if (db_ctl_unit_of(reg)[0] != '\0') {
-		(void)fputs("        unit_of_measurement: ", out);
+		fputs("        unit_of_measurement: ", out);
 		db_ctl_put_quoted(out, db_ctl_unit_of(reg));
-		(void)fputc('\n', out);
+		fputc('\n', out);
 	}
 	if (of->low_word_first && type->registers > 1)
-		(void)fputs("        swap: word\n", out);
+		fputs("        swap: word\n", out);
 }
 
 void db_ctl_write_home_assistant(const struct db_ctl_clients *of, FILE *out)
 {
-	(void)fprintf(
-		out,
-		"# Written by drivebridgectl export: %zu drives of %s, for configuration.yaml\n"
-		"# What a drive tells is read from its own unit, so that it is unavailable when it does not answer.\n"
-		"modbus:\n  - name: drivebridge\n    type: tcp\n    host: ",
-		json_array_size(of->drives), of->host);
+	fprintf(out,
+	        "# Written by drivebridgectl export: %zu drives of %s, for configuration.yaml\n"
+	        "# What a drive tells is read from its own unit, so that it is unavailable when it "
+	        "does not answer.\n"
+	        "modbus:\n  - name: drivebridge\n    type: tcp\n    host: ",
+	        json_array_size(of->drives), of->host);
 	db_ctl_put_quoted(out, of->host);
-	(void)fprintf(out, "\n    port: %u\n    timeout: 3\n    sensors:\n", of->port);
+	fprintf(out, "\n    port: %u\n    timeout: 3\n    sensors:\n", of->port);
 	for (size_t drive = 0; drive < json_array_size(of->drives); drive++) {
 		put_quantity(out, of, drive, "position", "position_units");
 		put_quantity(out, of, drive, "velocity", "velocity_units");
 	}
-	(void)fputs("    binary_sensors:\n", out);
+	fputs("    binary_sensors:\n", out);
 	for (size_t drive = 0; drive < json_array_size(of->drives); drive++) {
 		size_t at = 0;
 		const char *name;
@@ -82,7 +81,7 @@ void db_ctl_write_home_assistant(const struct db_ctl_clients *of, FILE *out)
 			if (strcmp(name, "online") != 0)
 				continue;
 			put_entity(out, of, drive, name, reg, DB_CTL_GATEWAY_UNIT, "holding");
-			(void)fputs("        device_class: connectivity\n", out);
+			fputs("        device_class: connectivity\n", out);
 		}
 		reg = db_ctl_drive_register(of, drive, "moving");
 		if (reg) {
@@ -90,7 +89,7 @@ void db_ctl_write_home_assistant(const struct db_ctl_clients *of, FILE *out)
 			           json_integer_value(json_object_get(
 					   json_array_get(of->drives, drive), "unit")),
 			           "discrete_input");
-			(void)fputs("        device_class: moving\n", out);
+			fputs("        device_class: moving\n", out);
 		}
 		reg = db_ctl_drive_register(of, drive, "error_stop");
 		if (reg) {
@@ -98,7 +97,7 @@ void db_ctl_write_home_assistant(const struct db_ctl_clients *of, FILE *out)
 			           json_integer_value(json_object_get(
 					   json_array_get(of->drives, drive), "unit")),
 			           "discrete_input");
-			(void)fputs("        device_class: problem\n", out);
+			fputs("        device_class: problem\n", out);
 		}
 	}
 }
@@ -117,14 +116,16 @@ void db_ctl_write_home_assistant(const struct db_ctl_clients *of, FILE *out)
 static const char decode[] =
 	"const data = Buffer.alloc(2 * msg.payload.length);\n"
 	"msg.payload.forEach((word, at) => data.writeUInt16BE(word, 2 * at));\n"
-	"const wide = at => lowWordFirst ? data.readUInt16BE(at + 2) * 65536 + data.readUInt16BE(at) : data.readUInt32BE(at);\n"
+	"const wide = at => lowWordFirst ? data.readUInt16BE(at + 2) * 65536 + "
+	"data.readUInt16BE(at) : data.readUInt32BE(at);\n"
 	"const real = at => {\n"
 	"    const bytes = Buffer.alloc(4);\n"
 	"    bytes.writeUInt32BE(wide(at));\n"
 	"    return bytes.readFloatBE();\n"
 	"};\n"
 	"const read = {\n"
-	"    u16: at => data.readUInt16BE(at), i16: at => data.readInt16BE(at), bits16: at => data.readUInt16BE(at),\n"
+	"    u16: at => data.readUInt16BE(at), i16: at => data.readInt16BE(at), bits16: at => "
+	"data.readUInt16BE(at),\n"
 	"    u32: wide, i32: at => wide(at) | 0, bits32: wide, f32: real,\n"
 	"};\n"
 	"msg.payload = [];\n"
@@ -153,25 +154,23 @@ static char *make_decoder(const struct db_ctl_clients *of, json_int_t first, jso
 
 	if (!out)
 		return NULL;
-	(void)fputs("const names = {", out);
+	fputs("const names = {", out);
 	json_array_foreach(of->drives, i, drive)
 	{
-		(void)fprintf(out, "%s%lld: ", gap,
-		              json_integer_value(json_object_get(drive, "unit")));
+		fprintf(out, "%s%lld: ", gap, json_integer_value(json_object_get(drive, "unit")));
 		db_ctl_put_quoted(out, db_words_text(drive, "name"));
 		gap = ", ";
 	}
-	(void)fputs("};\n// name, register from the first of the window, type\nconst fields = [\n",
-	            out);
+	fputs("};\n// name, register from the first of the window, type\nconst fields = [\n", out);
 	gap = "";
 	while ((reg = db_ctl_next_of_window(of, 0, &at, &name)) != NULL) {
-		(void)fprintf(out, "%s    [\"%s\", %lld, \"%s\"]", gap, name,
-		              (long long)(db_words_number(reg, "address") - first),
-		              db_words_text(reg, "type"));
+		fprintf(out, "%s    [\"%s\", %lld, \"%s\"]", gap, name,
+		        (long long)(db_words_number(reg, "address") - first),
+		        db_words_text(reg, "type"));
 		gap = ",\n";
 	}
-	(void)fprintf(out, "\n];\nconst size = %lld;\nconst lowWordFirst = %s;\n%s",
-	              (long long)(2 * size), of->low_word_first ? "true" : "false", decode);
+	fprintf(out, "\n];\nconst size = %lld;\nconst lowWordFirst = %s;\n%s",
+	        (long long)(2 * size), of->low_word_first ? "true" : "false", decode);
 	(void)fclose(out);
 	return text;
 }
@@ -207,12 +206,10 @@ static void add_reads(json_t *nodes, size_t drives, json_int_t first, json_int_t
 		char from[24];
 		char quantity[24];
 
-		(void)snprintf(id, sizeof(id), "db00000000001%03zx", number);
-		(void)snprintf(name, sizeof(name), "drives from %zu", at + 1);
-		(void)snprintf(from, sizeof(from), "%lld",
-		               (long long)(first + (json_int_t)at * size));
-		(void)snprintf(quantity, sizeof(quantity), "%lld",
-		               (long long)((json_int_t)count * size));
+		snprintf(id, sizeof(id), "db00000000001%03zx", number);
+		snprintf(name, sizeof(name), "drives from %zu", at + 1);
+		snprintf(from, sizeof(from), "%lld", (long long)(first + (json_int_t)at * size));
+		snprintf(quantity, sizeof(quantity), "%lld", (long long)((json_int_t)count * size));
 		(void)json_array_append_new(
 			nodes,
 			json_pack(
@@ -238,7 +235,7 @@ void db_ctl_write_node_red(const struct db_ctl_clients *of, FILE *out)
 	char port[16];
 	json_t *nodes = json_array();
 
-	(void)snprintf(port, sizeof(port), "%u", of->port);
+	snprintf(port, sizeof(port), "%u", of->port);
 	(void)json_array_append_new(nodes, json_pack("{s:s, s:s, s:s, s:b, s:s}", "id", FLOW,
 	                                             "type", "tab", "label", "drivebridge",
 	                                             "disabled", 0, "info", ""));
@@ -262,7 +259,7 @@ void db_ctl_write_node_red(const struct db_ctl_clients *of, FILE *out)
 	                                      "payload", "x", 560, "y", 80, "wires"));
 	add_reads(nodes, json_array_size(of->drives), first, size);
 	(void)json_dumpf(nodes, out, JSON_INDENT(2));
-	(void)fputc('\n', out);
+	fputc('\n', out);
 	json_decref(nodes);
 	free(decoder);
 }

@@ -10,7 +10,7 @@
 
 static void put_head(FILE *out, const struct db_ctl_clients *of)
 {
-	(void)fprintf(out, "# " HEAD "%zu drives of %s\n", json_array_size(of->drives), of->host);
+	fprintf(out, "# " HEAD "%zu drives of %s\n", json_array_size(of->drives), of->host);
 }
 
 /* --- Telegraf --------------------------------------------------------------------------------- */
@@ -19,25 +19,25 @@ static void put_head(FILE *out, const struct db_ctl_clients *of)
 static void begin_request(FILE *out, const struct db_ctl_clients *of, const char *measurement,
                           bool optimized)
 {
-	(void)fprintf(out,
-	              "\n  [[inputs.modbus.request]]\n"
-	              "    slave_id = %d\n"
-	              "    byte_order = \"%s\"\n"
-	              "    register = \"holding\"\n"
-	              "    measurement = \"%s\"\n",
-	              DB_CTL_GATEWAY_UNIT, of->low_word_first ? "CDAB" : "ABCD", measurement);
+	fprintf(out,
+	        "\n  [[inputs.modbus.request]]\n"
+	        "    slave_id = %d\n"
+	        "    byte_order = \"%s\"\n"
+	        "    register = \"holding\"\n"
+	        "    measurement = \"%s\"\n",
+	        DB_CTL_GATEWAY_UNIT, of->low_word_first ? "CDAB" : "ABCD", measurement);
 	if (optimized)
-		(void)fputs("    optimization = \"max_insert\"\n"
-		            "    optimization_max_register_fill = 50\n",
-		            out);
-	(void)fputs("    fields = [\n", out);
+		fputs("    optimization = \"max_insert\"\n"
+		      "    optimization_max_register_fill = 50\n",
+		      out);
+	fputs("    fields = [\n", out);
 }
 
 static void put_field(FILE *out, const json_t *reg, const char *name)
 {
-	(void)fprintf(out, "      { address = %lld, name = \"%s\", type = \"%s\" },\n",
-	              json_integer_value(json_object_get(reg, "address")), name,
-	              db_ctl_client_type(reg)->telegraf);
+	fprintf(out, "      { address = %lld, name = \"%s\", type = \"%s\" },\n",
+	        json_integer_value(json_object_get(reg, "address")), name,
+	        db_ctl_client_type(reg)->telegraf);
 }
 
 static void put_figures(FILE *out, const struct db_ctl_clients *of,
@@ -57,26 +57,26 @@ void db_ctl_write_telegraf(const struct db_ctl_clients *of, FILE *out)
 	const json_t *bus;
 
 	put_head(out, of);
-	(void)fprintf(out,
-	              "# What is told of a drive is read in one request, and so of one moment.\n\n"
-	              "[[inputs.modbus]]\n"
-	              "  name = \"drivebridge\"\n"
-	              "  controller = \"tcp://%s:%u\"\n"
-	              "  timeout = \"1s\"\n"
-	              "  configuration_type = \"request\"\n",
-	              of->host, of->port);
+	fprintf(out,
+	        "# What is told of a drive is read in one request, and so of one moment.\n\n"
+	        "[[inputs.modbus]]\n"
+	        "  name = \"drivebridge\"\n"
+	        "  controller = \"tcp://%s:%u\"\n"
+	        "  timeout = \"1s\"\n"
+	        "  configuration_type = \"request\"\n",
+	        of->host, of->port);
 	begin_request(out, of, "drivebridge", true);
 	put_figures(out, of, db_ctl_gateway_figures, 0);
-	(void)fputs("    ]\n", out);
+	fputs("    ]\n", out);
 	json_array_foreach(of->buses, i, bus)
 	{
 		if (!db_ctl_figure(of, db_ctl_bus_figures, i + 1))
 			break; /* only the first buses have figures in registers */
 		begin_request(out, of, "drivebridge_bus", true);
 		put_figures(out, of, db_ctl_bus_figures, i + 1);
-		(void)fputs("    ]\n    [inputs.modbus.request.tags]\n      bus = ", out);
+		fputs("    ]\n    [inputs.modbus.request.tags]\n      bus = ", out);
 		db_ctl_put_quoted(out, db_words_text(bus, "name"));
-		(void)fputc('\n', out);
+		fputc('\n', out);
 	}
 	for (size_t drive = 0; drive < json_array_size(of->drives); drive++) {
 		size_t at = 0;
@@ -88,14 +88,14 @@ void db_ctl_write_telegraf(const struct db_ctl_clients *of, FILE *out)
 		begin_request(out, of, "drivebridge_drive", false);
 		while ((reg = db_ctl_next_of_window(of, drive, &at, &name)) != NULL)
 			put_field(out, reg, name);
-		(void)fputs("    ]\n    [inputs.modbus.request.tags]\n      drive = ", out);
+		fputs("    ]\n    [inputs.modbus.request.tags]\n      drive = ", out);
 		db_ctl_put_quoted(out, db_ctl_drive_name(of, drive));
-		(void)fputs("\n      bus = ", out);
+		fputs("\n      bus = ", out);
 		db_ctl_put_quoted(out, db_words_text(json_array_get(of->drives, drive), "bus"));
-		(void)fputs("\n      unit_name = ", out);
+		fputs("\n      unit_name = ", out);
 		db_ctl_put_quoted(out,
 		                  db_words_text(json_array_get(of->drives, drive), "unit_name"));
-		(void)fputc('\n', out);
+		fputc('\n', out);
 	}
 }
 
@@ -104,12 +104,12 @@ void db_ctl_write_telegraf(const struct db_ctl_clients *of, FILE *out)
 static void put_alert(FILE *out, const char *name, const char *expression, const char *wait,
                       const char *drive, const char *summary)
 {
-	(void)fprintf(out, "      - alert: %s\n        expr: %s\n", name, expression);
+	fprintf(out, "      - alert: %s\n        expr: %s\n", name, expression);
 	if (wait)
-		(void)fprintf(out, "        for: %s\n", wait);
+		fprintf(out, "        for: %s\n", wait);
 	if (drive)
-		(void)fprintf(out, "        labels: {drive: \"%s\"}\n", drive);
-	(void)fprintf(out, "        annotations: {summary: \"%s\"}\n", summary);
+		fprintf(out, "        labels: {drive: \"%s\"}\n", drive);
+	fprintf(out, "        annotations: {summary: \"%s\"}\n", summary);
 }
 
 void db_ctl_write_prometheus(const struct db_ctl_clients *of, FILE *out)
@@ -118,17 +118,17 @@ void db_ctl_write_prometheus(const struct db_ctl_clients *of, FILE *out)
 	char summary[256];
 
 	put_head(out, of);
-	(void)fprintf(
-		out,
-		"# Rules for the figures of drivebridge-web (/metrics) or drivebridgectl metrics. In prometheus.yml:\n"
-		"#   rule_files: [drivebridge-rules.yml]\n"
-		"#   scrape_configs:\n"
-		"#     - job_name: drivebridge\n"
-		"#       static_configs: [{targets: [\"%s:8080\"]}]\n"
-		"groups:\n"
-		"  - name: drivebridge\n"
-		"    rules:\n",
-		of->host);
+	fprintf(out,
+	        "# Rules for the figures of drivebridge-web (/metrics) or drivebridgectl metrics. "
+	        "In prometheus.yml:\n"
+	        "#   rule_files: [drivebridge-rules.yml]\n"
+	        "#   scrape_configs:\n"
+	        "#     - job_name: drivebridge\n"
+	        "#       static_configs: [{targets: [\"%s:8080\"]}]\n"
+	        "groups:\n"
+	        "  - name: drivebridge\n"
+	        "    rules:\n",
+	        of->host);
 	put_alert(out, "DriveDoesNotAnswer", "drivebridge_drive_up == 0", "10s", NULL,
 	          "{{ $labels.drive }} does not answer");
 	put_alert(out, "DriveInErrorStop", "drivebridge_drive_axis_state == 7", NULL, NULL,
@@ -144,9 +144,9 @@ void db_ctl_write_prometheus(const struct db_ctl_clients *of, FILE *out)
 	for (size_t drive = 0; drive < json_array_size(of->drives); drive++) {
 		const char *name = db_ctl_drive_name(of, drive);
 
-		(void)snprintf(expression, sizeof(expression),
-		               "absent(drivebridge_drive_up{drive=\"%s\"})", name);
-		(void)snprintf(summary, sizeof(summary), "nothing is told of %s", name);
+		snprintf(expression, sizeof(expression),
+		         "absent(drivebridge_drive_up{drive=\"%s\"})", name);
+		snprintf(summary, sizeof(summary), "nothing is told of %s", name);
 		put_alert(out, "DriveIsMissing", expression, "1m", name, summary);
 	}
 }
@@ -160,20 +160,20 @@ static void put_metric(FILE *out, const struct db_ctl_clients *of, const char *p
 	const char *text = db_words_text(reg, "description");
 	const char *colon = label ? strstr(text, ": ") : NULL;
 
-	(void)fprintf(out, "      - name: %s%s\n        help: ", prefix, name);
+	fprintf(out, "      - name: %s%s\n        help: ", prefix, name);
 	/* Drop the number of the bus or drive: one metric has one help text. */
 	db_ctl_put_quoted(out, colon ? colon + 2 : label ? name : text);
-	(void)fprintf(out,
-	              "\n        address: 3%05lld\n        dataType: %s\n        endianness: %s\n"
-	              "        metricType: %s\n",
-	              json_integer_value(json_object_get(reg, "address")), type->exporter,
-	              of->low_word_first && type->registers > 1 ? "yolo" : "big",
-	              counter ? "counter" : "gauge");
+	fprintf(out,
+	        "\n        address: 3%05lld\n        dataType: %s\n        endianness: %s\n"
+	        "        metricType: %s\n",
+	        json_integer_value(json_object_get(reg, "address")), type->exporter,
+	        of->low_word_first && type->registers > 1 ? "yolo" : "big",
+	        counter ? "counter" : "gauge");
 	if (!label)
 		return;
-	(void)fprintf(out, "        labels:\n          %s: ", label);
+	fprintf(out, "        labels:\n          %s: ", label);
 	db_ctl_put_quoted(out, value);
-	(void)fputc('\n', out);
+	fputc('\n', out);
 }
 
 static void put_metrics(FILE *out, const struct db_ctl_clients *of,
@@ -195,11 +195,10 @@ void db_ctl_write_modbus_exporter(const struct db_ctl_clients *of, FILE *out)
 	const json_t *bus;
 
 	put_head(out, of);
-	(void)fprintf(
-		out,
-		"# Scrape it with module=drivebridge, sub_target=%d and target=%s:%u.\nmodules:\n"
-		"  - name: drivebridge\n    protocol: tcp/ip\n    metrics:\n",
-		DB_CTL_GATEWAY_UNIT, of->host, of->port);
+	fprintf(out,
+	        "# Scrape it with module=drivebridge, sub_target=%d and target=%s:%u.\nmodules:\n"
+	        "  - name: drivebridge\n    protocol: tcp/ip\n    metrics:\n",
+	        DB_CTL_GATEWAY_UNIT, of->host, of->port);
 	put_metrics(out, of, db_ctl_gateway_figures, 0, NULL);
 	json_array_foreach(of->buses, i, bus)
 		put_metrics(out, of, db_ctl_bus_figures, i + 1, db_words_text(bus, "name"));
@@ -241,19 +240,19 @@ static void put_uuid(FILE *out, const char *before, const struct db_ctl_clients 
 	}
 	half[0] = (half[0] & ~UINT64_C(0xf000)) | UINT64_C(0x4000);
 	half[1] = (half[1] & ~(UINT64_C(0xc) << 60)) | (UINT64_C(8) << 60);
-	(void)fprintf(out, "%suuid: %016llx%016llx\n", before, (unsigned long long)half[0],
-	              (unsigned long long)half[1]);
+	fprintf(out, "%suuid: %016llx%016llx\n", before, (unsigned long long)half[0],
+	        (unsigned long long)half[1]);
 }
 
 static void put_template(FILE *out, const struct db_ctl_clients *of)
 {
 	char text[300];
 
-	(void)snprintf(text, sizeof(text), "drivebridge %s", of->host);
+	snprintf(text, sizeof(text), "drivebridge %s", of->host);
 	/* The technical name may not contain the colons and brackets of IPv6 addresses. */
 	for (char *at = text; *at; at++)
 		*at = strchr(":[]", *at) ? '-' : *at;
-	(void)fputs(text, out);
+	fputs(text, out);
 }
 
 static void put_trigger(FILE *out, const struct db_ctl_clients *of, const char *drive,
@@ -261,13 +260,13 @@ static void put_trigger(FILE *out, const struct db_ctl_clients *of, const char *
 {
 	char name[128];
 
-	(void)snprintf(name, sizeof(name), "%s %s", drive, text);
+	snprintf(name, sizeof(name), "%s %s", drive, text);
 	put_uuid(out, "            - ", of, "trigger", drive, text);
-	(void)fputs("              expression: 'last(/", out);
+	fputs("              expression: 'last(/", out);
 	put_template(out, of);
-	(void)fprintf(out, "/%s)%s'\n              name: ", key, condition);
+	fprintf(out, "/%s)%s'\n              name: ", key, condition);
 	db_ctl_put_quoted(out, name);
-	(void)fputs("\n              priority: HIGH\n", out);
+	fputs("\n              priority: HIGH\n", out);
 }
 
 /* `drive`: its name, or the bus's, or "gateway". */
@@ -279,32 +278,31 @@ static void put_item(FILE *out, const struct db_ctl_clients *of, const char *dri
 	char key[128];
 	char text[256];
 
-	(void)snprintf(key, sizeof(key), "modbus.get[{$DRIVEBRIDGE.URL},%d,3,%lld,1,%s%s]",
-	               DB_CTL_GATEWAY_UNIT, json_integer_value(json_object_get(reg, "address")),
-	               type->zabbix, of->low_word_first && type->registers > 1 ? ",mle" : "");
+	snprintf(key, sizeof(key), "modbus.get[{$DRIVEBRIDGE.URL},%d,3,%lld,1,%s%s]",
+	         DB_CTL_GATEWAY_UNIT, json_integer_value(json_object_get(reg, "address")),
+	         type->zabbix, of->low_word_first && type->registers > 1 ? ",mle" : "");
 	put_uuid(out, "        - ", of, "item", drive, name);
-	(void)snprintf(text, sizeof(text), "%s %s", drive, name);
-	(void)fputs("          name: ", out);
+	snprintf(text, sizeof(text), "%s %s", drive, name);
+	fputs("          name: ", out);
 	db_ctl_put_quoted(out, text);
-	(void)fprintf(out, "\n          key: '%s'\n          delay: 10s\n          history: 31d\n",
-	              key);
+	fprintf(out, "\n          key: '%s'\n          delay: 10s\n          history: 31d\n", key);
 	if (kind[0] == 'i' || kind[0] == 'f')
-		(void)fputs("          value_type: FLOAT\n", out);
+		fputs("          value_type: FLOAT\n", out);
 	if (unit[0] != '\0') {
 		/* "!" keeps Zabbix from adding a prefix such as kilo. */
-		(void)snprintf(text, sizeof(text), "!%s", unit);
-		(void)fputs("          units: ", out);
+		snprintf(text, sizeof(text), "!%s", unit);
+		fputs("          units: ", out);
 		db_ctl_put_quoted(out, text);
-		(void)fputc('\n', out);
+		fputc('\n', out);
 	}
-	(void)fputs("          description: ", out);
+	fputs("          description: ", out);
 	db_ctl_put_quoted(out, db_words_text(reg, "description"));
-	(void)fputc('\n', out);
+	fputc('\n', out);
 	if (is_drive && strcmp(name, "online") == 0) {
-		(void)fputs("          triggers:\n", out);
+		fputs("          triggers:\n", out);
 		put_trigger(out, of, drive, key, "=0", "does not answer");
 	} else if (is_drive && strcmp(name, "axis_state") == 0) {
-		(void)fputs("          triggers:\n", out);
+		fputs("          triggers:\n", out);
 		put_trigger(out, of, drive, key, "=7", "is in ErrorStop");
 	}
 }
@@ -326,26 +324,26 @@ void db_ctl_write_zabbix(const struct db_ctl_clients *of, FILE *out)
 	const json_t *bus;
 
 	put_head(out, of);
-	(void)fputs("zabbix_export:\n  version: '6.0'\n  groups:\n", out);
+	fputs("zabbix_export:\n  version: '6.0'\n  groups:\n", out);
 	/* For all gateways. */
-	(void)fputs(
-		"    - uuid: 8c9c16f4a1f14c2b9d3f5a7e60b1d2c4\n      name: Templates/Drives\n  templates:\n",
-		out);
+	fputs("    - uuid: 8c9c16f4a1f14c2b9d3f5a7e60b1d2c4\n      name: Templates/Drives\n  "
+	      "templates:\n",
+	      out);
 	put_uuid(out, "    - ", of, "template", "", "");
-	(void)fputs("      template: ", out);
+	fputs("      template: ", out);
 	put_template(out, of);
-	(void)fputs("\n      name: ", out);
+	fputs("\n      name: ", out);
 	put_template(out, of);
-	(void)fputs(
-		"\n      description: Drives behind drivebridge, read by Zabbix agent 2 over Modbus TCP\n"
-		"      groups:\n        - name: Templates/Drives\n      items:\n",
-		out);
+	fputs("\n      description: Drives behind drivebridge, read by Zabbix agent 2 over Modbus "
+	      "TCP\n"
+	      "      groups:\n        - name: Templates/Drives\n      items:\n",
+	      out);
 	put_items(out, of, db_ctl_gateway_figures, 0, "gateway");
 	json_array_foreach(of->buses, i, bus)
 	{
 		char name[128];
 
-		(void)snprintf(name, sizeof(name), "bus %s", db_words_text(bus, "name"));
+		snprintf(name, sizeof(name), "bus %s", db_words_text(bus, "name"));
 		put_items(out, of, db_ctl_bus_figures, i + 1, name);
 	}
 	for (size_t drive = 0; drive < json_array_size(of->drives); drive++) {
@@ -357,8 +355,8 @@ void db_ctl_write_zabbix(const struct db_ctl_clients *of, FILE *out)
 			put_item(out, of, db_ctl_drive_name(of, drive), name, reg,
 			         db_ctl_unit_of(db_ctl_drive_register(of, drive, name)), true);
 	}
-	(void)fprintf(out,
-	              "      macros:\n        - macro: '{$DRIVEBRIDGE.URL}'\n"
-	              "          value: 'tcp://%s:%u'\n",
-	              of->host, of->port);
+	fprintf(out,
+	        "      macros:\n        - macro: '{$DRIVEBRIDGE.URL}'\n"
+	        "          value: 'tcp://%s:%u'\n",
+	        of->host, of->port);
 }

@@ -17,10 +17,10 @@ static void put_tag(FILE *out, const char *group, const char *name, const json_t
 	size_t end = KEPWARE_TEXT_MAX;
 	char text[256];
 
-	(void)snprintf(text, sizeof(text), "%s%s%s", group, group[0] ? "." : "", name);
+	snprintf(text, sizeof(text), "%s%s%s", group, group[0] ? "." : "", name);
 	db_ctl_csv_add_text(out, true, text);
-	(void)snprintf(text, sizeof(text), "4%05lld",
-	               json_integer_value(json_object_get(reg, "address")) + 1);
+	snprintf(text, sizeof(text), "4%05lld",
+	         json_integer_value(json_object_get(reg, "address")) + 1);
 	db_ctl_csv_add_text(out, false, text);
 	db_ctl_csv_add_text(out, false, db_ctl_client_type(reg)->kepware);
 	db_ctl_csv_add_text(out, false, "1");
@@ -118,10 +118,9 @@ static json_t *make_tag(const struct db_ctl_clients *of, size_t drive, const jso
 	json_t *tag;
 
 	db_ctl_describe(reg, description);
-	(void)snprintf(
-		path, sizeof(path), "ns=1;s=[" DEVICE "]%lld.%s%lld",
-		json_integer_value(json_object_get(json_array_get(of->drives, drive), "unit")),
-		type->ignition, json_integer_value(json_object_get(reg, "address")) + 1);
+	snprintf(path, sizeof(path), "ns=1;s=[" DEVICE "]%lld.%s%lld",
+	         json_integer_value(json_object_get(json_array_get(of->drives, drive), "unit")),
+	         type->ignition, json_integer_value(json_object_get(reg, "address")) + 1);
 	tag = json_pack("{s:s, s:s, s:s, s:s, s:s, s:s, s:s, s:b}", "name",
 	                db_words_text(reg, "name"), "tagType", "AtomicTag", "valueSource", "opc",
 	                "opcServer", "Ignition OPC UA Server", "opcItemPath", path, "dataType",
@@ -163,14 +162,14 @@ void db_ctl_write_ignition(const struct db_ctl_clients *of, FILE *out)
 		                                               db_ctl_drive_name(of, drive),
 		                                               "tagType", "Folder", "tags", tags));
 	}
-	(void)snprintf(text, sizeof(text),
-	               "Written by drivebridgectl export. Device " DEVICE
-	               ": driver Modbus TCP, %s port %u, Reverse Numeric Word Order %s, zero-based "
-	               "addressing off.",
-	               of->host, of->port, of->low_word_first ? "off" : "on");
+	snprintf(text, sizeof(text),
+	         "Written by drivebridgectl export. Device " DEVICE
+	         ": driver Modbus TCP, %s port %u, Reverse Numeric Word Order %s, zero-based "
+	         "addressing off.",
+	         of->host, of->port, of->low_word_first ? "off" : "on");
 	root = json_pack("{s:s, s:s, s:s, s:o}", "name", "drivebridge", "tagType", "Folder",
 	                 "documentation", text, "tags", folders);
 	(void)json_dumpf(root, out, JSON_INDENT(2) | JSON_REAL_PRECISION(10));
-	(void)fputc('\n', out);
+	fputc('\n', out);
 	json_decref(root);
 }

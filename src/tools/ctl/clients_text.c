@@ -37,7 +37,7 @@ const json_t *db_ctl_next_of_window(const struct db_ctl_clients *of, size_t driv
 {
 	char prefix[32];
 
-	(void)snprintf(prefix, sizeof(prefix), "window%zu_", drive + 1);
+	snprintf(prefix, sizeof(prefix), "window%zu_", drive + 1);
 	for (; *at < json_array_size(of->windows); ++*at) {
 		const json_t *reg = json_array_get(of->windows, *at);
 
@@ -111,7 +111,7 @@ const json_t *db_ctl_figure(const struct db_ctl_clients *of, const struct db_ctl
 {
 	char name[64];
 
-	(void)snprintf(name, sizeof(name), "bus%zu_%s", bus, figure->name);
+	snprintf(name, sizeof(name), "bus%zu_%s", bus, figure->name);
 	return db_words_look_up(of->gateway, bus > 0 ? name : figure->name);
 }
 
@@ -120,7 +120,7 @@ void db_ctl_put_quoted(FILE *out, const char *text)
 	json_t *string = json_string(text);
 	char *quoted = json_dumps(string, JSON_ENCODE_ANY);
 
-	(void)fputs(quoted ? quoted : "\"\"", out);
+	fputs(quoted ? quoted : "\"\"", out);
 	free(quoted);
 	json_decref(string);
 }
@@ -154,9 +154,9 @@ void db_ctl_put_identifier(FILE *out, const struct db_ctl_clients *of, size_t dr
 		make_identifier(other, sizeof(other), db_ctl_drive_name(of, i));
 		doubled = doubled || strcasecmp(own, other) == 0;
 	}
-	(void)fputs(own, out);
+	fputs(own, out);
 	if (doubled)
-		(void)fprintf(out, "_%lld",
-		              json_integer_value(
-				      json_object_get(json_array_get(of->drives, drive), "unit")));
+		fprintf(out, "_%lld",
+		        json_integer_value(
+				json_object_get(json_array_get(of->drives, drive), "unit")));
 }

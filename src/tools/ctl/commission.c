@@ -61,7 +61,7 @@ static enum db_ctl_status save_state(const struct commissioning *work, json_t *v
 		return DB_CTL_OK;
 	state = json_pack("{s:s, s:O, s:O}", "drive", work->drive, "done", done, "verdicts",
 	                  verdicts);
-	(void)snprintf(fresh, sizeof(fresh), "%s.new", work->ctl->state);
+	snprintf(fresh, sizeof(fresh), "%s.new", work->ctl->state);
 	saved = json_dump_file(state, fresh, JSON_INDENT(1)) == 0 &&
 	        rename(fresh, work->ctl->state) == 0;
 	json_decref(state);
@@ -93,7 +93,7 @@ static void show_step(void *data, const struct db_commission_step *step)
 	const struct commissioning *work = data;
 
 	if (!work->ctl->json)
-		(void)printf("\n%s: %s\n", step->name, db_ctl_say(step->description));
+		printf("\n%s: %s\n", step->name, db_ctl_say(step->description));
 }
 
 static bool show_verdicts(void *data, const struct db_commission_step *step, json_t *verdicts,
@@ -124,7 +124,7 @@ static void show_motion(void *data, bool moving, bool again)
 	if (!moving || !again)
 		return;
 	if (!work->ctl->json) {
-		(void)printf("  %s: %s\n", db_ctl_say("once more"), db_ctl_say(why));
+		printf("  %s: %s\n", db_ctl_say("once more"), db_ctl_say(why));
 		return;
 	}
 	object = json_pack("{s:s}", "again", why);
@@ -148,9 +148,9 @@ static enum db_ctl_status write_report(const struct commissioning *work,
 	FILE *file;
 	bool written;
 
-	(void)snprintf(path, sizeof(path), "%s.commissioning.txt", report->drive);
+	snprintf(path, sizeof(path), "%s.commissioning.txt", report->drive);
 	if (work->ctl->output)
-		(void)snprintf(path, sizeof(path), "%s", work->ctl->output);
+		snprintf(path, sizeof(path), "%s", work->ctl->output);
 	file = fopen(path, "we");
 	if (file)
 		db_commission_report_write(file, report);
@@ -161,9 +161,9 @@ static enum db_ctl_status write_report(const struct commissioning *work,
 		return db_ctl_complain(work->ctl, DB_CTL_NO, "io.drivebridge.Client.NotWritten",
 		                       "%s: %s", path, strerror(errno));
 	if (!work->ctl->json) {
-		(void)fputs("\n", stdout);
-		(void)printf(db_ctl_say("the report is in %s"), path);
-		(void)fputs("\n", stdout);
+		fputs("\n", stdout);
+		printf(db_ctl_say("the report is in %s"), path);
+		fputs("\n", stdout);
 	}
 	return DB_CTL_OK;
 }
@@ -174,14 +174,13 @@ static void print_end(const struct commissioning *work, const struct db_commissi
 	json_t *object;
 
 	if (!work->ctl->json) {
-		(void)fputs("\n", stdout);
-		(void)printf(
-			db_ctl_say("%zu contradicted, %zu proven, %zu not seen"),
-			db_commission_report_count(report->verdicts, DB_COMMISSION_CONTRADICTED),
-			db_commission_report_count(report->verdicts, DB_COMMISSION_PROVEN),
-			db_commission_report_count(report->verdicts, DB_COMMISSION_NOT_SEEN));
-		(void)printf("\n\n%s\n\n",
-		             db_ctl_say("for the configuration, then drivebridgectl reload:"));
+		fputs("\n", stdout);
+		printf(db_ctl_say("%zu contradicted, %zu proven, %zu not seen"),
+		       db_commission_report_count(report->verdicts, DB_COMMISSION_CONTRADICTED),
+		       db_commission_report_count(report->verdicts, DB_COMMISSION_PROVEN),
+		       db_commission_report_count(report->verdicts, DB_COMMISSION_NOT_SEEN));
+		printf("\n\n%s\n\n",
+		       db_ctl_say("for the configuration, then drivebridgectl reload:"));
 		db_commission_report_sections(stdout, report);
 		return;
 	}
@@ -230,9 +229,9 @@ static enum db_ctl_status list_steps(const struct db_ctl *ctl)
 			db_ctl_print_json(object);
 			json_decref(object);
 		} else {
-			(void)printf("%-12s  %s%s%s\n", step->name, db_ctl_say(step->description),
-			             step->moves ? db_ctl_say("; moves") : "",
-			             step->chosen ? db_ctl_say("; only with --step") : "");
+			printf("%-12s  %s%s%s\n", step->name, db_ctl_say(step->description),
+			       step->moves ? db_ctl_say("; moves") : "",
+			       step->chosen ? db_ctl_say("; only with --step") : "");
 		}
 	}
 	return DB_CTL_OK;

@@ -83,7 +83,7 @@ static bool read_line(struct db_ctl_talk *talk, struct db_commission_act *act, c
 	}
 	*end = '\0';
 	used = (size_t)(end - talk->line) + 1;
-	(void)snprintf(line, sizeof(talk->line), "%s", talk->line);
+	snprintf(line, sizeof(talk->line), "%s", talk->line);
 	talk->length -= used;
 	memmove(talk->line, talk->line + used, talk->length);
 	return true;
@@ -101,9 +101,8 @@ static void print_question(const struct db_ctl *ctl, const struct db_commission_
 		json_decref(object);
 		return;
 	}
-	(void)printf("? %s\n  [%s] ", db_ctl_translate(question->text, room),
-	             question->choices[0] ? question->choices :
-	                                    db_ctl_say("a number; empty: skip"));
+	printf("? %s\n  [%s] ", db_ctl_translate(question->text, room),
+	       question->choices[0] ? question->choices : db_ctl_say("a number; empty: skip"));
 	(void)fflush(stdout);
 }
 
@@ -118,7 +117,7 @@ const char *db_ctl_talk_ask(struct db_ctl_talk *talk, struct db_commission_act *
 	print_question(ctl, question);
 	if (talk->prepared) {
 		if (!ctl->json)
-			(void)printf("%s\n", given ? given : "");
+			printf("%s\n", given ? given : "");
 		if (!given || strcmp(given, "skip") == 0)
 			return NULL;
 		if (db_commission_choose(question->choices, given, talk->answer,

@@ -50,7 +50,7 @@ static void print_messages(const json_t *answer)
 	json_array_foreach(json_object_get(answer, "messages"), i, message)
 	{
 		db_ctl_translate_lines(stderr, json_string_value(message));
-		(void)fputc('\n', stderr);
+		fputc('\n', stderr);
 	}
 }
 
@@ -68,10 +68,10 @@ static bool print_effects(const json_t *answer)
 		const char *drive = db_words_text(effect, "drive");
 
 		moves = moves || one;
-		(void)printf("%s%s%s%s%s: %s\n", drive[0] ? "" : db_ctl_say("bus "),
-		             drive[0] ? drive : db_words_text(effect, "bus"), one ? " (" : "",
-		             one ? db_ctl_say("MOVES NOW") : "", one ? ")" : "",
-		             db_ctl_translate(db_words_text(effect, "text"), room));
+		printf("%s%s%s%s%s: %s\n", drive[0] ? "" : db_ctl_say("bus "),
+		       drive[0] ? drive : db_words_text(effect, "bus"), one ? " (" : "",
+		       one ? db_ctl_say("MOVES NOW") : "", one ? ")" : "",
+		       db_ctl_translate(db_words_text(effect, "text"), room));
 	}
 	db_ctl_say_line(stdout, i > 0 ? DB_CTL_TEXT("all other drives go on") :
 	                                DB_CTL_TEXT("no drive changes"));
@@ -117,7 +117,7 @@ enum db_ctl_status db_ctl_config_show(struct db_ctl *ctl, int count, char **argu
 	if (answer && ctl->json)
 		db_ctl_print_json(answer);
 	else if (answer)
-		(void)fputs(db_words_text(answer, "text"), stdout);
+		fputs(db_words_text(answer, "text"), stdout);
 	json_decref(answer);
 	return status;
 }
@@ -137,7 +137,8 @@ enum db_ctl_status db_ctl_config_check(struct db_ctl *ctl, int count, char **arg
 	return status;
 }
 
-/* Checks a text, asks, has it written and loaded. `version`: of which the text is to be the next. */
+/* Checks a text, asks, has it written and loaded. `version`: of which the text is to be the next.
+ */
 static enum db_ctl_status apply(struct db_ctl *ctl, const char *text, const char *version)
 {
 	enum db_ctl_status status = DB_CTL_OK;

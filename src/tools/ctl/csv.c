@@ -6,20 +6,20 @@
 void db_ctl_csv_add_text(FILE *file, bool first, const char *text)
 {
 	if (!first)
-		(void)fputc(',', file);
+		fputc(',', file);
 	if (!text)
 		return;
 	if (!strpbrk(text, ",\"\r\n")) {
-		(void)fputs(text, file);
+		fputs(text, file);
 		return;
 	}
-	(void)fputc('"', file);
+	fputc('"', file);
 	for (; *text; text++) {
 		if (*text == '"')
-			(void)fputc('"', file);
-		(void)fputc(*text, file);
+			fputc('"', file);
+		fputc(*text, file);
 	}
-	(void)fputc('"', file);
+	fputc('"', file);
 }
 
 void db_ctl_csv_add_value(FILE *file, bool first, const json_t *value)
@@ -32,15 +32,15 @@ void db_ctl_csv_add_value(FILE *file, bool first, const json_t *value)
 	}
 	text[0] = '\0';
 	if (json_is_boolean(value))
-		(void)snprintf(text, sizeof(text), "%d", json_is_true(value));
+		snprintf(text, sizeof(text), "%d", json_is_true(value));
 	else if (json_is_integer(value))
-		(void)snprintf(text, sizeof(text), "%lld", (long long)json_integer_value(value));
+		snprintf(text, sizeof(text), "%lld", (long long)json_integer_value(value));
 	else if (json_is_real(value))
-		(void)snprintf(text, sizeof(text), "%.9g", json_real_value(value));
+		snprintf(text, sizeof(text), "%.9g", json_real_value(value));
 	db_ctl_csv_add_text(file, first, text);
 }
 
 void db_ctl_csv_end_line(FILE *file)
 {
-	(void)fputs("\r\n", file);
+	fputs("\r\n", file);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What the files of drivebridgectl need of each other, but for larger subjects with headers of their
- * own.
+ * What the files of drivebridgectl need of each other, but for larger subjects with headers of
+ * their own.
  */
 #ifndef DRIVEBRIDGE_CTL_PRIVATE_H
 #define DRIVEBRIDGE_CTL_PRIVATE_H
@@ -71,8 +71,8 @@ enum db_ctl_status db_ctl_ask(const struct db_ctl *ctl, const char *format, ...)
 
 /* --- audit ------------------------------------------------------------------------------------ */
 
-/* The option --since, in microseconds since 1970-01-01 UTC: "30m", "2h", "1d" ago, or a date with or
- * without a time of day, in local time. 0: neither. */
+/* The option --since, in microseconds since 1970-01-01 UTC: "30m", "2h", "1d" ago, or a date with
+ * or without a time of day, in local time. 0: neither. */
 json_int_t db_ctl_parse_since(const char *text);
 /* Says what it has to be. */
 enum db_ctl_status db_ctl_complain_since(const struct db_ctl *ctl);
@@ -227,8 +227,9 @@ void db_ctl_signals_close(int fd);
 /* The next signal, 0 when there is none. */
 int db_ctl_signals_read(int fd);
 
-/* A turn of a command that follows the service until the user ends it: waits for the service or a signal, at most
- * `timeout_ms` (-1: without an end), and takes what the service has sent. 0: nothing came in time; -1: the user ends it. */
+/* A turn of a command that follows the service until the user ends it: waits for the service or a
+ * signal, at most `timeout_ms` (-1: without an end), and takes what the service has sent. 0:
+ * nothing came in time; -1: the user ends it. */
 int db_ctl_follow(struct db_ctl *ctl, int signals, int timeout_ms);
 
 /* --- stop ------------------------------------------------------------------------------------- */

@@ -43,12 +43,12 @@ static void print_event(const struct db_ctl *ctl, const json_t *event)
 			                         "%s %s: ", db_ctl_say(whom[i]), name);
 	}
 	if (used < sizeof(text))
-		(void)snprintf(text + used, sizeof(text) - used, "%s",
-		               db_ctl_translate(db_words_text(event, "text"), room));
+		snprintf(text + used, sizeof(text) - used, "%s",
+		         db_ctl_translate(db_words_text(event, "text"), room));
 	db_words_clean(text);
-	(void)printf("%s  %s%s%*s  %s%s\n", when, db_ctl_colour_begin(ctl->colour, colour), rank,
-	             columns < 7 ? 7 - (int)columns : 0, "", text,
-	             db_ctl_colour_end(ctl->colour, colour));
+	printf("%s  %s%s%*s  %s%s\n", when, db_ctl_colour_begin(ctl->colour, colour), rank,
+	       columns < 7 ? 7 - (int)columns : 0, "", text,
+	       db_ctl_colour_end(ctl->colour, colour));
 	(void)fflush(stdout);
 }
 
@@ -83,8 +83,8 @@ enum db_ctl_status db_ctl_events(struct db_ctl *ctl, int count, char **arguments
 		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
 		                       "the service has closed the connection");
 	signals = db_ctl_signals_open();
-	/* Reading the kept events does not wait for a drive. A pipe without a reader ends the command
-	 * too. */
+	/* Reading the kept events does not wait for a drive. A pipe without a reader ends the
+	 * command too. */
 	while (!stream.ended && turn > 0 && !ferror(stdout))
 		turn = db_ctl_follow(ctl, signals, ctl->follow ? -1 : DB_CTL_TIMEOUT_MS);
 	if (turn == 0 && !stream.ended)

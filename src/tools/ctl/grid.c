@@ -145,17 +145,17 @@ void db_ctl_grid_print(const struct db_ctl_grid *grid, bool coloured, unsigned w
 				continue;
 			letters = letters < left ? letters : left;
 			gap = gap < left - letters ? gap : left - letters;
-			(void)fprintf(out, "%*s%s%.*s%s%*s", to_the_right ? (int)gap : 0, "",
-			              db_ctl_colour_begin(coloured, cell->colour),
-			              db_words_fit(text, (unsigned)letters), text,
-			              db_ctl_colour_end(coloured, cell->colour),
-			              to_the_right ? 0 : (int)gap, "");
+			fprintf(out, "%*s%s%.*s%s%*s", to_the_right ? (int)gap : 0, "",
+			        db_ctl_colour_begin(coloured, cell->colour),
+			        db_words_fit(text, (unsigned)letters), text,
+			        db_ctl_colour_end(coloured, cell->colour),
+			        to_the_right ? 0 : (int)gap, "");
 			left -= letters + gap;
 			if (column + 1 < filled && left >= 2) {
-				(void)fputs("  ", out);
+				fputs("  ", out);
 				left -= 2;
 			}
 		}
-		(void)fputs(end, out);
+		fputs(end, out);
 	}
 }

@@ -133,7 +133,7 @@ static void fill_chart(struct chart *chart, const json_t *values, const char *ke
 
 static void print_chart(const struct chart *chart, const char *title, double scale)
 {
-	(void)putchar('\n');
+	putchar('\n');
 	db_ctl_say_line(stdout, "%s, at most %.6g", db_ctl_say(title), chart->greatest * scale);
 	for (unsigned line = CHART_HEIGHT; line > 0; line--) {
 		char text[CHART_WIDTH_MAX + 1];
@@ -144,7 +144,7 @@ static void print_chart(const struct chart *chart, const char *title, double sca
 			text[i] = height > line - 1 ? '#' : ' ';
 		}
 		text[chart->width] = '\0';
-		(void)printf("|%s\n", text);
+		printf("|%s\n", text);
 	}
 }
 
@@ -183,7 +183,7 @@ static void print_charts(const json_t *values)
 		return;
 	db_words_write_time(db_words_number(json_array_get(values, 0), "end_us"), begin);
 	db_words_write_time(db_words_number(json_array_get(values, count - 1), "end_us"), end);
-	(void)printf("%.16s%*.16s\n", begin, (int)chart.width + 1 - 16, end);
+	printf("%.16s%*.16s\n", begin, (int)chart.width + 1 - 16, end);
 }
 
 /* --- the command ------------------------------------------------------------------------------ */

@@ -18,7 +18,7 @@ static json_t *value_of(const struct kept *kept, unsigned number, const char *fi
 {
 	char name[64];
 
-	(void)snprintf(name, sizeof(name), "history%u_%s", number, field);
+	snprintf(name, sizeof(name), "history%u_%s", number, field);
 	return json_object_get(kept->values, name);
 }
 
@@ -53,7 +53,7 @@ static json_t *find_argument(const struct kept *kept, unsigned number, const cha
 		char name[32];
 		const json_t *reg;
 
-		(void)snprintf(name, sizeof(name), "history1_%s", fields[i]);
+		snprintf(name, sizeof(name), "history1_%s", fields[i]);
 		reg = db_words_look_up(kept->registers, name);
 		if (reg && has_word(db_words_text(reg, "description"), argument))
 			return value_of(kept, number, fields[i]);
@@ -137,13 +137,13 @@ static void add_row(struct db_ctl_grid *grid, const struct kept *kept, const jso
 	db_ctl_grid_add(grid, good ? DB_CTL_PLAIN : DB_CTL_YELLOW, "%s", db_ctl_say_name(result));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%.1f ms", (double)took / 1000.0);
 	if (address[0] == '\0')
-		(void)snprintf(text, sizeof(text), "drivebridged");
+		snprintf(text, sizeof(text), "drivebridged");
 	else if (strncmp(address, "control", 7) == 0)
-		(void)snprintf(text, sizeof(text), "%s%s%s", address, user[0] ? " for " : "", user);
+		snprintf(text, sizeof(text), "%s%s%s", address, user[0] ? " for " : "", user);
 	else
 		/* A client on this machine has its user after the address. */
-		(void)snprintf(text, sizeof(text), "%.*s port %lld%s", (int)strcspn(address, ","),
-		               address, (long long)port, address + strcspn(address, ","));
+		snprintf(text, sizeof(text), "%.*s port %lld%s", (int)strcspn(address, ","),
+		         address, (long long)port, address + strcspn(address, ","));
 	db_words_clean(text);
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%s", text);
 }

@@ -69,13 +69,13 @@ static void print_line(struct jog *jog)
 	db_words_write_value(db_words_look_up(jog->registers, "axis_state"),
 	                     json_object_get(jog->values, "axis_state"), state, sizeof(state));
 	words = jog->trouble[0] ? db_ctl_translate(jog->trouble, room) : db_ctl_say_name(state);
-	(void)snprintf(line, sizeof(line), db_ctl_say("%s %s %s  at %.40s  %.40s  %.*s"),
-	               jog->told < 0 ? "<=" : "  ", jog->drive, jog->told > 0 ? "=>" : "  ",
-	               position, velocity, db_words_fit(words, 160), words);
+	snprintf(line, sizeof(line), db_ctl_say("%s %s %s  at %.40s  %.40s  %.*s"),
+	         jog->told < 0 ? "<=" : "  ", jog->drive, jog->told > 0 ? "=>" : "  ", position,
+	         velocity, db_words_fit(words, 160), words);
 	if (strcmp(line, jog->line) == 0)
 		return;
 	memcpy(jog->line, line, sizeof(line));
-	(void)printf("\r%s\033[K", line);
+	printf("\r%s\033[K", line);
 	(void)fflush(stdout);
 }
 
@@ -102,7 +102,7 @@ static void take_stop(void *data, json_t *parameters, const struct db_client_err
 	jog->stops--;
 	jog->confirmed = jog->confirmed || !error;
 	if (error)
-		(void)snprintf(jog->trouble, sizeof(jog->trouble), "%s", error->text);
+		snprintf(jog->trouble, sizeof(jog->trouble), "%s", error->text);
 	print_result(jog, "stop", parameters, error);
 }
 
@@ -136,7 +136,7 @@ static void take_move(void *data, json_t *parameters, const struct db_client_err
 	print_result(jog, "move_velocity", parameters, error);
 	if (!error)
 		return;
-	(void)snprintf(jog->trouble, sizeof(jog->trouble), "%s", error->text);
+	snprintf(jog->trouble, sizeof(jog->trouble), "%s", error->text);
 	db_words_clean(jog->trouble);
 	db_ctl_hold_cancel(&jog->hold);
 	if (jog->told != 0 && db_client_error_may_move(error))
@@ -167,10 +167,9 @@ static void take_token(void *data, json_t *parameters, const struct db_client_er
 	(void)more;
 	jog->asking = false;
 	if (error)
-		(void)snprintf(jog->trouble, sizeof(jog->trouble), "%s", error->text);
+		snprintf(jog->trouble, sizeof(jog->trouble), "%s", error->text);
 	else
-		(void)snprintf(jog->token, sizeof(jog->token), "%s",
-		               db_words_text(parameters, "token"));
+		snprintf(jog->token, sizeof(jog->token), "%s", db_words_text(parameters, "token"));
 }
 
 static void take_values(void *data, json_t *parameters, const struct db_client_error *error,
@@ -246,8 +245,8 @@ static bool run_jog(struct jog *jog, int signals)
 		         jog->token[0] != '\0')
 			move(jog, direction);
 		if (jog->told != 0 && now - jog->beat_at >= BEAT_EVERY) {
-			/* Does not wait for an answer: the service takes a keep-alive after the move
-			 * before the move is confirmed. */
+			/* Does not wait for an answer: the service takes a keep-alive after the
+			 * move before the move is confirmed. */
 			jog->beat_at = now;
 			(void)db_client_tell(
 				jog->ctl->client, "Beat",
@@ -399,7 +398,8 @@ enum db_ctl_status db_ctl_jog(struct db_ctl *ctl, int count, char **arguments)
 		if (!ctl->json)
 			db_ctl_say_line(
 				stdout,
-				"%s at %.10g %s: hold an arrow key to move, release it to stop, q ends",
+				"%s at %.10g %s: hold an arrow key to move, release it to stop, q "
+				"ends",
 				jog.drive, jog.velocity,
 				db_words_text(db_words_look_up(jog.registers, "target_velocity"),
 			                      "unit"));
@@ -408,7 +408,7 @@ enum db_ctl_status db_ctl_jog(struct db_ctl *ctl, int count, char **arguments)
 		status = end_jog(&jog, connected);
 		print_line(&jog);
 		if (!ctl->json && db_ctl_terminal_takes_output())
-			(void)puts("");
+			puts("");
 		db_ctl_terminal_close(&terminal);
 	}
 	if (signals >= 0)

@@ -32,10 +32,10 @@ static void take_drive(const json_t *bus, const struct db_ctl_learnt *one, struc
 	const char *drive = db_words_text(one->drive, "name");
 
 	if (gap > turnaround) {
-		db_ctl_say_line(
-			stdout,
-			"%s: learnt: is left alone for %lld us after its answers, turnaround-us is %lld",
-			drive, gap, turnaround);
+		db_ctl_say_line(stdout,
+		                "%s: learnt: is left alone for %lld us after its answers, "
+		                "turnaround-us is %lld",
+		                drive, gap, turnaround);
 		summary->gap_us = gap > summary->gap_us ? gap : summary->gap_us;
 	}
 	if (patience > latency) {
@@ -60,15 +60,14 @@ void db_ctl_print_learnt(const json_t *bus, const struct db_ctl_learnt *drives, 
 			take_drive(bus, &drives[i], &summary);
 	}
 	if (summary.gap_us > 0 || summary.latency_ms > 0) {
-		(void)fputs("  ", stdout);
-		(void)printf(db_ctl_say("to keep that over a restart, in the section of bus %s:"),
-		             name);
+		fputs("  ", stdout);
+		printf(db_ctl_say("to keep that over a restart, in the section of bus %s:"), name);
 	}
 	if (summary.gap_us > 0)
-		(void)printf(" turnaround-us = %lld", summary.gap_us);
+		printf(" turnaround-us = %lld", summary.gap_us);
 	if (summary.latency_ms > 0)
-		(void)printf("%s drive-latency-ms = %lld", summary.gap_us > 0 ? "," : "",
-		             summary.latency_ms);
+		printf("%s drive-latency-ms = %lld", summary.gap_us > 0 ? "," : "",
+		       summary.latency_ms);
 	if (summary.gap_us > 0 || summary.latency_ms > 0)
-		(void)putchar('\n');
+		putchar('\n');
 }

@@ -26,7 +26,7 @@ const struct db_ctl_command *db_ctl_find_command(const struct db_ctl *ctl, int c
 	char name[128];
 	char nearest[256];
 
-	(void)snprintf(name, sizeof(name), "%s", words[0]);
+	snprintf(name, sizeof(name), "%s", words[0]);
 	for (const struct db_ctl_command *command = db_ctl_commands; command->name; command++) {
 		*taken = count_words(command, count, words);
 		if (*taken > 0) {
@@ -38,7 +38,7 @@ const struct db_ctl_command *db_ctl_find_command(const struct db_ctl *ctl, int c
 			                            json_pack("{s:s}", "name", command->name));
 		if (count > 1 && strncmp(words[0], command->name, first) == 0 &&
 		    command->name[first] == ' ')
-			(void)snprintf(name, sizeof(name), "%s %s", words[0], words[1]);
+			snprintf(name, sizeof(name), "%s %s", words[0], words[1]);
 	}
 	db_words_nearest_names(list, name, nearest, sizeof(nearest));
 	json_decref(list);

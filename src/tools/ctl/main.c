@@ -120,11 +120,11 @@ static enum db_ctl_status complain_option(const struct db_ctl *ctl, const struct
 	char nearest[256];
 
 	for (; known->name; known++) {
-		(void)snprintf(name, sizeof(name), "--%s", known->name);
+		snprintf(name, sizeof(name), "--%s", known->name);
 		exists = exists || (strlen(name) == length && strncmp(name, word, length) == 0);
 		(void)json_array_append_new(list, json_pack("{s:s}", "name", name));
 	}
-	(void)snprintf(name, sizeof(name), "%.*s", (int)length, word);
+	snprintf(name, sizeof(name), "%.*s", (int)length, word);
 	db_words_nearest_names(list, name, nearest, sizeof(nearest));
 	json_decref(list);
 	if (lacks_value)
@@ -163,7 +163,7 @@ static int read_options(struct db_ctl *ctl, int argc, char **argv, bool *given, 
 		at = place_of(known, known_count, at);
 		given[at] = true;
 		if (strcmp(db_ctl_options[at].name, "version") == 0) {
-			(void)puts("drivebridgectl " DB_VERSION);
+			puts("drivebridgectl " DB_VERSION);
 			return DB_CTL_OK;
 		}
 		keep_option(ctl, db_ctl_options[at].name, optarg);

@@ -12,7 +12,7 @@ static void print_names(const json_t *list, bool writable, const char *end)
 	json_array_foreach(list, i, item)
 	{
 		if (!writable || json_is_true(json_object_get(item, "writable")))
-			(void)printf("%s%s\n", db_words_text(item, "name"), end);
+			printf("%s%s\n", db_words_text(item, "name"), end);
 	}
 }
 
@@ -53,7 +53,7 @@ enum db_ctl_status db_ctl_names(struct db_ctl *ctl, int count, char **arguments)
 	if (strcmp(kind, "drives") == 0 || strcmp(kind, "units") == 0) {
 		print_names(json_object_get(ctl->description, "drives"), false, "");
 		if (kind[0] == 'u')
-			(void)puts("gateway");
+			puts("gateway");
 	} else if (strcmp(kind, "buses") == 0) {
 		print_names(json_object_get(ctl->description, "buses"), false, "");
 	} else if (strcmp(kind, "values") == 0) {
@@ -64,7 +64,7 @@ enum db_ctl_status db_ctl_names(struct db_ctl *ctl, int count, char **arguments)
 		answer = db_ctl_read_registers(ctl, drive, &status);
 		print_names(answer, kind[0] == 'w', kind[0] == 'w' ? "=" : "");
 	} else if (strcmp(kind, "deeds") == 0) {
-		(void)puts("teach\ngo\nforget\nkeep");
+		puts("teach\ngo\nforget\nkeep");
 	} else if (strcmp(kind, "positions") == 0) {
 		answer = db_ctl_call(ctl, "Positions", json_pack("{s:s}", "drive", drive),
 		                     DB_CTL_TIMEOUT_MS, &status);

@@ -89,7 +89,7 @@ static void print_list(const struct db_ctl *ctl, const struct db_params *drive,
 	db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
 	db_ctl_grid_free(grid);
 	if (json_array_size(differ) > 0) {
-		(void)putchar('\n');
+		putchar('\n');
 		db_ctl_say_line(stdout, "* is another in %s",
 		                file ? file->name : db_ctl_say("a drive as delivered"));
 	}
@@ -239,7 +239,7 @@ static void print_names(const json_t *names)
 	const json_t *name;
 
 	json_array_foreach(names, i, name)(void) fprintf(stderr, " %s", json_string_value(name));
-	(void)fputc('\n', stderr);
+	fputc('\n', stderr);
 }
 
 static void report_saved(const struct db_ctl *ctl, const struct db_params *drive, const char *path,
@@ -260,11 +260,11 @@ static void report_saved(const struct db_ctl *ctl, const struct db_params *drive
 	(void)fflush(stdout);
 	/* On standard error, because standard output may be the file. */
 	if (json_array_size(untold) > 0) {
-		(void)fprintf(stderr, db_ctl_say("%s does not have or tell:"), drive->name);
+		fprintf(stderr, db_ctl_say("%s does not have or tell:"), drive->name);
 		print_names(untold);
 	}
 	if (json_array_size(drive->missing) > 0) {
-		(void)fprintf(stderr, db_ctl_say("%s should have told, and did not:"), drive->name);
+		fprintf(stderr, db_ctl_say("%s should have told, and did not:"), drive->name);
 		print_names(drive->missing);
 	}
 }
@@ -300,7 +300,7 @@ enum db_ctl_status db_ctl_params_save(struct db_ctl *ctl, int count, char **argu
 	json_t *families = db_ctl_read_families(ctl, &status);
 	char path[sizeof(drive.name) + sizeof(".params")];
 
-	(void)snprintf(path, sizeof(path), "%s.params", arguments[0]);
+	snprintf(path, sizeof(path), "%s.params", arguments[0]);
 	if (status == DB_CTL_OK)
 		status = db_ctl_params_read_drive(ctl, families, arguments[0], true, &drive);
 	if (status == DB_CTL_OK)

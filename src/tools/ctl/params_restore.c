@@ -127,8 +127,8 @@ static void report(const struct restore *restore, const char *name, const char *
 		return;
 	}
 	db_words_write_value(reg, value, text, sizeof(text));
-	(void)printf("%s = %s: %s%s%s\n", name, text, db_ctl_say_name(result),
-	             reason[0] ? ": " : "", db_ctl_translate(reason, room));
+	printf("%s = %s: %s%s%s\n", name, text, db_ctl_say_name(result), reason[0] ? ": " : "",
+	       db_ctl_translate(reason, room));
 	(void)fflush(stdout);
 }
 
@@ -194,8 +194,8 @@ static enum db_ctl_status save(const struct restore *restore)
 	                             DB_CTL_DRIVE_TIMEOUT_MS, &status);
 
 	if (answer && !ctl->json)
-		(void)printf("%s: save_parameters: %s\n", restore->drive.name,
-		             db_ctl_say_name(db_words_text(answer, "result")));
+		printf("%s: save_parameters: %s\n", restore->drive.name,
+		       db_ctl_say_name(db_words_text(answer, "result")));
 	json_decref(answer);
 	return status;
 }
@@ -208,12 +208,12 @@ static void print_untried(const json_t *untried)
 
 	if (json_array_size(untried) == 0)
 		return;
-	(void)printf("%s:", db_ctl_say("not tried any more"));
+	printf("%s:", db_ctl_say("not tried any more"));
 	json_array_foreach(untried, i, name)
 	{
-		(void)printf(" %s", json_string_value(name));
+		printf(" %s", json_string_value(name));
 	}
-	(void)putchar('\n');
+	putchar('\n');
 }
 
 static void print_end(const struct restore *restore, const json_t *untried)
@@ -238,20 +238,19 @@ static void print_end(const struct restore *restore, const json_t *untried)
 		return;
 	print_untried(untried);
 	if (left == 0 && over)
-		db_ctl_say_line(
-			stdout,
-			"%s: %zu written; whether something has changed them since is not known: %s",
-			restore->drive.name, written, writer->over);
+		db_ctl_say_line(stdout,
+		                "%s: %zu written; whether something has changed them since is not "
+		                "known: %s",
+		                restore->drive.name, written, writer->over);
 	else if (left == 0)
 		db_ctl_say_line(stdout, "%s: %zu written", restore->drive.name, written);
 	else
-		db_ctl_say_line(
-			stdout,
-			over && !writer->for_good ?
-				DB_CTL_TEXT(
-					"%s: %zu written, %zu not; the same command goes on with them") :
-				DB_CTL_TEXT("%s: %zu written, %zu not"),
-			restore->drive.name, written, left);
+		db_ctl_say_line(stdout,
+		                over && !writer->for_good ?
+		                        DB_CTL_TEXT("%s: %zu written, %zu not; the same command "
+		                                    "goes on with them") :
+		                        DB_CTL_TEXT("%s: %zu written, %zu not"),
+		                restore->drive.name, written, left);
 	(void)fflush(stdout);
 }
 

@@ -26,15 +26,15 @@ static void ask_drive(struct db_ctl *ctl, const char *name, char *reason, size_t
 
 	reason[0] = '\0';
 	if (!json_is_true(json_object_get(ctl->description, "may_act"))) {
-		(void)snprintf(reason, size, "%s",
-		               DB_CTL_TEXT("you may only look, and not have a drive read"));
+		snprintf(reason, size, "%s",
+		         DB_CTL_TEXT("you may only look, and not have a drive read"));
 		return;
 	}
 	if (db_client_call(ctl->client, "Run",
 	                   json_pack("{s:s, s:s, s:b}", "drive", name, "command", "read_parameters",
 	                             "until_end", 1),
 	                   DB_CTL_DRIVE_TIMEOUT_MS, &answer, &error) != 0)
-		(void)snprintf(reason, size, "%s", error.text);
+		snprintf(reason, size, "%s", error.text);
 	db_client_error_clear(&error);
 	json_decref(answer);
 }

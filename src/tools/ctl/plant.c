@@ -26,13 +26,13 @@ void db_ctl_judge(const json_t *record, struct db_ctl_judgement *judgement)
 	const char *advice = db_client_text(record, "advice");
 
 	judgement->need = db_client_trouble_need(record);
-	(void)snprintf(judgement->cause, sizeof(judgement->cause), "%s",
-	               strcmp(cause, "none") == 0 ? "" : cause);
+	snprintf(judgement->cause, sizeof(judgement->cause), "%s",
+	         strcmp(cause, "none") == 0 ? "" : cause);
 	if (strcmp(cause, "fault") != 0 && detail[0] && strstr(advice, detail))
-		(void)snprintf(judgement->why, sizeof(judgement->why), "%s", cause);
+		snprintf(judgement->why, sizeof(judgement->why), "%s", cause);
 	else
 		db_client_trouble_words(record, judgement->why);
-	(void)snprintf(judgement->next, sizeof(judgement->next), "%s", advice);
+	snprintf(judgement->next, sizeof(judgement->next), "%s", advice);
 }
 
 void db_ctl_fit_drives(struct db_ctl_grid *grid, unsigned width)

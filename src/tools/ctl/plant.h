@@ -15,7 +15,8 @@
 struct db_ctl_judgement {
 	enum db_client_need need;
 	char cause[32];                        /* the service's name of it; "" when all is well */
-	char why[DB_CLIENT_TROUBLE_WORDS_MAX]; /* the cause, with details that `next` does not have */
+	char why[DB_CLIENT_TROUBLE_WORDS_MAX]; /* the cause, with details that `next` does not have
+	                                        */
 	char next[320];                        /* advice */
 };
 

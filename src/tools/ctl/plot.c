@@ -54,15 +54,15 @@ enum db_ctl_status db_ctl_plot(const struct db_ctl *ctl, const char *csv, size_t
 	quote(picture, output);
 	db_ctl_terminal_size(&lines, &width);
 	if (strcmp(picture, "terminal") == 0)
-		(void)snprintf(terminal, sizeof(terminal), "set terminal dumb noenhanced %u %u",
-		               width, lines > 1 ? lines - 1 : lines);
+		snprintf(terminal, sizeof(terminal), "set terminal dumb noenhanced %u %u", width,
+		         lines > 1 ? lines - 1 : lines);
 	else
-		(void)snprintf(terminal, sizeof(terminal),
-		               "set terminal svg noenhanced size 1000,600; set output %s", output);
-	(void)snprintf(script, sizeof(script),
-	               "%s; set datafile separator ','; set key autotitle columnhead below; "
-	               "set xlabel 'seconds'; set grid; plot for [i=3:%zu] %s using 1:i with lines",
-	               terminal, columns, data);
+		snprintf(terminal, sizeof(terminal),
+		         "set terminal svg noenhanced size 1000,600; set output %s", output);
+	snprintf(script, sizeof(script),
+	         "%s; set datafile separator ','; set key autotitle columnhead below; "
+	         "set xlabel 'seconds'; set grid; plot for [i=3:%zu] %s using 1:i with lines",
+	         terminal, columns, data);
 	(void)fflush(stdout);
 	error = posix_spawnp(&child, "gnuplot", NULL, NULL, arguments, environ);
 	if (error == ENOENT)

@@ -71,10 +71,10 @@ char *db_ctl_ports_replace(const char *text, const json_t *others)
 		const char *other = name ? json_string_value(json_object_get(others, name)) : NULL;
 
 		(void)fwrite(from, 1, (size_t)(port - from), out);
-		(void)fputs(other ? other : name ? name : "", out);
+		fputs(other ? other : name ? name : "", out);
 		free(name);
 		from = port + length;
 	}
-	(void)fputs(from, out);
+	fputs(from, out);
 	return fclose(out) == 0 ? replaced : NULL;
 }

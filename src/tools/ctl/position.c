@@ -12,7 +12,7 @@ static void add_text(struct db_ctl_grid *grid, enum db_ctl_colour colour, const 
 {
 	char text[256];
 
-	(void)snprintf(text, sizeof(text), "%s", db_words_text(position, key));
+	snprintf(text, sizeof(text), "%s", db_words_text(position, key));
 	db_words_clean(text);
 	db_ctl_grid_add(grid, colour, "%s", text);
 }
@@ -70,11 +70,11 @@ static enum db_ctl_status list(struct db_ctl *ctl, const char *drive)
 		const char *advice = db_words_text(position, "advice");
 
 		if (advice[0])
-			(void)printf("%s: %s\n", db_words_text(position, "name"),
-			             db_ctl_translate(advice, room));
+			printf("%s: %s\n", db_words_text(position, "name"),
+			       db_ctl_translate(advice, room));
 	}
 	if (trouble[0])
-		(void)printf("%s\n", db_ctl_translate(trouble, room));
+		printf("%s\n", db_ctl_translate(trouble, room));
 	json_decref(answer);
 	return status;
 }

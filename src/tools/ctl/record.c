@@ -64,7 +64,7 @@ static const json_t *find_register(struct recording *recording, const char *driv
 			return NULL;
 		(void)json_object_set_new(recording->registers, drive, registers);
 	}
-	(void)snprintf(unknown, sizeof(unknown), "%s has no register", drive);
+	snprintf(unknown, sizeof(unknown), "%s has no register", drive);
 	if (!db_ctl_find(ctl, registers, name, DB_CLIENT_SERVICE "NoSuchRegister", unknown))
 		recording->status = DB_CTL_USAGE;
 	return db_words_look_up(registers, name);
@@ -83,8 +83,7 @@ static void add_column(struct recording *recording, const char *argument)
 		                                DB_CTL_TEXT("DRIVE.NAME, such as feeder.position"));
 		return;
 	}
-	(void)snprintf(column->drive, sizeof(column->drive), "%.*s", (int)(dot - argument),
-	               argument);
+	snprintf(column->drive, sizeof(column->drive), "%.*s", (int)(dot - argument), argument);
 	column->name = dot + 1;
 	column->reg = find_register(recording, column->drive, column->name);
 	recording->column_count++;
@@ -169,7 +168,7 @@ static void open_file(struct recording *recording)
 	if (path) {
 		recording->file = fopen(path, "we");
 	} else if (recording->ctl->plot) {
-		(void)strcpy(recording->scratch, "/tmp/drivebridgectl-XXXXXX");
+		strcpy(recording->scratch, "/tmp/drivebridgectl-XXXXXX");
 		scratch = mkstemp(recording->scratch);
 		recording->file = scratch >= 0 ? fdopen(scratch, "w") : NULL;
 	}
@@ -187,9 +186,9 @@ static void write_sample(void *context, const json_t *sample, json_int_t time_us
 	const char *drive = db_words_text(sample, "drive");
 
 	recording->lost += json_integer_value(json_object_get(sample, "lost"));
-	(void)fprintf(recording->file, "%s%lld.%06lld,%lld.%06lld", time_us < 0 ? "-" : "",
-	              llabs(time_us) / 1000000, llabs(time_us) % 1000000,
-	              (long long)(wall_us / 1000000), (long long)(wall_us % 1000000));
+	fprintf(recording->file, "%s%lld.%06lld,%lld.%06lld", time_us < 0 ? "-" : "",
+	        llabs(time_us) / 1000000, llabs(time_us) % 1000000, (long long)(wall_us / 1000000),
+	        (long long)(wall_us % 1000000));
 	for (size_t i = 0; i < recording->column_count; i++) {
 		const struct column *column = &recording->columns[i];
 
@@ -327,8 +326,8 @@ enum db_ctl_status db_ctl_record(struct db_ctl *ctl, int count, char **arguments
 			const struct column *column = &recording.columns[i];
 			const char *unit = db_words_text(column->reg, "unit");
 
-			(void)snprintf(text, sizeof(text), "%s.%s%s%s%s", column->drive,
-			               column->name, unit[0] ? " [" : "", unit, unit[0] ? "]" : "");
+			snprintf(text, sizeof(text), "%s.%s%s%s%s", column->drive, column->name,
+			         unit[0] ? " [" : "", unit, unit[0] ? "]" : "");
 			db_ctl_csv_add_text(recording.file, false, text);
 		}
 		db_ctl_csv_end_line(recording.file);

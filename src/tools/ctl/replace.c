@@ -36,7 +36,7 @@ static const char *name_of(const struct replacement *of)
 static void tell_step(const struct replacement *of, int number, const char *what)
 {
 	if (!of->ctl->json) {
-		(void)putchar('\n');
+		putchar('\n');
 		db_ctl_say_line(stdout, "step %d of 3: %s", number, db_ctl_say(what));
 	}
 	(void)fflush(stdout);
@@ -113,8 +113,8 @@ static const json_t *choose_new(const struct replacement *of, const struct db_ct
 
 		if (one && json_array_size(json_object_get(find, "drives")) > 0)
 			continue;
-		(void)snprintf(text + used, sizeof(list) - used, "%s%lld", used > 0 ? ", " : "",
-		               (long long)db_words_number(find, "address"));
+		snprintf(text + used, sizeof(list) - used, "%s%lld", used > 0 ? ", " : "",
+		         (long long)db_words_number(find, "address"));
 		found = one ? find : found;
 		count += one ? 1 : 0;
 	}
@@ -134,13 +134,12 @@ static const json_t *choose_new(const struct replacement *of, const struct db_ct
 			"another one. Take that one off the line until this is done",
 			unclear);
 	else
-		(void)db_ctl_complain(
-			of->ctl, DB_CTL_NO, "io.drivebridge.Client.NotOne",
-			"no new drive answers: check its power and its cable%s",
-			of->ctl->all_speeds ?
-				"" :
-				DB_CTL_TEXT(
-					"; it may have another baud rate: --all-bauds looks there, too"));
+		(void)db_ctl_complain(of->ctl, DB_CTL_NO, "io.drivebridge.Client.NotOne",
+		                      "no new drive answers: check its power and its cable%s",
+		                      of->ctl->all_speeds ?
+		                              "" :
+		                              DB_CTL_TEXT("; it may have another baud rate: "
+		                                          "--all-bauds looks there, too"));
 	return NULL;
 }
 
@@ -157,13 +156,12 @@ static enum db_ctl_status set_up(const struct replacement *of, const json_t *fin
 	char *of_address[] = { bus, from, to, NULL };
 	enum db_ctl_status status = DB_CTL_OK;
 
-	(void)snprintf(bus, sizeof(bus), "%s", db_words_text(of->bus, "name"));
-	(void)snprintf(from, sizeof(from), "%lld", (long long)db_words_number(find, "address"));
-	(void)snprintf(to, sizeof(to), "%lld", (long long)db_words_number(of->drive, "address"));
-	(void)snprintf(speed, sizeof(speed), "%lld",
-	               json_integer_value(json_object_get(of->bus, "speed")));
-	(void)snprintf(other, sizeof(other), "%lld",
-	               json_integer_value(json_object_get(find, "speed")));
+	snprintf(bus, sizeof(bus), "%s", db_words_text(of->bus, "name"));
+	snprintf(from, sizeof(from), "%lld", (long long)db_words_number(find, "address"));
+	snprintf(to, sizeof(to), "%lld", (long long)db_words_number(of->drive, "address"));
+	snprintf(speed, sizeof(speed), "%lld",
+	         json_integer_value(json_object_get(of->bus, "speed")));
+	snprintf(other, sizeof(other), "%lld", json_integer_value(json_object_get(find, "speed")));
 	if (strcmp(other, speed) != 0) {
 		ctl->speed = other;
 		status = db_ctl_baud(ctl, 3, of_speed);
@@ -267,18 +265,18 @@ static enum db_ctl_status carry_out(const struct replacement *of)
 	}
 	if (status == DB_CTL_OK) {
 		tell_step(of, 3, DB_CTL_TEXT("write the parameters into it, and save them"));
-		(void)snprintf(drive, sizeof(drive), "%s", name_of(of));
-		(void)snprintf(path, sizeof(path), "%s", of->path);
+		snprintf(drive, sizeof(drive), "%s", name_of(of));
+		snprintf(path, sizeof(path), "%s", of->path);
 		ctl->save = db_ctl_params_can_save(ctl, drive);
 		status = db_ctl_params_restore(ctl, 2, words);
 	}
 	if (status == DB_CTL_OK && !ctl->json) {
-		(void)putchar('\n');
-		db_ctl_say_line(
-			stdout,
-			"%s is replaced. Where its position is counted from is new: home it, or set its "
-			"position, before it moves",
-			name_of(of));
+		putchar('\n');
+		db_ctl_say_line(stdout,
+		                "%s is replaced. Where its position is counted from is new: home "
+		                "it, or set its "
+		                "position, before it moves",
+		                name_of(of));
 	}
 	return status;
 }
@@ -295,11 +293,11 @@ enum db_ctl_status db_ctl_replace(struct db_ctl *ctl, int count, char **argument
 		of.bus = db_words_look_up(json_object_get(ctl->description, "buses"),
 		                          db_words_text(of.drive, "bus"));
 		of.registers = db_ctl_registers_of(ctl, families, of.drive);
-		(void)snprintf(of.path, sizeof(of.path), "%s%s",
-		               count > 1 ? arguments[1] : arguments[0], count > 1 ? "" : ".params");
-		(void)snprintf(place.name, sizeof(place.name), "%s", name_of(&of));
-		(void)snprintf(place.family, sizeof(place.family), "%s",
-		               db_words_text(of.bus, "protocol"));
+		snprintf(of.path, sizeof(of.path), "%s%s", count > 1 ? arguments[1] : arguments[0],
+		         count > 1 ? "" : ".params");
+		snprintf(place.name, sizeof(place.name), "%s", name_of(&of));
+		snprintf(place.family, sizeof(place.family), "%s",
+		         db_words_text(of.bus, "protocol"));
 		status = db_ctl_params_read_file(ctl, families, of.path, &of.file);
 	}
 	if (status == DB_CTL_OK && of.drive)

@@ -52,8 +52,8 @@ static enum db_ctl_status unpack(const struct restore *restore)
 	char into[] = "--directory";
 	char *words[] = { tar, extract, gzip, permissions, local, from, file, into, staging, NULL };
 
-	(void)snprintf(file, sizeof(file), "%s", restore->file);
-	(void)snprintf(staging, sizeof(staging), "%s", restore->staging);
+	snprintf(file, sizeof(file), "%s", restore->file);
+	snprintf(staging, sizeof(staging), "%s", restore->staging);
 	return db_ctl_child_run(words, false) ?
 	               DB_CTL_OK :
 	               db_ctl_complain(restore->ctl, DB_CTL_NO, FILE_ERROR,
@@ -83,7 +83,7 @@ static enum db_ctl_status read_head(struct restore *restore)
 	char end = '\0';
 	bool right;
 
-	(void)snprintf(path, sizeof(path), "%s/gateway", restore->staging);
+	snprintf(path, sizeof(path), "%s/gateway", restore->staging);
 	text = read_text(path);
 	right = text &&
 	        sscanf(text, DB_CTL_BACKUP_HEAD "\n%255[^/\n]%c", restore->main_file, &end) == 2 &&
@@ -102,7 +102,7 @@ static enum db_ctl_status read_files(struct restore *restore, const char *paths)
 	glob_t found = { .gl_pathc = 0 };
 	enum db_ctl_status status = DB_CTL_OK;
 
-	(void)snprintf(pattern, sizeof(pattern), "%s/configuration/%s", restore->staging, paths);
+	snprintf(pattern, sizeof(pattern), "%s/configuration/%s", restore->staging, paths);
 	(void)glob(pattern, 0, NULL, &found);
 	for (size_t i = 0; status == DB_CTL_OK && i < found.gl_pathc; i++) {
 		char *text = read_text(found.gl_pathv[i]);
@@ -136,7 +136,7 @@ static enum db_ctl_status read_option(const struct restore *restore)
 			                       "io.drivebridge.Client.Usage",
 			                       "--ports %s: right is OLD=NEW, with commas between",
 			                       restore->ctl->ports);
-		(void)snprintf(old, sizeof(old), "%.*s", (int)equals, at);
+		snprintf(old, sizeof(old), "%.*s", (int)equals, at);
 		(void)json_object_set_new(restore->others, old,
 		                          json_stringn(at + equals + 1, length - equals - 1));
 		at += length + (at[length] == ',' ? 1 : 0);
@@ -161,14 +161,13 @@ static enum db_ctl_status ask_for_port(const struct restore *restore, const char
 	           0, NULL, &here);
 	db_ctl_say_line(stdout, "%s is not on this machine, which has", port);
 	for (size_t i = 0; i < here.gl_pathc; i++)
-		(void)printf("  %zu  %s\n", i + 1, here.gl_pathv[i]);
+		printf("  %zu  %s\n", i + 1, here.gl_pathv[i]);
 	if (here.gl_pathc == 0)
 		db_ctl_say_line(
 			stdout,
 			"  no serial adapter: plug it in and start again, or name a device");
-	(void)fputs(db_ctl_say("which one is it (a number, a path, Enter: leave it as it is)?"),
-	            stdout);
-	(void)fputc(' ', stdout);
+	fputs(db_ctl_say("which one is it (a number, a path, Enter: leave it as it is)?"), stdout);
+	fputc(' ', stdout);
 	(void)fflush(stdout);
 	if (!fgets(line, sizeof(line), stdin))
 		line[0] = '\0';
@@ -237,8 +236,7 @@ static enum db_ctl_status check(const struct restore *restore)
 	char *words[] = { program, check_it, config, path, NULL };
 
 	db_ctl_find_service(program, sizeof(program));
-	(void)snprintf(path, sizeof(path), "%s/configuration/%s", restore->staging,
-	               restore->main_file);
+	snprintf(path, sizeof(path), "%s/configuration/%s", restore->staging, restore->main_file);
 	return db_ctl_child_run(words, true) ?
 	               DB_CTL_OK :
 	               db_ctl_complain(restore->ctl, DB_CTL_NO, "io.drivebridge.Client.Wrong",
@@ -254,7 +252,7 @@ static enum db_ctl_status exchange(const struct restore *restore, const char *na
 {
 	char from[PATH_MAX + 32];
 
-	(void)snprintf(from, sizeof(from), "%s/%s", restore->staging, name);
+	snprintf(from, sizeof(from), "%s/%s", restore->staging, name);
 	if (rename(folder, kept) != 0 && errno != ENOENT)
 		return db_ctl_fail_file(restore->ctl, folder);
 	if (rename(from, folder) == 0)
@@ -274,7 +272,7 @@ static void copy_opcua(const struct restore *restore)
 	char from[PATH_MAX + 32];
 	char *words[] = { cp, all, from, to, NULL };
 
-	(void)snprintf(from, sizeof(from), "%s/opcua/.", restore->staging);
+	snprintf(from, sizeof(from), "%s/opcua/.", restore->staging);
 	if (access(from, F_OK) != 0 || strcmp(restore->folder, DB_CTL_CONFIGURATION_FOLDER) != 0)
 		return;
 	if (access(to, F_OK) != 0 || !db_ctl_child_run(words, false))
@@ -296,10 +294,10 @@ static enum db_ctl_status put_in_place(const struct restore *restore)
 
 	if (localtime_r(&now, &local))
 		(void)strftime(when, sizeof(when), "%Y%m%d-%H%M%S", &local);
-	(void)snprintf(kept, sizeof(kept), "%s.before-%s", restore->folder, when);
-	(void)snprintf(parameters, sizeof(parameters), "%s/parameters", restore->staging);
-	(void)snprintf(in_configuration, sizeof(in_configuration), "%s/configuration/parameters",
-	               restore->staging);
+	snprintf(kept, sizeof(kept), "%s.before-%s", restore->folder, when);
+	snprintf(parameters, sizeof(parameters), "%s/parameters", restore->staging);
+	snprintf(in_configuration, sizeof(in_configuration), "%s/configuration/parameters",
+	         restore->staging);
 	/* Copies that an earlier restore left in the configuration are older. */
 	remove_all(in_configuration);
 	(void)rename(parameters, in_configuration);
@@ -309,14 +307,13 @@ static enum db_ctl_status put_in_place(const struct restore *restore)
 		return status;
 	db_ctl_say_line(stdout, "%s is as in %s; what was there is in %s", restore->folder,
 	                restore->file, kept);
-	db_ctl_say_line(
-		stdout,
-		"parameters of the drives are in %s/parameters: drivebridgectl params restore DRIVE FILE writes "
-		"them into a drive that has others",
-		restore->folder);
-	db_ctl_say_line(
-		stdout,
-		"now: sudo systemctl restart drivebridge, and drivebridge-web, -mqtt and -opcua where they run");
+	db_ctl_say_line(stdout,
+	                "parameters of the drives are in %s/parameters: drivebridgectl params "
+	                "restore DRIVE FILE writes "
+	                "them into a drive that has others",
+	                restore->folder);
+	db_ctl_say_line(stdout, "now: sudo systemctl restart drivebridge, and drivebridge-web, "
+	                        "-mqtt and -opcua where they run");
 	return status;
 }
 
@@ -360,13 +357,13 @@ enum db_ctl_status db_ctl_restore(struct db_ctl *ctl, int count, char **argument
 	enum db_ctl_status status;
 	size_t length;
 
-	(void)snprintf(restore.folder, sizeof(restore.folder) - 32, "%s",
-	               count > 1 ? arguments[1] : DB_CTL_CONFIGURATION_FOLDER);
+	snprintf(restore.folder, sizeof(restore.folder) - 32, "%s",
+	         count > 1 ? arguments[1] : DB_CTL_CONFIGURATION_FOLDER);
 	length = strlen(restore.folder);
 	while (length > 1 && restore.folder[length - 1] == '/')
 		restore.folder[--length] = '\0';
-	(void)snprintf(restore.staging, sizeof(restore.staging), "%.*s.restore-XXXXXX", (int)length,
-	               restore.folder);
+	snprintf(restore.staging, sizeof(restore.staging), "%.*s.restore-XXXXXX", (int)length,
+	         restore.folder);
 	if (mkdtemp(restore.staging)) {
 		status = carry_out(&restore);
 		remove_all(restore.staging);

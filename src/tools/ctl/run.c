@@ -67,8 +67,7 @@ static void take_result(void *data, json_t *parameters, const struct db_client_e
 	                          DB_CTL_OK :
 	                          DB_CTL_NO;
 	if (!running->ctl->json) {
-		(void)printf("%s: %s: %s\n", running->drive, running->command,
-		             db_ctl_say_name(result));
+		printf("%s: %s: %s\n", running->drive, running->command, db_ctl_say_name(result));
 		return;
 	}
 	object = json_pack("{s:s, s:s, s:s}", "drive", running->drive, "command", running->command,
@@ -209,7 +208,7 @@ static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, con
 		return DB_CTL_USAGE;
 	answer = db_ctl_call(ctl, "Commands", json_pack("{s:s}", "drive", drive), DB_CTL_TIMEOUT_MS,
 	                     &status);
-	(void)snprintf(unknown, sizeof(unknown), "%s has no command", drive);
+	snprintf(unknown, sizeof(unknown), "%s has no command", drive);
 	if (answer) {
 		command = db_ctl_find(ctl, json_object_get(answer, "commands"), name,
 		                      DB_CLIENT_SERVICE "NoSuchCommand", unknown);
@@ -219,7 +218,7 @@ static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, con
 		registers = db_ctl_read_registers(ctl, drive, &status);
 	if (registers) {
 		taken = choose_arguments(registers, command);
-		(void)snprintf(unknown, sizeof(unknown), "%s takes no", name);
+		snprintf(unknown, sizeof(unknown), "%s takes no", name);
 		values = db_ctl_read_assignments(
 			ctl,
 			&(struct db_ctl_assignable){ .drive = drive,
@@ -304,12 +303,12 @@ enum db_ctl_status db_ctl_run(struct db_ctl *ctl, int count, char **arguments)
 		char room[DB_WORDS_TEXT_MAX];
 		size_t length;
 
-		(void)snprintf(usage, sizeof(usage), "%s", db_words_text(command, "name"));
+		snprintf(usage, sizeof(usage), "%s", db_words_text(command, "name"));
 		json_array_foreach(json_object_get(command, "arguments"), at, name)
 		{
 			length = strlen(usage);
-			(void)snprintf(usage + length, sizeof(usage) - length, " %s",
-			               json_string_value(name));
+			snprintf(usage + length, sizeof(usage) - length, " %s",
+			         json_string_value(name));
 		}
 		db_ctl_wrap(stdout, DB_CTL_WIDTH, 0, 4, usage);
 		db_ctl_wrap(stdout, DB_CTL_WIDTH, 8, 8,

@@ -33,9 +33,9 @@ void db_ctl_say_line(FILE *out, const char *english, ...)
 	va_list arguments;
 
 	va_start(arguments, english);
-	(void)vfprintf(out, db_ctl_say(english), arguments);
+	vfprintf(out, db_ctl_say(english), arguments);
 	va_end(arguments);
-	(void)fputc('\n', out);
+	fputc('\n', out);
 }
 
 const char *db_ctl_say_name(const char *name)
@@ -59,16 +59,16 @@ void db_ctl_translate_lines(FILE *out, const char *english)
 		char room[DB_WORDS_TEXT_MAX];
 
 		if (length >= sizeof(line)) {
-			(void)fprintf(out, "%.*s", (int)length, english);
+			fprintf(out, "%.*s", (int)length, english);
 		} else {
 			memcpy(line, english, length);
 			line[length] = '\0';
-			(void)fprintf(out, "%.*s%s", (int)blanks, line,
-			              db_words_in(language, line + blanks, room));
+			fprintf(out, "%.*s%s", (int)blanks, line,
+			        db_words_in(language, line + blanks, room));
 		}
 		english += length;
 		if (*english == '\n')
-			(void)fputc(*english++, out);
+			fputc(*english++, out);
 	}
 }
 

@@ -39,8 +39,8 @@ static void add_find(struct db_ctl_grid *grid, const json_t *find, const json_t 
 	size_t i;
 	const json_t *name;
 
-	(void)snprintf(identity, sizeof(identity), "%s%s%s", db_words_text(find, "identity"),
-	               other[0] ? db_ctl_say(" and ") : "", other);
+	snprintf(identity, sizeof(identity), "%s%s%s", db_words_text(find, "identity"),
+	         other[0] ? db_ctl_say(" and ") : "", other);
 	db_words_clean(identity);
 	db_ctl_grid_add(grid, DB_CTL_BOLD, "%lld", (long long)db_words_number(find, "address"));
 	db_ctl_grid_add(grid, DB_CTL_PLAIN, "%lld", (long long)db_words_number(find, "speed"));
@@ -50,7 +50,7 @@ static void add_find(struct db_ctl_grid *grid, const json_t *find, const json_t 
 	add_time(grid, find, "time_mean_us");
 	add_time(grid, find, "time_max_us");
 	/* Its name in the configuration. */
-	(void)snprintf(place, sizeof(place), "%s", db_ctl_say("new"));
+	snprintf(place, sizeof(place), "%s", db_ctl_say("new"));
 	json_array_foreach(json_object_get(find, "drives"), i, name)
 	{
 		if (used < sizeof(place))
@@ -97,7 +97,7 @@ static void print_advice(const struct db_ctl_search *search)
 		long long address = (long long)db_words_number(find, "address");
 
 		if (strcmp(verdict_of(find), "one") != 0)
-			(void)putchar('\n');
+			putchar('\n');
 		if (strcmp(verdict_of(find), "two") == 0)
 			db_ctl_say_line(
 				stdout,
@@ -114,10 +114,10 @@ static void print_advice(const struct db_ctl_search *search)
 				address);
 	}
 	if (json_array_size(search->finds) == 0)
-		db_ctl_say_line(
-			stdout,
-			"no drive answers: check power and wiring (A and B may be swapped), whether "
-			"protocol and line are right, and the baud rate: --all-bauds tries all of them");
+		db_ctl_say_line(stdout, "no drive answers: check power and wiring (A and B may be "
+		                        "swapped), whether "
+		                        "protocol and line are right, and the baud rate: "
+		                        "--all-bauds tries all of them");
 }
 
 /* --- the command ------------------------------------------------------------------------------ */
@@ -145,20 +145,20 @@ static void print_found(const struct db_ctl *ctl, const struct db_ctl_search *se
 	if (json_array_size(search->finds) > 0)
 		print_table(ctl, search, bus);
 	if (json_array_size(search->foreign) > 0) {
-		(void)putchar('\n');
+		putchar('\n');
 		db_ctl_say_line(stdout,
 		                "other frames on this bus, of nobody who is configured here:");
 	}
 	json_array_foreach(search->foreign, i, frame)
 	{
-		(void)printf("  %0*llX ", json_is_true(json_object_get(frame, "extended")) ? 8 : 3,
-		             (unsigned long long)db_words_number(frame, "id"));
+		printf("  %0*llX ", json_is_true(json_object_get(frame, "extended")) ? 8 : 3,
+		       (unsigned long long)db_words_number(frame, "id"));
 		db_ctl_say_line(stdout, "%lld times", (long long)db_words_number(frame, "count"));
 	}
 	if (!search->interrupted)
 		print_advice(search);
 	if (search->wait_us < WAIT_SHORT_US) {
-		(void)putchar('\n');
+		putchar('\n');
 		db_ctl_say_line(
 			stdout,
 			"each address was given %.1f ms to begin its answer, as much as the cycle "
@@ -167,9 +167,9 @@ static void print_found(const struct db_ctl *ctl, const struct db_ctl_search *se
 			(double)search->wait_us / 1000);
 	}
 	if (configuration && configuration[0])
-		(void)printf("\n%s\n\n%s",
-		             db_ctl_say("for the configuration, then drivebridgectl reload:"),
-		             configuration);
+		printf("\n%s\n\n%s",
+		       db_ctl_say("for the configuration, then drivebridgectl reload:"),
+		       configuration);
 	free(configuration);
 }
 
@@ -216,7 +216,8 @@ enum db_ctl_status db_ctl_scan(struct db_ctl *ctl, int count, char **arguments)
 	if (aside && !ctl->json)
 		db_ctl_say_line(
 			stdout,
-			"bus %s is taken out of service for this: its drives, which must stand, are left as "
+			"bus %s is taken out of service for this: its drives, which must stand, "
+			"are left as "
 			"on-exit says, and\nare offline for every PLC until the scan has ended",
 			arguments[0]);
 	status = aside ? db_ctl_ask(ctl, "go on?") : DB_CTL_OK;

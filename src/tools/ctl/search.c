@@ -37,7 +37,7 @@ static void take_answer(void *data, json_t *parameters, const struct db_client_e
 	stream->ended = !more;
 	if (error) {
 		if (stream->progress)
-			(void)fputs("\r\033[K", stderr);
+			fputs("\r\033[K", stderr);
 		stream->status = db_ctl_fail(stream->ctl, error);
 		return;
 	}
@@ -46,12 +46,12 @@ static void take_answer(void *data, json_t *parameters, const struct db_client_e
 	search->wait_us = json_integer_value(json_object_get(parameters, "wait_us"));
 	if (!stream->progress)
 		return;
-	(void)fputs("\r\033[K", stderr);
-	(void)fprintf(stderr, db_ctl_say("%lld of %lld addresses asked, %zu found; at %lld bit/s"),
-	              (long long)json_integer_value(json_object_get(parameters, "asked")),
-	              (long long)json_integer_value(json_object_get(parameters, "total")),
-	              json_array_size(search->finds),
-	              (long long)json_integer_value(json_object_get(parameters, "speed")));
+	fputs("\r\033[K", stderr);
+	fprintf(stderr, db_ctl_say("%lld of %lld addresses asked, %zu found; at %lld bit/s"),
+	        (long long)json_integer_value(json_object_get(parameters, "asked")),
+	        (long long)json_integer_value(json_object_get(parameters, "total")),
+	        json_array_size(search->finds),
+	        (long long)json_integer_value(json_object_get(parameters, "speed")));
 	(void)fflush(stderr);
 }
 
@@ -72,7 +72,7 @@ enum db_ctl_status db_ctl_search(struct db_ctl *ctl, json_t *parameters,
 		search->interrupted = db_ctl_follow(ctl, signals, -1) < 0;
 	db_ctl_signals_close(signals);
 	if (stream.progress)
-		(void)fputs("\r\033[K", stderr);
+		fputs("\r\033[K", stderr);
 	/* Closing the connection ends the scan. What was found until then is there. */
 	if (search->interrupted) {
 		(void)db_client_handle(ctl->client);

@@ -22,7 +22,7 @@ enum db_ctl_status db_ctl_metrics(struct db_ctl *ctl, int count, char **argument
 	if (answer && ctl->json)
 		db_ctl_print_json(answer);
 	else if (answer)
-		(void)fputs(db_words_text(answer, "text"), stdout);
+		fputs(db_words_text(answer, "text"), stdout);
 	json_decref(answer);
 	return status;
 }
@@ -43,13 +43,12 @@ enum db_ctl_status db_ctl_reload(struct db_ctl *ctl, int count, char **arguments
 		json_array_foreach(messages, i, message)
 		{
 			db_ctl_translate_lines(stderr, json_string_value(message));
-			(void)fputc('\n', stderr);
+			fputc('\n', stderr);
 		}
 		if (json_array_size(messages) == 0)
 			db_ctl_say_line(stdout, "the configuration is in force");
 		else
-			(void)fprintf(stderr, "drivebridgectl: %s\n",
-			              db_ctl_say("nothing was changed"));
+			fprintf(stderr, "drivebridgectl: %s\n", db_ctl_say("nothing was changed"));
 	}
 	if (answer && json_array_size(messages) > 0)
 		status = DB_CTL_NO;
@@ -76,11 +75,11 @@ void db_ctl_find_service(char *path, size_t size)
 		    access(path, X_OK) == 0)
 			return;
 	}
-	(void)snprintf(path, size, "/usr/sbin/drivebridged");
+	snprintf(path, size, "/usr/sbin/drivebridged");
 }
 
-/* Runs the service's check and waits for its end. Returns the lines of its messages, `all`: also of what it prints
- * otherwise. NULL: errno has the reason. */
+/* Runs the service's check and waits for its end. Returns the lines of its messages, `all`: also of
+ * what it prints otherwise. NULL: errno has the reason. */
 static json_t *run_check(char *words[], bool all, int *state)
 {
 	posix_spawn_file_actions_t actions;
@@ -139,7 +138,8 @@ enum db_ctl_status db_ctl_check(struct db_ctl *ctl, int count, char **arguments)
 
 	db_ctl_find_service(path, sizeof(path));
 	(void)fflush(stdout);
-	/* In another language its messages are translated here; the service itself speaks English. */
+	/* In another language its messages are translated here; the service itself speaks English.
+	 */
 	if (ctl->json || db_ctl_language())
 		lines = run_check(words, ctl->json, &state);
 	else
@@ -159,7 +159,7 @@ enum db_ctl_status db_ctl_check(struct db_ctl *ctl, int count, char **arguments)
 	json_array_foreach(lines, i, line)
 	{
 		db_ctl_translate_lines(stderr, json_string_value(line));
-		(void)fputc('\n', stderr);
+		fputc('\n', stderr);
 	}
 	json_decref(lines);
 	return WIFEXITED(state) ? (enum db_ctl_status)WEXITSTATUS(state) : DB_CTL_NO;

@@ -14,7 +14,7 @@
 void db_ctl_print_json(const json_t *value)
 {
 	(void)json_dumpf(value, stdout, JSON_COMPACT | JSON_REAL_PRECISION(10));
-	(void)putchar('\n');
+	putchar('\n');
 	(void)fflush(stdout);
 }
 
@@ -40,13 +40,12 @@ enum db_ctl_status db_ctl_fail(const struct db_ctl *ctl, const struct db_client_
 		(void)fflush(stdout);
 		/* "refused: ...": the result is a word of the service, and the reason a text. */
 		if (strcmp(error->name, DB_CLIENT_SERVICE "Refused") == 0 && error->parameters)
-			(void)fprintf(
-				stderr, "drivebridgectl: %s: %s\n",
-				db_ctl_say_name(db_words_text(error->parameters, "result")),
-				db_ctl_translate(db_words_text(error->parameters, "reason"), room));
+			fprintf(stderr, "drivebridgectl: %s: %s\n",
+			        db_ctl_say_name(db_words_text(error->parameters, "result")),
+			        db_ctl_translate(db_words_text(error->parameters, "reason"), room));
 		else
-			(void)fprintf(stderr, "drivebridgectl: %s\n",
-			              db_ctl_translate(error->text, room));
+			fprintf(stderr, "drivebridgectl: %s\n",
+			        db_ctl_translate(error->text, room));
 	}
 	return of_client ? DB_CTL_UNREACHABLE : DB_CTL_NO;
 }
@@ -59,7 +58,7 @@ enum db_ctl_status db_ctl_complain(const struct db_ctl *ctl, enum db_ctl_status 
 	va_list arguments;
 
 	va_start(arguments, format);
-	(void)vsnprintf(text, sizeof(text), format, arguments);
+	vsnprintf(text, sizeof(text), format, arguments);
 	va_end(arguments);
 	db_client_error_set(&error, name, "%s", text);
 	(void)db_ctl_fail(ctl, &error);
@@ -158,8 +157,8 @@ json_t *db_ctl_read_registers(struct db_ctl *ctl, const char *drive, enum db_ctl
 		if (!at || json_object_get(reg, "codes"))
 			continue;
 		at += strlen(words);
-		(void)snprintf(name, sizeof(name), "%.*s",
-		               (int)strspn(at, "abcdefghijklmnopqrstuvwxyz0123456789_"), at);
+		snprintf(name, sizeof(name), "%.*s",
+		         (int)strspn(at, "abcdefghijklmnopqrstuvwxyz0123456789_"), at);
 		codes = json_object_get(db_words_look_up(registers, name), "codes");
 		if (codes)
 			(void)json_object_set(reg, "codes", codes);
@@ -180,9 +179,9 @@ enum db_ctl_status db_ctl_ask(const struct db_ctl *ctl, const char *format, ...)
 		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
 		                       "nobody can be asked here; --yes does it without");
 	va_start(arguments, format);
-	(void)vprintf(db_ctl_say(format), arguments);
+	vprintf(db_ctl_say(format), arguments);
 	va_end(arguments);
-	(void)printf(" [%s/N] ", yes);
+	printf(" [%s/N] ", yes);
 	(void)fflush(stdout);
 	if (fgets(answer, sizeof(answer), stdin) && (tolower((unsigned char)answer[0]) == 'y' ||
 	                                             tolower((unsigned char)answer[0]) == yes[0]))

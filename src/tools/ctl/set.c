@@ -21,7 +21,7 @@ enum db_ctl_status db_ctl_set(struct db_ctl *ctl, int count, char **arguments)
 
 	if (!unit)
 		return DB_CTL_USAGE;
-	(void)snprintf(unknown, sizeof(unknown), "%s has no register", arguments[0]);
+	snprintf(unknown, sizeof(unknown), "%s has no register", arguments[0]);
 	registers = db_ctl_read_registers(ctl, db_words_text(unit, "name"), &status);
 	if (registers)
 		values = db_ctl_read_assignments(
@@ -45,8 +45,8 @@ enum db_ctl_status db_ctl_set(struct db_ctl *ctl, int count, char **arguments)
 		{
 			db_words_write_value(db_words_look_up(registers, name), value, text,
 			                     sizeof(text));
-			(void)printf("%s = %s: %s\n", name, text,
-			             db_ctl_say_name(db_words_text(answer, "result")));
+			printf("%s = %s: %s\n", name, text,
+			       db_ctl_say_name(db_words_text(answer, "result")));
 		}
 	}
 	json_decref(answer);

@@ -75,7 +75,7 @@ static void print_values(const struct db_ctl *ctl, const json_t *registers, cons
 			db_words_write_value(reg, value, text, sizeof(text));
 		used = strlen(text);
 		if (db_words_meaning(reg, description, value, meaning, sizeof(meaning)))
-			(void)snprintf(text + used, sizeof(text) - used, " (%s)", meaning);
+			snprintf(text + used, sizeof(text) - used, " (%s)", meaning);
 		db_ctl_grid_add(grid, DB_CTL_PLAIN, "  %s", name);
 		db_ctl_grid_add(grid, DB_CTL_BOLD, "%s", text);
 		/* The codes and conditions after the first words are printed only in the full
@@ -88,7 +88,7 @@ static void print_values(const struct db_ctl *ctl, const json_t *registers, cons
 		any = true;
 	}
 	if (any)
-		(void)printf("%s\n", head);
+		printf("%s\n", head);
 	db_ctl_grid_print(grid, ctl->colour, 0, "\n", stdout);
 	db_ctl_grid_free(grid);
 }
@@ -101,15 +101,15 @@ static void print_head(const struct db_ctl *ctl, const json_t *drive)
 	const char *endpoint = db_words_text(drive, "endpoint");
 
 	if (drive == ctl->gateway) {
-		(void)printf("%s%s%s: drivebridge %s, %s\n\n",
-		             db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD), db_ctl_say("gateway"),
-		             db_ctl_colour_end(ctl->colour, DB_CTL_BOLD),
-		             db_words_text(ctl->description, "version"),
-		             db_words_text(ctl->description, "configuration"));
+		printf("%s%s%s: drivebridge %s, %s\n\n",
+		       db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD), db_ctl_say("gateway"),
+		       db_ctl_colour_end(ctl->colour, DB_CTL_BOLD),
+		       db_words_text(ctl->description, "version"),
+		       db_words_text(ctl->description, "configuration"));
 		return;
 	}
-	(void)printf("%s%s%s: ", db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD),
-	             db_words_text(drive, "name"), db_ctl_colour_end(ctl->colour, DB_CTL_BOLD));
+	printf("%s%s%s: ", db_ctl_colour_begin(ctl->colour, DB_CTL_BOLD),
+	       db_words_text(drive, "name"), db_ctl_colour_end(ctl->colour, DB_CTL_BOLD));
 	db_ctl_say_line(stdout, "%s on bus %s (%s), address %lld%s%s, unit %lld%s%s",
 	                db_words_text(bus, "protocol"), db_words_text(drive, "bus"),
 	                db_words_text(bus, "device"),
@@ -117,7 +117,7 @@ static void print_head(const struct db_ctl *ctl, const json_t *drive)
 	                axis[0] ? db_ctl_say(" axis ") : "", axis,
 	                (long long)json_integer_value(json_object_get(drive, "unit")),
 	                endpoint[0] ? db_ctl_say(" of endpoint ") : "", endpoint);
-	(void)putchar('\n');
+	putchar('\n');
 }
 
 enum db_ctl_status db_ctl_show(struct db_ctl *ctl, int count, char **arguments)
@@ -158,7 +158,7 @@ enum db_ctl_status db_ctl_show(struct db_ctl *ctl, int count, char **arguments)
 		} else {
 			print_head(ctl, drive);
 			print_values(ctl, registers, values, false, db_ctl_say("values"));
-			(void)putchar('\n');
+			putchar('\n');
 			print_values(ctl, registers, values, true, db_ctl_say("parameters"));
 		}
 	}
@@ -184,7 +184,7 @@ enum db_ctl_status db_ctl_get(struct db_ctl *ctl, int count, char **arguments)
 		registers = db_ctl_read_registers(ctl, name, &status);
 	else
 		status = DB_CTL_USAGE;
-	(void)snprintf(text, sizeof(text), "%s has no register", arguments[0]);
+	snprintf(text, sizeof(text), "%s has no register", arguments[0]);
 	for (int i = 1; i < count && status == DB_CTL_OK; i++) {
 		if (!db_ctl_find(ctl, registers, arguments[i], DB_CLIENT_SERVICE "NoSuchRegister",
 		                 text))
@@ -203,9 +203,9 @@ enum db_ctl_status db_ctl_get(struct db_ctl *ctl, int count, char **arguments)
 		                     json_object_get(values, arguments[i]), text, sizeof(text));
 		/* With one name print only its value, as scripts need it. */
 		if (count == 2)
-			(void)puts(text);
+			puts(text);
 		else
-			(void)printf("%s = %s\n", arguments[i], text);
+			printf("%s = %s\n", arguments[i], text);
 	}
 	json_decref(names);
 	json_decref(values);

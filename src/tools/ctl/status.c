@@ -154,11 +154,10 @@ static void print_advice(const struct db_ctl *ctl, const char *kind, const char 
 
 	if (judgement->need == DB_CLIENT_FINE)
 		return;
-	(void)snprintf(text, sizeof(text), "%s%s%s%s: %s: %s",
-	               db_ctl_colour_begin(ctl->colour, colour), db_ctl_say(kind), name,
-	               db_ctl_colour_end(ctl->colour, colour),
-	               db_ctl_translate(db_ctl_say_name(judgement->why), why),
-	               db_ctl_translate(judgement->next, next));
+	snprintf(text, sizeof(text), "%s%s%s%s: %s: %s", db_ctl_colour_begin(ctl->colour, colour),
+	         db_ctl_say(kind), name, db_ctl_colour_end(ctl->colour, colour),
+	         db_ctl_translate(db_ctl_say_name(judgement->why), why),
+	         db_ctl_translate(judgement->next, next));
 	db_ctl_wrap(stdout, db_ctl_width(stdout), 0, 4, text);
 }
 
@@ -178,8 +177,8 @@ static void print_record(const json_t *trouble)
 	db_words_write_time(since, when);
 	used = (size_t)snprintf(text, sizeof(text), db_ctl_say("since %s"), when);
 	if (json_is_object(event))
-		(void)snprintf(text + used, sizeof(text) - used, ": %s",
-		               db_ctl_translate(db_words_text(event, "text"), room));
+		snprintf(text + used, sizeof(text) - used, ": %s",
+		         db_ctl_translate(db_words_text(event, "text"), room));
 	db_ctl_wrap(stdout, db_ctl_width(stdout), 2, 4, text);
 }
 
@@ -210,23 +209,22 @@ static void print_sum(const struct db_ctl *ctl, const struct sum *sum)
 	                                                             DB_CTL_GREEN;
 	const char *gap = "";
 
-	(void)fputs(db_ctl_colour_begin(ctl->colour, colour), stdout);
+	fputs(db_ctl_colour_begin(ctl->colour, colour), stdout);
 	if (colour == DB_CTL_GREEN)
-		(void)fputs(hints > 0 ? db_ctl_say("no faults, ") : db_ctl_say("all is well"),
-		            stdout);
+		fputs(hints > 0 ? db_ctl_say("no faults, ") : db_ctl_say("all is well"), stdout);
 	if (act > 0)
-		(void)printf(db_ctl_say("%zu to act on"), act);
+		printf(db_ctl_say("%zu to act on"), act);
 	gap = act > 0 ? ", " : gap;
 	if (look > 0) {
-		(void)fputs(gap, stdout);
-		(void)printf(db_ctl_say("%zu to look at"), look);
+		fputs(gap, stdout);
+		printf(db_ctl_say("%zu to look at"), look);
 		gap = ", ";
 	}
 	if (hints > 0) {
-		(void)fputs(gap, stdout);
-		(void)printf(db_ctl_say_count(hints, "%zu hint", "%zu hints"), hints);
+		fputs(gap, stdout);
+		printf(db_ctl_say_count(hints, "%zu hint", "%zu hints"), hints);
 	}
-	(void)printf("%s\n", db_ctl_colour_end(ctl->colour, colour));
+	printf("%s\n", db_ctl_colour_end(ctl->colour, colour));
 }
 
 /* True if the drive has the trouble of its bus, which is printed and counted once. */
@@ -274,20 +272,20 @@ static size_t print_files(const struct db_ctl *ctl)
 
 	/* The running configuration continues, and only people know when the machine may stop. */
 	if (replaced[0])
-		(void)snprintf(texts[0], sizeof(texts[0]),
-		               db_ctl_say("an upgrade has replaced %s: systemctl restart "
-		                          "drivebridge when the machine may stand still"),
-		               replaced);
+		snprintf(texts[0], sizeof(texts[0]),
+		         db_ctl_say("an upgrade has replaced %s: systemctl restart "
+		                    "drivebridge when the machine may stand still"),
+		         replaced);
 	if (audit[0])
-		(void)snprintf(texts[1], sizeof(texts[1]),
-		               db_ctl_say("the audit trail cannot be written: %s; its records are "
-		                          "only in the journal"),
-		               audit);
+		snprintf(texts[1], sizeof(texts[1]),
+		         db_ctl_say("the audit trail cannot be written: %s; its records are "
+		                    "only in the journal"),
+		         audit);
 	if (health[0])
-		(void)snprintf(texts[2], sizeof(texts[2]),
-		               db_ctl_say("health values and alarms cannot be written: %s; they "
-		                          "are in memory only"),
-		               health);
+		snprintf(texts[2], sizeof(texts[2]),
+		         db_ctl_say("health values and alarms cannot be written: %s; they "
+		                    "are in memory only"),
+		         health);
 	for (size_t i = 0; i < sizeof(texts) / sizeof(texts[0]); i++) {
 		if (!texts[i][0])
 			continue;
@@ -321,9 +319,9 @@ static size_t print_certificates(const struct db_ctl *ctl)
 		    !gmtime_r(&moment, &parts) ||
 		    strftime(date, sizeof(date), "%Y-%m-%d %H:%M UTC", &parts) == 0)
 			continue;
-		(void)printf(db_ctl_say("%s on %s: see drivebridge-tls(8)"),
-		             db_ctl_say(ends[i].what), date);
-		(void)fputc('\n', stdout);
+		printf(db_ctl_say("%s on %s: see drivebridge-tls(8)"), db_ctl_say(ends[i].what),
+		       date);
+		fputc('\n', stdout);
 		hints++;
 	}
 	return hints;
@@ -366,13 +364,13 @@ static void print_for_people(const struct db_ctl *ctl, const struct row *rows, s
 	db_ctl_grid_print(grid, ctl->colour, db_ctl_width(stdout), "\n", stdout);
 	db_ctl_grid_free(grid);
 	if (count == 0)
-		(void)puts(db_ctl_say("no drives yet: the configuration has none, see "
-		                      "drivebridge.conf(5)"));
+		puts(db_ctl_say("no drives yet: the configuration has none, see "
+		                "drivebridge.conf(5)"));
 	else
-		(void)putchar('\n');
+		putchar('\n');
 	if (!troubles->told)
-		(void)puts(db_ctl_say("this service is older than drivebridgectl and does not say "
-		                      "what is wrong: restart it as soon as the drives may stop"));
+		puts(db_ctl_say("this service is older than drivebridgectl and does not say "
+		                "what is wrong: restart it as soon as the drives may stop"));
 	print_configuration(ctl, troubles->configuration);
 	hints = print_files(ctl);
 	hints += print_certificates(ctl);

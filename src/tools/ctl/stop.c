@@ -66,13 +66,13 @@ static void print_stopped(struct stopping *stopping, const json_t *one)
 		json_decref(object);
 		return;
 	}
-	(void)snprintf(drive, sizeof(drive), "%s", db_words_text(one, "drive"));
-	(void)snprintf(reason, sizeof(reason), "%s", db_words_text(one, "reason"));
+	snprintf(drive, sizeof(drive), "%s", db_words_text(one, "drive"));
+	snprintf(reason, sizeof(reason), "%s", db_words_text(one, "reason"));
 	db_words_clean(drive);
 	db_words_clean(reason);
-	(void)printf("%s: %s: %s%s%s\n", drive, stopping->command,
-	             confirmed ? db_ctl_say_name("ok") : db_ctl_say("NOT CONFIRMED"),
-	             confirmed ? "" : ": ", db_ctl_translate(reason, room));
+	printf("%s: %s: %s%s%s\n", drive, stopping->command,
+	       confirmed ? db_ctl_say_name("ok") : db_ctl_say("NOT CONFIRMED"),
+	       confirmed ? "" : ": ", db_ctl_translate(reason, room));
 	(void)fflush(stdout);
 }
 
@@ -96,10 +96,9 @@ static void take_stopped(void *data, json_t *parameters, const struct db_client_
 void db_ctl_stop_warn(const struct db_ctl *ctl)
 {
 	if (!ctl->json)
-		(void)fprintf(
-			stderr, "drivebridgectl: %s\n",
-			db_ctl_say(
-				"not confirmed yet; if somebody is in danger use the emergency stop"));
+		fprintf(stderr, "drivebridgectl: %s\n",
+		        db_ctl_say("not confirmed yet; if somebody is in danger use the emergency "
+		                   "stop"));
 }
 
 /* One attempt, until it ends, with or without success. */

@@ -44,9 +44,8 @@ struct db_ctl_command {
 	int max;       /* -1: any number */
 	bool connects; /* before it is called; false: it does so itself, or need not */
 	enum db_ctl_task task;
-	const char *
-		description; /* what is before the first semicolon is one line of the help; NULL: not
-	                            shown to people */
+	const char *description; /* what is before the first semicolon is one line of the help;
+	                            NULL: not shown to people */
 	db_ctl_function *function;
 };
 

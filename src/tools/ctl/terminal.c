@@ -26,7 +26,7 @@ bool db_ctl_terminal_open(struct db_ctl_terminal *terminal, bool screen)
 		return false;
 	terminal->open = true;
 	if (screen)
-		(void)fputs("\033[?1049h\033[?25l", stdout);
+		fputs("\033[?1049h\033[?25l", stdout);
 	(void)fflush(stdout);
 	return true;
 }
@@ -37,7 +37,7 @@ void db_ctl_terminal_close(struct db_ctl_terminal *terminal)
 		return;
 	terminal->open = false;
 	if (terminal->screen)
-		(void)fputs("\033[?25h\033[?1049l", stdout);
+		fputs("\033[?25h\033[?1049l", stdout);
 	if (db_ctl_terminal_takes_output())
 		(void)fflush(stdout);
 	/* Not TCSAFLUSH, which would block on a stopped terminal. */

@@ -60,12 +60,12 @@ static void write_text(struct tracing *tracing, const json_t *record)
 		db_capture_trace_write_head(tracing->bus,
 		                            json_integer_value(json_object_get(record, "time_us")),
 		                            tracing->line, sizeof(tracing->line));
-		(void)fputs(tracing->line, tracing->out);
+		fputs(tracing->line, tracing->out);
 		tracing->headed = true;
 	}
 	db_capture_trace_write_line(record, tracing->words, tracing->line, sizeof(tracing->line));
-	(void)fprintf(tracing->out, "%s%s%s\n", db_ctl_colour_begin(coloured, colour),
-	              tracing->line, db_ctl_colour_end(coloured, colour));
+	fprintf(tracing->out, "%s%s%s\n", db_ctl_colour_begin(coloured, colour), tracing->line,
+	        db_ctl_colour_end(coloured, colour));
 }
 
 static void take_records(void *data, json_t *parameters, const struct db_client_error *error,
@@ -84,7 +84,7 @@ static void take_records(void *data, json_t *parameters, const struct db_client_
 	tracing->missed += missed;
 	tracing->frames.missed += missed;
 	if (missed > 0 && !tracing->pcapng && !tracing->ctl->json)
-		(void)fprintf(tracing->out, "# %lld records are missing here\n", (long long)missed);
+		fprintf(tracing->out, "# %lld records are missing here\n", (long long)missed);
 	json_array_foreach(json_object_get(parameters, "records"), i, record)
 	{
 		tracing->records++;
@@ -96,7 +96,7 @@ static void take_records(void *data, json_t *parameters, const struct db_client_
 		else if (!tracing->ctl->json)
 			write_text(tracing, record);
 		else if (json_dumpf(record, tracing->out, JSON_COMPACT) == 0)
-			(void)fputc('\n', tracing->out);
+			fputc('\n', tracing->out);
 	}
 	(void)fflush(tracing->out);
 }
@@ -140,10 +140,11 @@ static json_int_t choose_kept(struct tracing *tracing, const char **bus)
 	}
 	json_decref(kept);
 	if (found == 0 && *bus)
-		tracing->status = db_ctl_complain(
-			ctl, DB_CTL_USAGE, DB_CLIENT_SERVICE "NoSuchTrace",
-			"no trace \"%s\" of bus %s was kept; drivebridgectl traces lists those that were",
-			ctl->kept, *bus);
+		tracing->status = db_ctl_complain(ctl, DB_CTL_USAGE,
+		                                  DB_CLIENT_SERVICE "NoSuchTrace",
+		                                  "no trace \"%s\" of bus %s was kept; "
+		                                  "drivebridgectl traces lists those that were",
+		                                  ctl->kept, *bus);
 	else if (found == 0)
 		tracing->status = db_ctl_complain(
 			ctl, DB_CTL_USAGE, DB_CLIENT_SERVICE "NoSuchTrace",

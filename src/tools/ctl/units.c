@@ -61,32 +61,29 @@ json_t *db_ctl_parse_quantity(const json_t *reg, const char *users, double per_u
 		return db_words_parse_value(reg, text, problem, size);
 	if (!own && (!users || strcmp(unit, users) != 0)) {
 		if (regs[0] == '\0')
-			(void)snprintf(problem, size, "it has no unit, and \"%s\" is none of it",
-			               unit);
+			snprintf(problem, size, "it has no unit, and \"%s\" is none of it", unit);
 		else if (users)
-			(void)snprintf(problem, size,
-			               "\"%s\" is no unit of it; right are %s and %s", unit, regs,
-			               users);
+			snprintf(problem, size, "\"%s\" is no unit of it; right are %s and %s",
+			         unit, regs, users);
 		else
-			(void)snprintf(problem, size, "\"%s\" is no unit of it; right is %s", unit,
-			               regs);
+			snprintf(problem, size, "\"%s\" is no unit of it; right is %s", unit, regs);
 		return NULL;
 	}
 	if (own) {
 		length = (size_t)(unit - text);
 		while (length > 0 && text[length - 1] == ' ')
 			length--;
-		(void)snprintf(number, sizeof(number), "%.*s", (int)length, text);
+		snprintf(number, sizeof(number), "%.*s", (int)length, text);
 	} else if (!(per_unit > 0.0) || !isfinite(per_unit)) {
-		(void)snprintf(problem, size, "how many %s one %s is is not known", regs, users);
+		snprintf(problem, size, "how many %s one %s is is not known", regs, users);
 		return NULL;
 	} else if (strcmp(type, "f32") == 0) {
-		(void)snprintf(number, sizeof(number), "%.10g", strtod(text, NULL) * per_unit);
+		snprintf(number, sizeof(number), "%.10g", strtod(text, NULL) * per_unit);
 	} else {
 		/* A register's range is far within the integers that a double holds exactly;
 		 * numbers beyond it are refused in any case. */
-		(void)snprintf(number, sizeof(number), "%.0f",
-		               fmax(-1e18, fmin(1e18, round(strtod(text, NULL) * per_unit))));
+		snprintf(number, sizeof(number), "%.0f",
+		         fmax(-1e18, fmin(1e18, round(strtod(text, NULL) * per_unit))));
 	}
 	return db_words_parse_value(reg, number, problem, size);
 }
@@ -97,7 +94,7 @@ static double read_as_written(double value)
 	char text[32];
 
 	for (int digits = 6; digits <= 9; digits++) {
-		(void)snprintf(text, sizeof(text), "%.*g", digits, value);
+		snprintf(text, sizeof(text), "%.*g", digits, value);
 		if (strtof(text, NULL) == (float)value)
 			break;
 	}

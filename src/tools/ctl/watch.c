@@ -103,7 +103,7 @@ static void print_buses(const struct watch *watch, unsigned columns)
 				json_number_value(json_object_get(figures, "utilisation")) / 10,
 				json_number_value(json_object_get(figures, "cycle_us")) / 1000);
 	}
-	(void)printf("%.*s\033[K\r\n\033[K\r\n", db_words_fit(line, columns), line);
+	printf("%.*s\033[K\r\n\033[K\r\n", db_words_fit(line, columns), line);
 }
 
 static void redraw(struct watch *watch)
@@ -124,8 +124,8 @@ static void redraw(struct watch *watch)
 	db_ctl_terminal_size(&lines, &columns);
 	if (localtime_r(&now, &local))
 		(void)strftime(clock, sizeof(clock), "%H:%M:%S", &local);
-	(void)printf("\033[H%.*s\033[K\r\n", db_words_fit(title, columns), title);
-	(void)printf("\033[1;%uH%s\r\n", columns > 9 ? columns - 8 : 1, clock);
+	printf("\033[H%.*s\033[K\r\n", db_words_fit(title, columns), title);
+	printf("\033[1;%uH%s\r\n", columns > 9 ? columns - 8 : 1, clock);
 	print_buses(watch, columns);
 	db_ctl_add_heads(grid);
 	json_array_foreach(watch->drives, i, drive)
@@ -142,7 +142,7 @@ static void redraw(struct watch *watch)
 	}
 	db_ctl_fit_drives(grid, columns);
 	db_ctl_grid_print(grid, watch->ctl->colour, columns, "\033[K\r\n", stdout);
-	(void)printf("\033[J");
+	printf("\033[J");
 	(void)fflush(stdout);
 	db_ctl_grid_free(grid);
 	watch->changed = false;

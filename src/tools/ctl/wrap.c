@@ -6,7 +6,8 @@
 #include <string.h>
 #include <sys/ioctl.h>
 
-/* The bytes of the character that begins here; of a colour sequence from an escape to the next m. */
+/* The bytes of the character that begins here; of a colour sequence from an escape to the next m.
+ */
 static size_t count_bytes(const char *text)
 {
 	size_t bytes = 1;
@@ -31,7 +32,8 @@ static bool ends_something(const char *text)
 	return false;
 }
 
-/* The bytes of the next piece that stays in one line, and its columns: up to a blank, or one Chinese character. */
+/* The bytes of the next piece that stays in one line, and its columns: up to a blank, or one
+ * Chinese character. */
 static size_t find_piece(const char *text, unsigned *columns)
 {
 	size_t bytes = 0;
@@ -57,7 +59,7 @@ void db_ctl_wrap(FILE *out, unsigned width, unsigned first, unsigned rest, const
 	unsigned column = first;
 	bool begun = false;
 
-	(void)fprintf(out, "%*s", (int)first, "");
+	fprintf(out, "%*s", (int)first, "");
 	text += strspn(text, " ");
 	while (*text) {
 		unsigned columns;
@@ -69,10 +71,10 @@ void db_ctl_wrap(FILE *out, unsigned width, unsigned first, unsigned rest, const
 		if (bytes == 0)
 			break;
 		if (begun && width > 0 && column + gap + columns > width) {
-			(void)fprintf(out, "\n%*s", (int)rest, "");
+			fprintf(out, "\n%*s", (int)rest, "");
 			column = rest;
 		} else {
-			(void)fprintf(out, "%*s", (int)gap, "");
+			fprintf(out, "%*s", (int)gap, "");
 			column += gap;
 		}
 		(void)fwrite(text, 1, bytes, out);
@@ -80,7 +82,7 @@ void db_ctl_wrap(FILE *out, unsigned width, unsigned first, unsigned rest, const
 		begun = true;
 		text += bytes;
 	}
-	(void)fputc('\n', out);
+	fputc('\n', out);
 }
 
 unsigned db_ctl_width(FILE *out)

@@ -183,10 +183,10 @@ static struct call *make_call(struct db_mqtt_acting *acting, struct db_lane *lan
 		return NULL;
 	call->acting = acting;
 	call->lane = lane;
-	(void)snprintf(call->drive, sizeof(call->drive), "%s", command->drive);
-	(void)snprintf(call->id, sizeof(call->id), "%s", command->id);
-	(void)snprintf(call->command, sizeof(call->command), "%s", command->command);
-	(void)snprintf(call->user, sizeof(call->user), "%s", command->sender);
+	snprintf(call->drive, sizeof(call->drive), "%s", command->drive);
+	snprintf(call->id, sizeof(call->id), "%s", command->id);
+	snprintf(call->command, sizeof(call->command), "%s", command->command);
+	snprintf(call->user, sizeof(call->user), "%s", command->sender);
 	return call;
 }
 

@@ -55,22 +55,21 @@ static const char *judge_beginning(const struct db_mqtt_config *config,
 	                                "the service was there";
 
 	if (command->timed && arrival->us - command->us > since / DB_NS_PER_US) {
-		(void)snprintf(why, DB_MQTT_REASON_MAX,
-		               "it was sent before %s; are both clocks right?", what);
+		snprintf(why, DB_MQTT_REASON_MAX, "it was sent before %s; are both clocks right?",
+		         what);
 		return "late";
 	}
 	/* The clock of a sender may be ahead by age-ms. */
 	if (command->timed ? command->us <= arrival->newest_before : arrival->had) {
-		(void)snprintf(why, DB_MQTT_REASON_MAX,
-		               command->timed ?
-		                       "it was sent before what the service got before it began "
-		                       "again; are both clocks right?" :
-		                       "the service got one of this id before it began again");
+		snprintf(why, DB_MQTT_REASON_MAX,
+		         command->timed ? "it was sent before what the service got before it began "
+		                          "again; are both clocks right?" :
+		                          "the service got one of this id before it began again");
 		return "late";
 	}
 	if (!command->timed && since < config->age_ms * DB_NS_PER_MS) {
-		(void)snprintf(why, DB_MQTT_REASON_MAX,
-		               "it does not say when it was sent, which may be before %s", what);
+		snprintf(why, DB_MQTT_REASON_MAX,
+		         "it does not say when it was sent, which may be before %s", what);
 		return "late";
 	}
 	return NULL;
@@ -83,32 +82,29 @@ static const char *judge_age(const struct db_mqtt_config *config,
 	int64_t age_ms = (arrival->us - command->us) / 1000;
 
 	if (arrival->now - arrival->sent_behind > config->age_ms * DB_NS_PER_MS) {
-		(void)snprintf(
-			why, DB_MQTT_REASON_MAX,
-			"the connection to the broker stood still; the command may be older than "
-			"%u ms",
-			config->age_ms);
+		snprintf(why, DB_MQTT_REASON_MAX,
+		         "the connection to the broker stood still; the command may be older than "
+		         "%u ms",
+		         config->age_ms);
 		return "late";
 	}
 	if (!command->timed && config->time == DB_MQTT_TIME_REQUIRED) {
-		(void)snprintf(
-			why, DB_MQTT_REASON_MAX,
-			"it does not say when it was sent; add time, or set time = optional");
+		snprintf(why, DB_MQTT_REASON_MAX,
+		         "it does not say when it was sent; add time, or set time = optional");
 		return "bad_message";
 	}
 	if (!command->timed)
 		return judge_beginning(config, command, arrival, why);
 	if (age_ms > (int64_t)config->age_ms) {
-		(void)snprintf(why, DB_MQTT_REASON_MAX,
-		               "it was sent %lld ms ago, %u ms are allowed; are both clocks right?",
-		               (long long)age_ms, config->age_ms);
+		snprintf(why, DB_MQTT_REASON_MAX,
+		         "it was sent %lld ms ago, %u ms are allowed; are both clocks right?",
+		         (long long)age_ms, config->age_ms);
 		return "late";
 	}
 	if (-age_ms > (int64_t)config->age_ms) {
-		(void)snprintf(
-			why, DB_MQTT_REASON_MAX,
-			"its time is %lld ms ahead of this gateway's; are both clocks right?",
-			(long long)-age_ms);
+		snprintf(why, DB_MQTT_REASON_MAX,
+		         "its time is %lld ms ahead of this gateway's; are both clocks right?",
+		         (long long)-age_ms);
 		return "late";
 	}
 	return judge_beginning(config, command, arrival, why);
@@ -123,17 +119,16 @@ const char *db_mqtt_admission_judge(const struct db_mqtt_config *config,
 
 	why[0] = '\0';
 	if (arrival->retained) {
-		(void)snprintf(
-			why, DB_MQTT_REASON_MAX,
-			"a retained command is never carried out: it would be again with each "
-			"connection; publish it without retain");
+		snprintf(why, DB_MQTT_REASON_MAX,
+		         "a retained command is never carried out: it would be again with each "
+		         "connection; publish it without retain");
 		return "retained";
 	}
 	if (!is_allowed(config, command) ||
 	    (config->command_drives.word == DB_SETTING_NAMED &&
 	     !db_setting_list_has(&config->command_drives, arrival->drive))) {
-		(void)snprintf(why, DB_MQTT_REASON_MAX,
-		               "the section command of this gateway's mqtt.conf does not allow it");
+		snprintf(why, DB_MQTT_REASON_MAX,
+		         "the section command of this gateway's mqtt.conf does not allow it");
 		return "not_allowed";
 	}
 	if (!may(&whole, command, arrival->drive, why) ||
@@ -142,7 +137,7 @@ const char *db_mqtt_admission_judge(const struct db_mqtt_config *config,
 	if (command->stops)
 		return NULL;
 	if (command->id[0] == '\0') {
-		(void)snprintf(
+		snprintf(
 			why, DB_MQTT_REASON_MAX,
 			"it has no id, without which one that comes twice cannot be told from two");
 		return "bad_message";

@@ -94,7 +94,7 @@ static void on_log(struct mosquitto *client, void *data, int level, const char *
 
 	(void)client;
 	if (level == MOSQ_LOG_ERR && broker->library[0] == '\0')
-		(void)snprintf(broker->library, sizeof(broker->library), "%s", text);
+		snprintf(broker->library, sizeof(broker->library), "%s", text);
 }
 
 /* The first reason is kept. */
@@ -107,7 +107,7 @@ static void set_reason(struct db_mqtt_broker *broker, const char *format, ...)
 
 	va_start(arguments, format);
 	if (broker->why[0] == '\0')
-		(void)vsnprintf(broker->why, sizeof(broker->why), format, arguments);
+		vsnprintf(broker->why, sizeof(broker->why), format, arguments);
 	va_end(arguments);
 }
 
@@ -125,7 +125,8 @@ static void on_connect(struct mosquitto *client, void *data, int code, int flags
 	         broker->config->version == DB_MQTT_VERSION_5)
 		set_reason(broker, "%s", OLD_VERSION);
 	else
-		/* It answers in its own version of MQTT, which may differ from ours: below 128 it is 3.1.1. */
+		/* It answers in its own version of MQTT, which may differ from ours: below 128 it
+		 * is 3.1.1. */
 		set_reason(broker, "the broker refuses the connection: %s",
 		           code >= 128 ? mosquitto_reason_string(code) :
 		                         mosquitto_connack_string(code));
@@ -139,10 +140,10 @@ static void on_disconnect(struct mosquitto *client, void *data, int code,
 	(void)client;
 	(void)properties;
 	if (code == MQTT_RC_SESSION_TAKEN_OVER)
-		set_reason(
-			broker, "%s",
-			"another client with the same client-id has connected; each gateway needs one "
-			"of its own");
+		set_reason(broker, "%s",
+		           "another client with the same client-id has connected; each gateway "
+		           "needs one "
+		           "of its own");
 	else if (code >= 128)
 		set_reason(broker, "the broker has ended the connection: %s",
 		           mosquitto_reason_string(code));
@@ -158,12 +159,12 @@ static void on_publish(struct mosquitto *client, void *data, int number, int cod
 	if (code >= 128) {
 		broker->stats.refused++;
 		if (broker->refused[0] == '\0')
-			db_client_log(
-				DB_CLIENT_WARNING,
-				"the broker does not take a message of this gateway: %s; look at its "
-				"access list",
-				mosquitto_reason_string(code));
-		(void)snprintf(broker->refused, sizeof(broker->refused), "said");
+			db_client_log(DB_CLIENT_WARNING,
+			              "the broker does not take a message of this gateway: %s; "
+			              "look at its "
+			              "access list",
+			              mosquitto_reason_string(code));
+		snprintf(broker->refused, sizeof(broker->refused), "said");
 	}
 	if (number == broker->urgent)
 		broker->urgent = 0;
@@ -454,9 +455,9 @@ static int read_some(struct db_mqtt_broker *broker)
 	if (result || end == DB_MQTT_GATE_OPEN)
 		return result;
 	if (end == DB_MQTT_GATE_WRONG)
-		set_reason(
-			broker, "%s",
-			"the broker sends what no broker of MQTT may, or a message that is too long");
+		set_reason(broker, "%s",
+		           "the broker sends what no broker of MQTT may, or a message that is too "
+		           "long");
 	errno = cause;
 	return end == DB_MQTT_GATE_CLOSED ? MOSQ_ERR_CONN_LOST :
 	       end == DB_MQTT_GATE_BROKEN ? MOSQ_ERR_ERRNO :

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The connection to a broker, with libmosquitto in the caller's event loop. Connects by itself, and
- * again after a loss, to several brokers in turn, and sends the messages of its source. One thread, no threads of the
- * library; it only waits to resolve the broker's name, if that is not an address.
+ * again after a loss, to several brokers in turn, and sends the messages of its source. One thread,
+ * no threads of the library; it only waits to resolve the broker's name, if that is not an address.
  */
 #ifndef DRIVEBRIDGE_MQTT_BROKER_H
 #define DRIVEBRIDGE_MQTT_BROKER_H
@@ -53,8 +53,8 @@ struct db_mqtt_broker_stats {
 	int64_t certificate_ends;
 };
 
-/* Config, source and both tables must outlive it. NULL without memory, or with a file that cannot be
- * used; freed with db_mqtt_broker_free(), NULL is allowed: then the farewell or the will is
+/* Config, source and both tables must outlive it. NULL without memory, or with a file that cannot
+ * be used; freed with db_mqtt_broker_free(), NULL is allowed: then the farewell or the will is
  * published. */
 struct db_mqtt_broker *db_mqtt_broker_new(const struct db_mqtt_config *config,
                                           const struct db_mqtt_source_ops *source_ops, void *source,

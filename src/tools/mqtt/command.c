@@ -58,7 +58,8 @@ static const char *read_members(struct db_mqtt_command *command)
 		for (size_t i = 0; i < sizeof(known) / sizeof(known[0]); i++)
 			found = found || strcmp(key, known[i]) == 0;
 		if (!found)
-			return "there are id, time, user, token, command, arguments and write, nothing else";
+			return "there are id, time, user, token, command, arguments and write, "
+			       "nothing else";
 	}
 	if (time &&
 	    (!json_is_string(time) || !db_mqtt_moment_read(json_string_value(time), &command->us)))

@@ -19,8 +19,8 @@ json_t *db_mqtt_device_keep(const struct db_mqtt_config *config, json_t *receive
 
 	if (commands)
 		return db_mqtt_config_commands(config) ? json_incref(received) : json_null();
-	/* Arguments of commands are writable, and no parameters. Their order stays, by which process
-	 * data are known. */
+	/* Arguments of commands are writable, and no parameters. Their order stays, by which
+	 * process data are known. */
 	kept = json_array();
 	chosen = db_mqtt_choose_registers(config, received);
 	json_array_foreach(received, i, reg)
@@ -119,7 +119,7 @@ static bool add_command(struct db_mqtt_points *points, const json_t *registers,
 	const json_t *argument;
 
 	(void)json_object_set(properties, "documentation", json_object_get(command, "description"));
-	(void)snprintf(name, sizeof(name), "command/%s", db_client_text(command, "name"));
+	snprintf(name, sizeof(name), "command/%s", db_client_text(command, "name"));
 	added = db_mqtt_points_add(
 		points, &(struct db_mqtt_point){
 				.kind = DB_MQTT_RUN,
@@ -136,7 +136,7 @@ static bool add_command(struct db_mqtt_points *points, const json_t *registers,
 
 		if (i == 0 || !other)
 			continue;
-		(void)snprintf(name, sizeof(name), "argument/%s", db_client_text(other, "name"));
+		snprintf(name, sizeof(name), "argument/%s", db_client_text(other, "name"));
 		added = db_mqtt_points_add(
 				points,
 				&(struct db_mqtt_point){
@@ -183,7 +183,7 @@ bool db_mqtt_device_add_common(struct db_mqtt_points *points, enum db_mqtt_point
 	for (size_t i = 0; i < sizeof(rows) / sizeof(rows[0]) && added; i++) {
 		if (rows[i].kind != kind)
 			continue;
-		(void)snprintf(name, sizeof(name), "%s/%s", rows[i].folder, rows[i].what);
+		snprintf(name, sizeof(name), "%s/%s", rows[i].folder, rows[i].what);
 		added = db_mqtt_points_add(
 			points,
 			&(struct db_mqtt_point){

@@ -18,12 +18,12 @@ struct db_mqtt_points *db_mqtt_device_new(const struct db_mqtt_config *config,
                                           const struct db_plant_drive *drive, const char *family,
                                           const json_t *stops);
 
-/* Adds the metrics that are the same for all: DB_MQTT_RESULT, that tell of a command's result, or DB_MQTT_MARK, that come
- * with a command. False without memory. */
+/* Adds the metrics that are the same for all: DB_MQTT_RESULT, that tell of a command's result, or
+ * DB_MQTT_MARK, that come with a command. False without memory. */
 bool db_mqtt_device_add_common(struct db_mqtt_points *points, enum db_mqtt_point_kind kind);
 
-/* Takes the values of a sample; `us` is when it was sent, for a drive that does not know the time of
- * its data. True: the drive answers. Without an answer the former values stay. */
+/* Takes the values of a sample; `us` is when it was sent, for a drive that does not know the time
+ * of its data. True: the drive answers. Without an answer the former values stay. */
 bool db_mqtt_device_take(struct db_mqtt_points *points, const json_t *values, int64_t us);
 
 /* Takes the result of a command, at `us`. */

@@ -47,8 +47,8 @@ static json_t *list_availability(const struct announcement *announcement, enum a
 	return list;
 }
 
-/* What people read: the name of a register, a command or a bit in the configured language, as the page has it; in English
- * as it is. A bit is told with its register. */
+/* What people read: the name of a register, a command or a bit in the configured language, as the
+ * page has it; in English as it is. A bit is told with its register. */
 static void write_title(const struct announcement *announcement, const char *name, const char *unit,
                         const char *bit, char *title, size_t size)
 {
@@ -64,13 +64,13 @@ static void write_title(const struct announcement *announcement, const char *nam
 	} else {
 		length = strlen(words);
 	}
-	(void)snprintf(title, size, "%.*s%s%s", (int)length, words,
-	               !bit     ? "" :
-	               language ? ": " :
-	                          "_",
-	               bit_words ? bit_words :
-	               bit       ? bit :
-	                           "");
+	snprintf(title, size, "%.*s%s%s", (int)length, words,
+	         !bit     ? "" :
+	         language ? ": " :
+	                    "_",
+	         bit_words ? bit_words :
+	         bit       ? bit :
+	                     "");
 }
 
 /* Takes the document's own members over and adds the common ones. */
@@ -84,9 +84,9 @@ static void put_document(const struct announcement *announcement, const char *co
 	json_t *common;
 	char *text = NULL;
 
-	(void)snprintf(topic, sizeof(topic), "%s/%s/%s/%s/config", config->discovery_prefix,
-	               component, announcement->device, name);
-	(void)snprintf(id, sizeof(id), "%s_%s", announcement->device, name);
+	snprintf(topic, sizeof(topic), "%s/%s/%s/%s/config", config->discovery_prefix, component,
+	         announcement->device, name);
+	snprintf(id, sizeof(id), "%s_%s", announcement->device, name);
 	common = json_pack("{s:s, s:s, s:o, s:s, s:{s:[s], s:s, s:s}, s:{s:s, s:s}}", "name", title,
 	                   "unique_id", id, "availability",
 	                   list_availability(announcement, available), "availability_mode", "all",
@@ -129,7 +129,7 @@ static json_t *list_words(const json_t *reg)
 	for (unsigned i = 0; (double)i <= max && i <= json_object_size(codes); i++) {
 		const char *word;
 
-		(void)snprintf(number, sizeof(number), "%u", i);
+		snprintf(number, sizeof(number), "%u", i);
 		word = json_string_value(json_object_get(codes, number));
 		if (word)
 			(void)json_array_append_new(words, json_string(word));
@@ -164,11 +164,11 @@ static void put_bits(const struct announcement *announcement, const char *name, 
 		if (!bit)
 			continue;
 		/* "None" means unknown. */
-		(void)snprintf(value, sizeof(value),
-		               "{%% set bits = value_json['values']['%s'] %%}"
-		               "{{ 'None' if bits is none else 'ON' if '%s' in bits else 'OFF' }}",
-		               name, bit);
-		(void)snprintf(id, sizeof(id), "%s_%s", name, bit);
+		snprintf(value, sizeof(value),
+		         "{%% set bits = value_json['values']['%s'] %%}"
+		         "{{ 'None' if bits is none else 'ON' if '%s' in bits else 'OFF' }}",
+		         name, bit);
+		snprintf(id, sizeof(id), "%s_%s", name, bit);
 		write_title(announcement, name, "", bit, title, sizeof(title));
 		document = json_pack("{s:s, s:s}", "state_topic", topic, "value_template", value);
 		for (size_t i = 0; i < sizeof(meanings) / sizeof(meanings[0]); i++) {
@@ -196,8 +196,8 @@ static void put_value(const struct announcement *announcement, const char *name,
 
 	/* With `value_json.values` the template language would take the object's method of that
 	 * name. */
-	(void)snprintf(value, sizeof(value), "{{ value_json['values']['%s']%s }}", name,
-	               bits ? " | join(', ')" : "");
+	snprintf(value, sizeof(value), "{{ value_json['values']['%s']%s }}", name,
+	         bits ? " | join(', ')" : "");
 	document = json_pack("{s:s, s:s}", "state_topic", topic.text, "value_template", value);
 	if (unit && unit[0]) {
 		const char *word = unit;
@@ -236,10 +236,10 @@ static void put_button(const struct announcement *announcement, const char *comm
 
 	if (!announcement->withdraw && !db_mqtt_choice_allows(config, drive, command, stops))
 		return;
-	(void)snprintf(message, sizeof(message),
-	               "{\"id\":\"{{ utcnow().timestamp() }}\",\"time\":\"{{ utcnow().isoformat() "
-	               "}}\",\"command\":\"%s\"}",
-	               command);
+	snprintf(message, sizeof(message),
+	         "{\"id\":\"{{ utcnow().timestamp() }}\",\"time\":\"{{ utcnow().isoformat() "
+	         "}}\",\"command\":\"%s\"}",
+	         command);
 	/* A stop counts for a drive that does not answer, too. */
 	write_title(announcement, command, "", NULL, title, sizeof(title));
 	put_document(announcement, "button", command, title, WITH_GATEWAY,
@@ -266,8 +266,8 @@ void db_mqtt_discovery_announce(const struct db_mqtt_config *config,
 	const char *name;
 	const json_t *reg;
 
-	(void)snprintf(announcement.device, sizeof(announcement.device), "drivebridge_%s_%s",
-	               config->gateway, db_mqtt_picture_name(picture));
+	snprintf(announcement.device, sizeof(announcement.device), "drivebridge_%s_%s",
+	         config->gateway, db_mqtt_picture_name(picture));
 	for (char *at = announcement.device; *at; at++) {
 		if (!isalnum((unsigned char)*at) && *at != '-')
 			*at = '_';

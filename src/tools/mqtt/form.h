@@ -64,7 +64,8 @@ struct db_mqtt_form_ops {
 	/* What a message asks for. */
 	enum db_mqtt_kind (*take)(void *form, const char *topic, const void *bytes, size_t length,
 	                          const json_t *stops, struct db_mqtt_received *received);
-	/* Does the work that is due, and returns when it is to be called next; null: there is none. */
+	/* Does the work that is due, and returns when it is to be called next; null: there is none.
+	 */
 	db_time (*turn)(void *form, struct db_mqtt_broker *broker, db_time now);
 };
 

@@ -5,8 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
-/* Its STATE is retained, and comes at once. Where there are other brokers, these are tried after this
- * time. */
+/* Its STATE is retained, and comes at once. Where there are other brokers, these are tried after
+ * this time. */
 #define WAIT (5 * DB_NS_PER_S)
 
 /* A STATE that comes later than this after the connection is no retained one: the host has come. */
@@ -20,10 +20,10 @@ void db_mqtt_host_connect(struct db_mqtt_host *host, const struct db_mqtt_config
 		                       .spread = config->spread_s * DB_NS_PER_S };
 	if (config->primary_host[0] == '\0')
 		return;
-	(void)snprintf(host->topic.text, sizeof(host->topic.text), "spBv1.0/STATE/%s",
-	               config->primary_host);
-	(void)snprintf(host->why, sizeof(host->why), "the primary host %s is not there",
-	               config->primary_host);
+	snprintf(host->topic.text, sizeof(host->topic.text), "spBv1.0/STATE/%s",
+	         config->primary_host);
+	snprintf(host->why, sizeof(host->why), "the primary host %s is not there",
+	         config->primary_host);
 }
 
 void db_mqtt_host_take(struct db_mqtt_host *host, const char *text, size_t length, db_time now,

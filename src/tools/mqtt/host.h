@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The primary host application of Sparkplug: whether it is there, at the broker that this gateway is
- * connected to. Pure; time is passed in. */
+/* The primary host application of Sparkplug: whether it is there, at the broker that this gateway
+ * is connected to. Pure; time is passed in. */
 #ifndef DRIVEBRIDGE_MQTT_HOST_H
 #define DRIVEBRIDGE_MQTT_HOST_H
 
@@ -24,8 +24,8 @@ struct db_mqtt_host {
 void db_mqtt_host_connect(struct db_mqtt_host *host, const struct db_mqtt_config *config,
                           db_time now);
 
-/* Takes the payload of a STATE. Another one than Sparkplug has, and an older one than the newest, are
- * left out. When the host comes while this gateway waits for it, all gateways of a fleet would
+/* Takes the payload of a STATE. Another one than Sparkplug has, and an older one than the newest,
+ * are left out. When the host comes while this gateway waits for it, all gateways of a fleet would
  * publish their births at once: `chance` chooses this one's moment within the spread. */
 void db_mqtt_host_take(struct db_mqtt_host *host, const char *text, size_t length, db_time now,
                        unsigned chance);

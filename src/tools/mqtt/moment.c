@@ -22,7 +22,7 @@ void db_mqtt_moment_write(int64_t us, char text[DB_MQTT_MOMENT_MAX])
 		(void)gmtime_r(&seconds, &utc);
 	}
 	used = strftime(text, DB_MQTT_MOMENT_MAX, "%Y-%m-%dT%H:%M:%S", &utc);
-	(void)snprintf(text + used, DB_MQTT_MOMENT_MAX - used, ".%06dZ", (int)(us % US_PER_S));
+	snprintf(text + used, DB_MQTT_MOMENT_MAX - used, ".%06dZ", (int)(us % US_PER_S));
 }
 
 json_t *db_mqtt_moment_describe(int64_t us)

@@ -87,9 +87,8 @@ static struct db_mqtt_topic topic_of(const struct node *node, const char *type, 
 {
 	struct db_mqtt_topic topic;
 
-	(void)snprintf(topic.text, sizeof(topic.text), NAMESPACE "/%s/%s/%s%s%s",
-	               node->config->group, type, node->config->gateway, device[0] ? "/" : "",
-	               device);
+	snprintf(topic.text, sizeof(topic.text), NAMESPACE "/%s/%s/%s%s%s", node->config->group,
+	         type, node->config->gateway, device[0] ? "/" : "", device);
 	return topic;
 }
 
@@ -141,7 +140,8 @@ static bool add_points(const struct node *node)
 	if (added && db_mqtt_config_commands(node->config))
 		added = db_mqtt_device_add_common(points, DB_MQTT_RESULT) &&
 		        add_own(points, "command age ms", DB_MQTT_UINT32,
-		                "So far the clock of who commands may be from this gateway's, with the "
+		                "So far the clock of who commands may be from this gateway's, with "
+		                "the "
 		                "time on the way: an older command is refused, but for stops") &&
 		        add_own(points, "result/drive", DB_MQTT_STRING,
 		                "The drive of a result, where that has no metrics now");
@@ -186,10 +186,10 @@ static void on_found(void *form, const json_t *description, const struct db_plan
 		                                    db_client_text(drives[i].description, "bus"));
 		char name[DB_MQTT_NAME_MAX + 16];
 
-		(void)snprintf(device->name, sizeof(device->name), "%s",
-		               db_client_text(drives[i].description, "name"));
-		(void)snprintf(device->family, sizeof(device->family), "%s",
-		               db_client_text(bus, "protocol"));
+		snprintf(device->name, sizeof(device->name), "%s",
+		         db_client_text(drives[i].description, "name"));
+		snprintf(device->family, sizeof(device->family), "%s",
+		         db_client_text(bus, "protocol"));
 		device->points = db_mqtt_device_new(node->config, &node->aliases, &drives[i],
 		                                    device->family, stops);
 		if (!device->points) {
@@ -197,7 +197,7 @@ static void on_found(void *form, const json_t *description, const struct db_plan
 			continue;
 		}
 		node->count++;
-		(void)snprintf(name, sizeof(name), "trouble/%s", device->name);
+		snprintf(name, sizeof(name), "trouble/%s", device->name);
 		(void)add_own(node->points, name, DB_MQTT_STRING,
 		              "What is wrong with this drive; none: nothing");
 	}
@@ -262,7 +262,7 @@ static void on_troubles(void *form, const struct db_client_troubles *troubles, c
 	{
 		char name[DB_MQTT_NAME_MAX + 16];
 
-		(void)snprintf(name, sizeof(name), "trouble/%s", db_client_text(record, "drive"));
+		snprintf(name, sizeof(name), "trouble/%s", db_client_text(record, "drive"));
 		set_own(node, name, json_string(db_client_text(record, "cause")));
 	}
 	set_own(node, "well", json_boolean(troubles->well));
@@ -278,7 +278,7 @@ static void on_lost(void *form)
 		char name[DB_MQTT_NAME_MAX + 16];
 
 		node->devices[i].alive = false;
-		(void)snprintf(name, sizeof(name), "trouble/%s", node->devices[i].name);
+		snprintf(name, sizeof(name), "trouble/%s", node->devices[i].name);
 		set_own(node, name, json_null());
 	}
 }
@@ -382,7 +382,7 @@ static enum db_mqtt_kind take(void *form, const char *topic, const void *bytes, 
 	device = find_device(node, topic + head_length + 1);
 	if (!device)
 		return DB_MQTT_NOTHING;
-	(void)snprintf(received->drive, sizeof(received->drive), "%s", device->name);
+	snprintf(received->drive, sizeof(received->drive), "%s", device->name);
 	received->wrong = db_mqtt_order_read(device->points, stops, bytes, length,
 	                                     &received->command, &alive);
 	return alive ? DB_MQTT_ALIVE : DB_MQTT_COMMAND;

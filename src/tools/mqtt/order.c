@@ -202,8 +202,8 @@ static void make_id(const struct order *order, const void *bytes, size_t length,
 
 	for (size_t i = 0; i < length; i++)
 		sum = (sum ^ at[i]) * UINT64_C(1099511628211);
-	(void)snprintf(id, DB_MQTT_ID_MAX + 1, "%" PRId64 " %.24s %016" PRIx64, order->ms,
-	               order->run ? order->run->what : "write", sum);
+	snprintf(id, DB_MQTT_ID_MAX + 1, "%" PRId64 " %.24s %016" PRIx64, order->ms,
+	         order->run ? order->run->what : "write", sum);
 }
 
 /* Moves what was read to the command, which owns it then. */
@@ -233,7 +233,7 @@ static void fill_command(struct order *order, const void *bytes, size_t length,
 		return;
 	}
 	if (order->id && strlen(order->id) <= DB_MQTT_ID_MAX)
-		(void)snprintf(command->id, sizeof(command->id), "%s", order->id);
+		snprintf(command->id, sizeof(command->id), "%s", order->id);
 	else if (!order->stop)
 		make_id(order, bytes, length, command->id);
 	command->timed = order->ms > 0;

@@ -121,8 +121,8 @@ void db_mqtt_outbox_add_sample(struct db_mqtt_outbox *outbox, enum db_mqtt_lane 
 	size_t bytes = sizeof(struct sample) + topic_size + payload_size;
 	struct sample *sample;
 
-	/* The least important lane is dropped first, until there is room, or nothing of this one and
-	 * the less important ones is left. */
+	/* The least important lane is dropped first, until there is room, or nothing of this one
+	 * and the less important ones is left. */
 	for (size_t i = DB_MQTT_LANES; i-- > (size_t)lane;) {
 		while (outbox->lanes[i].first && !has_room(outbox, bytes)) {
 			free_sample(outbox, take_first(outbox, &outbox->lanes[i]));

@@ -49,8 +49,8 @@ void db_mqtt_outbox_set_retained(struct db_mqtt_outbox *outbox, const char *topi
  * enough that the messages for a slow broker pile up only here. */
 #define DB_MQTT_WINDOW 16
 
-/* The next message, retained texts first, whose quality of service is left to the caller; false when
- * there is none, or when too many are unconfirmed. Valid until the next call. */
+/* The next message, retained texts first, whose quality of service is left to the caller; false
+ * when there is none, or when too many are unconfirmed. Valid until the next call. */
 bool db_mqtt_outbox_next(struct db_mqtt_outbox *outbox, struct db_mqtt_message *message);
 
 /* That message was sent with this number, above 0, and db_mqtt_outbox_confirm() reports its

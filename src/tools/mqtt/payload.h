@@ -39,7 +39,8 @@ struct db_mqtt_metric {
 	bool typed;          /* the payload tells the type */
 	const json_t *value; /* NULL, JSON's null or one of another type: there is none */
 	enum db_mqtt_quality quality;
-	json_t *properties; /* stays the caller's: an object with texts, numbers and yes or no; NULL: none */
+	json_t *properties; /* stays the caller's: an object with texts, numbers and yes or no;
+	                       NULL: none */
 };
 
 /* Metrics that are collected. Without memory it goes on, and db_mqtt_payload_close() fails. */
@@ -60,8 +61,8 @@ uint8_t *db_mqtt_payload_close(struct db_mqtt_payload *payload, size_t *length);
 
 #define DB_MQTT_NO_SEQ (-1)
 
-/* A whole payload: when it is sent, its number or DB_MQTT_NO_SEQ, and the metrics. To be freed; NULL
- * without memory. */
+/* A whole payload: when it is sent, its number or DB_MQTT_NO_SEQ, and the metrics. To be freed;
+ * NULL without memory. */
 uint8_t *db_mqtt_payload_finish(int64_t us, int seq, const uint8_t *metrics, size_t metrics_length,
                                 size_t *length);
 

@@ -18,7 +18,7 @@ struct db_mqtt_picture *db_mqtt_picture_new(const json_t *drive, const json_t *r
 	picture->drive = json_deep_copy(drive);
 	picture->registers = json_object();
 	picture->values = json_object();
-	(void)snprintf(picture->quality, sizeof(picture->quality), "bad");
+	snprintf(picture->quality, sizeof(picture->quality), "bad");
 	json_array_foreach(registers, i, reg)
 	{
 		const char *name = json_string_value(json_object_get(reg, "name"));
@@ -67,7 +67,7 @@ static json_t *word_of(const json_t *reg, const json_t *value)
 
 	if (!json_is_object(codes) || !json_is_integer(value))
 		return json_deep_copy(value);
-	(void)snprintf(number, sizeof(number), "%lld", (long long)code);
+	snprintf(number, sizeof(number), "%lld", (long long)code);
 	name = json_object_get(codes, number);
 	if (!bits)
 		return json_deep_copy(name ? name : value);
@@ -76,7 +76,7 @@ static json_t *word_of(const json_t *reg, const json_t *value)
 	for (unsigned bit = 0; bit < 32; bit++) {
 		if (((json_int_t)1 << bit & code) == 0)
 			continue;
-		(void)snprintf(number, sizeof(number), "%u", bit);
+		snprintf(number, sizeof(number), "%u", bit);
 		name = json_object_get(codes, number);
 		if (name)
 			(void)json_array_append(names, name);
@@ -109,7 +109,7 @@ char *db_mqtt_picture_take(struct db_mqtt_picture *picture, const json_t *values
 	json_t *reg;
 
 	picture->us = taken > 0 ? taken : us;
-	(void)snprintf(picture->quality, sizeof(picture->quality), "%s", quality);
+	snprintf(picture->quality, sizeof(picture->quality), "%s", quality);
 	json_object_foreach(picture->registers, name, reg)
 	{
 		const json_t *value = json_object_get(values, name);

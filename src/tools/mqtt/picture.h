@@ -31,8 +31,9 @@ const char *db_mqtt_picture_name(const struct db_mqtt_picture *picture);
 
 /*
  * Takes the values of one sample; `us` is when it was sent, for a drive that does not know the time
- * of its data. `values` NULL: the service is gone, and all values become unknown. Returns the text of the
- * changes since the last sample, to be freed, or NULL when there are none (or without memory).
+ * of its data. `values` NULL: the service is gone, and all values become unknown. Returns the text
+ * of the changes since the last sample, to be freed, or NULL when there are none (or without
+ * memory).
  */
 char *db_mqtt_picture_take(struct db_mqtt_picture *picture, const json_t *values, int64_t us);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The metrics of a Sparkplug device, or of the node itself: their values as last published, and what
- * is written of them. Pure but for memory.
+ * The metrics of a Sparkplug device, or of the node itself: their values as last published, and
+ * what is written of them. Pure but for memory.
  */
 #ifndef DRIVEBRIDGE_MQTT_POINTS_H
 #define DRIVEBRIDGE_MQTT_POINTS_H

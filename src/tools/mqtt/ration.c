@@ -29,8 +29,8 @@ static struct db_mqtt_ration_place *find_place(struct db_mqtt_ration *ration, co
 		.left = whole ? DB_MQTT_RATION_DRIVE : DB_MQTT_RATION_SENDER,
 		.since = now,
 	};
-	(void)snprintf(place->drive, sizeof(place->drive), "%s", drive);
-	(void)snprintf(place->sender, sizeof(place->sender), "%s", sender);
+	snprintf(place->drive, sizeof(place->drive), "%s", drive);
+	snprintf(place->sender, sizeof(place->sender), "%s", sender);
 	return place;
 }
 

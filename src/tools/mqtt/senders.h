@@ -19,8 +19,8 @@ void db_mqtt_senders_free(struct db_mqtt_senders *senders);
 
 /*
  * What the sender may, by the file of users as it is now: a user who is not there, and "", nobody,
- * may only stop, on topics where the broker lets him. Without names in topics everybody may what the
- * configuration's `role` says.
+ * may only stop, on topics where the broker lets him. Without names in topics everybody may what
+ * the configuration's `role` says.
  */
 struct db_grant db_mqtt_senders_grant(struct db_mqtt_senders *senders, const char *sender);
 

@@ -110,7 +110,7 @@ void db_mqtt_store_add(struct db_mqtt_store *store, enum db_mqtt_shelf shelf, co
 	}
 	*stored = (struct db_mqtt_stored){ .historical = shelf != DB_MQTT_SHELF_NOW,
 		                           .length = length };
-	(void)snprintf(stored->device, sizeof(stored->device), "%s", device);
+	snprintf(stored->device, sizeof(stored->device), "%s", device);
 	memcpy(stored->metrics, metrics, length);
 	store->stats.bytes += size;
 	put_last(store, shelf, stored);

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Data of Sparkplug devices on their way to a broker, in their order: what is to be sent now, and what
- * waits for a session, whose oldest is dropped and counted when there is too much. A message that was
- * sent is kept for a while, because nobody confirms it: when the connection is lost, it may be lost
- * with it, and is sent again as historical.
+ * Data of Sparkplug devices on their way to a broker, in their order: what is to be sent now, and
+ * what waits for a session, whose oldest is dropped and counted when there is too much. A message
+ * that was sent is kept for a while, because nobody confirms it: when the connection is lost, it
+ * may be lost with it, and is sent again as historical.
  *
  * Pure but for memory, which is bounded.
  */
@@ -46,7 +46,8 @@ struct db_mqtt_store_stats {
 struct db_mqtt_store *db_mqtt_store_new(size_t messages, size_t bytes);
 void db_mqtt_store_free(struct db_mqtt_store *store);
 
-/* Keeps a copy. Without room or memory for it, it is dropped and counted. `shelf` is NOW or LATER. */
+/* Keeps a copy. Without room or memory for it, it is dropped and counted. `shelf` is NOW or LATER.
+ */
 void db_mqtt_store_add(struct db_mqtt_store *store, enum db_mqtt_shelf shelf, const char *device,
                        const uint8_t *metrics, size_t length);
 

@@ -23,7 +23,7 @@ static bool copy_file(struct db_mqtt_tls_copy *copy, const struct db_certificate
 	if (copy->fd >= 0)
 		(void)close(copy->fd);
 	copy->fd = fd;
-	(void)snprintf(copy->path, sizeof(copy->path), "/proc/self/fd/%d", fd);
+	snprintf(copy->path, sizeof(copy->path), "/proc/self/fd/%d", fd);
 	return true;
 }
 

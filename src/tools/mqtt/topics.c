@@ -9,7 +9,7 @@ struct db_mqtt_topic db_mqtt_topic_of_gateway(const char *prefix, const char *ga
 {
 	struct db_mqtt_topic topic;
 
-	(void)snprintf(topic.text, sizeof(topic.text), "%s/%s/%s", prefix, gateway, leaf);
+	snprintf(topic.text, sizeof(topic.text), "%s/%s/%s", prefix, gateway, leaf);
 	return topic;
 }
 
@@ -18,8 +18,8 @@ struct db_mqtt_topic db_mqtt_topic_of_part(const char *prefix, const char *gatew
 {
 	struct db_mqtt_topic topic;
 
-	(void)snprintf(topic.text, sizeof(topic.text), "%s/%s/%s/%s/%s", prefix, gateway, kind,
-	               name, leaf);
+	snprintf(topic.text, sizeof(topic.text), "%s/%s/%s/%s/%s", prefix, gateway, kind, name,
+	         leaf);
 	return topic;
 }
 

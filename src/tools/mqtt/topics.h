@@ -38,7 +38,8 @@ struct db_mqtt_topic {
 
 struct db_mqtt_topic db_mqtt_topic_of_gateway(const char *prefix, const char *gateway,
                                               const char *leaf);
-/* Of a part of the plant: `kind` is "drive" or "bus". "+" for its name is a filter for all of them. */
+/* Of a part of the plant: `kind` is "drive" or "bus". "+" for its name is a filter for all of them.
+ */
 struct db_mqtt_topic db_mqtt_topic_of_part(const char *prefix, const char *gateway,
                                            const char *kind, const char *name, const char *leaf);
 

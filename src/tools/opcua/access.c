@@ -102,7 +102,7 @@ bool db_opcua_access_set_token(struct db_opcua_access *access, const UA_NodeId *
 	struct db_opcua_session *found = find_session(access, session);
 
 	if (found)
-		(void)snprintf(found->token, sizeof(found->token), "%s", token);
+		snprintf(found->token, sizeof(found->token), "%s", token);
 	return found;
 }
 
@@ -353,7 +353,7 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	(void)server;
 	(void)certificate;
 	(void)session_context;
-	(void)snprintf(from, sizeof(from), "OPC UA, %s", address);
+	snprintf(from, sizeof(from), "OPC UA, %s", address);
 	/* Another user's session is not taken over. */
 	if (status == UA_STATUSCODE_GOOD && session && session->connection != connection &&
 	    strcmp(session->user, login.user) != 0)
@@ -382,9 +382,9 @@ static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *contr
 	session->connection = connection;
 	session->grant = login.grant;
 	session->digest = login.digest;
-	(void)snprintf(session->user, sizeof(session->user), "%s", login.user);
-	(void)snprintf(session->label, sizeof(session->label), "%s at %s",
-	               login.user[0] ? login.user : "anonymous", address);
+	snprintf(session->user, sizeof(session->user), "%s", login.user);
+	snprintf(session->label, sizeof(session->label), "%s at %s",
+	         login.user[0] ? login.user : "anonymous", address);
 	memcpy(session->from, from, sizeof(from));
 	update_network(access, connection);
 	update_network(access, before);
@@ -479,7 +479,7 @@ static UA_Byte get_access_level(UA_Server *server, UA_AccessControl *control, co
 	if (need.written && need.name) {
 		char deed[32];
 
-		(void)snprintf(deed, sizeof(deed), "write %s", need.name);
+		snprintf(deed, sizeof(deed), "write %s", need.name);
 		(void)db_opcua_access_deny(control->context, session, deed, need.of, need.may,
 		                           need.drive);
 	}

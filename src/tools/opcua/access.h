@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Access control: security policies, users with their roles, and the sessions with what is known of
- * them. An observer reads and, over a signed connection, may stop; an operator and an engineer, whose
- * connection is signed, also write and call methods of their drives; nobody changes the address
- * space.
+ * them. An observer reads and, over a signed connection, may stop; an operator and an engineer,
+ * whose connection is signed, also write and call methods of their drives; nobody changes the
+ * address space.
  *
  * Clients without a login cannot keep others out: their sessions have places of their own, one for
  * each connection, and end with it. When all places are taken, sessions that have lost their

@@ -104,8 +104,8 @@ void db_opcua_acting_drop(struct db_opcua_acting *acting, unsigned session)
 
 static void fail(struct db_opcua_outcome *outcome, const char *result, const char *reason)
 {
-	(void)snprintf(outcome->result, sizeof(outcome->result), "%s", result);
-	(void)snprintf(outcome->reason, sizeof(outcome->reason), "%.255s", reason);
+	snprintf(outcome->result, sizeof(outcome->result), "%s", result);
+	snprintf(outcome->reason, sizeof(outcome->reason), "%.255s", reason);
 }
 
 /* The lane over which this session commands the drive; NULL: there is none yet. */
@@ -168,8 +168,8 @@ static struct db_lane *find_lane(struct db_opcua_acting *acting, unsigned sessio
 
 /* --- answers ---------------------------------------------------------------------------------- */
 
-/* `ends`: what follows the name of the command: "", or " ended" of a call whose answer was not waited
- * for any more. */
+/* `ends`: what follows the name of the command: "", or " ended" of a call whose answer was not
+ * waited for any more. */
 static void log_outcome(enum db_client_level level, const struct call *call, const char *ends,
                         const struct db_opcua_outcome *outcome)
 {
@@ -186,8 +186,8 @@ static void on_result(void *data, json_t *parameters, const struct db_client_err
 	struct call *call = data;
 	const char *result = json_string_value(json_object_get(parameters, "result"));
 	struct db_opcua_outcome *outcome = &call->outcome;
-	/* The call was sent, and no answer has arrived or will: it is unknown whether it was carried
-	 * out. */
+	/* The call was sent, and no answer has arrived or will: it is unknown whether it was
+	 * carried out. */
 	bool open = error && (strcmp(error->name, DB_CLIENT_LOST) == 0 ||
 	                      strcmp(error->name, DB_CLIENT_BAD_ANSWER) == 0 ||
 	                      strcmp(error->name, DB_CLIENT_NO_MEMORY) == 0);
@@ -200,18 +200,18 @@ static void on_result(void *data, json_t *parameters, const struct db_client_err
 	if (error && strcmp(error->name, DB_STOPS_PENDING) == 0) {
 		result = "pending";
 		outcome->pending = true;
-		(void)snprintf(outcome->reason, sizeof(outcome->reason), "%.255s", error->text);
+		snprintf(outcome->reason, sizeof(outcome->reason), "%.255s", error->text);
 	} else if (open) {
 		result = "indeterminate";
-		(void)snprintf(outcome->reason, sizeof(outcome->reason),
-		               "%.180s; whether the drive has done it is not known", error->text);
+		snprintf(outcome->reason, sizeof(outcome->reason),
+		         "%.180s; whether the drive has done it is not known", error->text);
 	} else if (error) {
 		result = json_string_value(json_object_get(error->parameters, "result"));
 		if (!result)
 			result = db_client_error_short(error);
-		(void)snprintf(outcome->reason, sizeof(outcome->reason), "%.255s", error->text);
+		snprintf(outcome->reason, sizeof(outcome->reason), "%.255s", error->text);
 	}
-	(void)snprintf(outcome->result, sizeof(outcome->result), "%.31s", result ? result : "");
+	snprintf(outcome->result, sizeof(outcome->result), "%.31s", result ? result : "");
 	if (!call->left)
 		return;
 	log_outcome(error ? DB_CLIENT_WARNING : DB_CLIENT_INFO, call, " ended", outcome);
@@ -325,7 +325,7 @@ static bool send_call(struct call *call, const struct db_opcua_actor *actor, con
 		return db_link_send(call->lane->link, method, parameters, false, on_result, call) ==
 		       0;
 	}
-	(void)snprintf(key, sizeof(key), "%u %s", actor->session, call->drive);
+	snprintf(key, sizeof(key), "%u %s", actor->session, call->drive);
 	return db_stops_send(db_lanes_stops(call->acting->lanes), key,
 	                     &(struct db_stops_user){ actor->user, actor->from }, method,
 	                     parameters, false, on_result, call);
@@ -355,8 +355,8 @@ static void act(struct db_opcua_acting *acting, const struct db_opcua_actor *act
 	}
 	call->acting = acting;
 	call->lane = lane;
-	(void)snprintf(call->drive, sizeof(call->drive), "%s", drive);
-	(void)snprintf(call->what, sizeof(call->what), "%s by %s", what, actor->label);
+	snprintf(call->drive, sizeof(call->drive), "%s", drive);
+	snprintf(call->what, sizeof(call->what), "%s by %s", what, actor->label);
 	/* gcc's analyzer: it is the lane's now, which frees it. */
 	if (lane)
 		lane->call = call;
@@ -378,10 +378,10 @@ static void act(struct db_opcua_acting *acting, const struct db_opcua_actor *act
 	/* The service also reports a stop that is being repeated as pending. */
 	if (outcome->pending)
 		fail(outcome, "pending",
-		     outcome->reason[0] ?
-		             call->outcome.reason :
-		             "the drive has not confirmed it yet; it goes on, and Result tells how it "
-		             "ends");
+		     outcome->reason[0] ? call->outcome.reason :
+		                          "the drive has not confirmed it yet; it goes on, and "
+		                          "Result tells how it "
+		                          "ends");
 	log_outcome(DB_CLIENT_NOTICE, call, "", outcome);
 	if (call->done)
 		free(call);
@@ -435,7 +435,7 @@ void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua
 		return;
 	}
 	(void)json_object_set(values, reg, value);
-	(void)snprintf(what, sizeof(what), "write of %s", reg);
+	snprintf(what, sizeof(what), "write of %s", reg);
 	act(acting, actor, drive, what, way_of_write(reg, stops), "Write",
 	    json_pack("{s:s, s:o, s:s*}", "drive", drive, "values", values, "token",
 	              actor->token[0] ? actor->token : NULL),
@@ -458,14 +458,14 @@ void db_opcua_acting_acknowledge(struct db_opcua_acting *acting, const struct db
 
 	if (!has_right_place(actor, false, outcome))
 		return;
-	(void)snprintf(what, sizeof(what), "acknowledgement of alarm %lld", (long long)alarm);
+	snprintf(what, sizeof(what), "acknowledgement of alarm %lld", (long long)alarm);
 	act(acting, actor, "", what, SHARED, "AcknowledgeAlarm",
 	    json_pack("{s:I, s:s*}", "id", (json_int_t)alarm, "comment",
 	              comment[0] ? comment : NULL),
 	    outcome);
 	/* Its answer is the alarm, without a result. */
 	if (!outcome->pending && outcome->result[0] == '\0')
-		(void)snprintf(outcome->result, sizeof(outcome->result), "ok");
+		snprintf(outcome->result, sizeof(outcome->result), "ok");
 }
 
 /* --- watchdogs -------------------------------------------------------------------------------- */

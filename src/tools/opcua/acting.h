@@ -56,15 +56,16 @@ struct db_opcua_acting *db_opcua_acting_new(sd_event *loop, const struct db_opcu
                                             void *context);
 void db_opcua_acting_free(struct db_opcua_acting *acting);
 
-/* Takes `arguments` over. `stops`: the command stops the drive. The drive's former command must have ended, except for a stop: a waiting
- * command would move the drive when nobody expects it any more. */
+/* Takes `arguments` over. `stops`: the command stops the drive. The drive's former command must
+ * have ended, except for a stop: a waiting command would move the drive when nobody expects it any
+ * more. */
 void db_opcua_acting_run(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
                          const char *drive, const char *command, bool stops, json_t *arguments,
                          struct db_opcua_outcome *outcome);
 
 /* Writes a register; `value` stays the caller's. Values for the command `block` are kept for the
- * session: its command register, with `command` (and `stops` if that one stops), is written together
- * with them in one call. */
+ * session: its command register, with `command` (and `stops` if that one stops), is written
+ * together with them in one call. */
 void db_opcua_acting_write(struct db_opcua_acting *acting, const struct db_opcua_actor *actor,
                            const char *drive, const char *reg, json_t *value, bool block,
                            bool command, bool stops, struct db_opcua_outcome *outcome);

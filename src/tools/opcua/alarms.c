@@ -32,8 +32,8 @@ static struct db_opcua_alarm *find_or_add(struct db_opcua_alarms *alarms, const 
 	struct db_opcua_alarm *alarm;
 	char id[sizeof(alarm->id)];
 
-	(void)snprintf(id, sizeof(id), DB_OPCUA_ALARMS ".%.15s%s%.63s.%.31s", kind,
-	               name[0] ? "." : "", name, db_client_text(told, "cause"));
+	snprintf(id, sizeof(id), DB_OPCUA_ALARMS ".%.15s%s%.63s.%.31s", kind, name[0] ? "." : "",
+	         name, db_client_text(told, "cause"));
 	while (*end && strcmp((*end)->id, id) != 0)
 		end = &(*end)->next;
 	alarm = *end;
@@ -44,8 +44,8 @@ static struct db_opcua_alarm *find_or_add(struct db_opcua_alarms *alarms, const 
 		return NULL;
 	memcpy(alarm->id, id, sizeof(id));
 	alarm->cause = strrchr(alarm->id, '.') + 1;
-	(void)snprintf(alarm->kind, sizeof(alarm->kind), "%s", kind);
-	(void)snprintf(alarm->name, sizeof(alarm->name), "%s", name);
+	snprintf(alarm->kind, sizeof(alarm->kind), "%s", kind);
+	snprintf(alarm->name, sizeof(alarm->name), "%s", name);
 	/* The list has it, which gcc's analyzer does not see. */
 	*end = alarm;
 	return alarm;
@@ -79,15 +79,15 @@ static bool take_one(struct db_opcua_alarm *alarm, const json_t *told, int64_t u
 	alarm->active_us = alarm->present ? came_us : gone_us;
 	alarm->acknowledged_us = db_words_number(told, "acknowledged_us");
 	alarm->received_us = us;
-	(void)snprintf(alarm->by, sizeof(alarm->by), "%s", db_client_text(told, "acknowledged_by"));
+	snprintf(alarm->by, sizeof(alarm->by), "%s", db_client_text(told, "acknowledged_by"));
 	/* "no_answer" is "no answer". */
-	(void)snprintf(cause, sizeof(cause), "%s", alarm->cause);
+	snprintf(cause, sizeof(cause), "%s", alarm->cause);
 	for (char *at = cause; *at; at++)
 		*at = *at == '_' ? ' ' : *at;
-	(void)snprintf(alarm->detail, sizeof(alarm->detail), "%s", detail);
-	(void)snprintf(alarm->text, sizeof(alarm->text), "%s: %s%s%s",
-	               alarm->name[0] ? alarm->name : alarm->kind, cause, detail[0] ? ": " : "",
-	               alarm->detail);
+	snprintf(alarm->detail, sizeof(alarm->detail), "%s", detail);
+	snprintf(alarm->text, sizeof(alarm->text), "%s: %s%s%s",
+	         alarm->name[0] ? alarm->name : alarm->kind, cause, detail[0] ? ": " : "",
+	         alarm->detail);
 	if (severity != alarm->severity) {
 		alarm->severity_before = alarm->severity ? alarm->severity : severity;
 		alarm->severity = severity;

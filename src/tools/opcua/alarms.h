@@ -56,8 +56,8 @@ struct db_opcua_alarms {
 /* A condition has changed. */
 typedef void db_opcua_alarm_fn(void *context, struct db_opcua_alarm *alarm);
 
-/* Takes an answer to the service's method Alarms, and tells what has changed. The answer is one of a
- * list that begins with db_opcua_alarms_begin() and goes on with changes; what the list does not
+/* Takes an answer to the service's method Alarms, and tells what has changed. The answer is one of
+ * a list that begins with db_opcua_alarms_begin() and goes on with changes; what the list does not
  * have, the service has forgotten. `us`: now, microseconds since 1970-01-01 UTC. */
 void db_opcua_alarms_begin(struct db_opcua_alarms *alarms);
 void db_opcua_alarms_take(struct db_opcua_alarms *alarms, const json_t *answer, int64_t us,

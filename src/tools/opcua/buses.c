@@ -124,7 +124,7 @@ void db_opcua_buses_describe(struct db_opcua_bus **buses, json_t *told, int64_t 
 			bus = calloc(1, sizeof(*bus));
 			if (!bus)
 				return;
-			(void)snprintf(bus->name, sizeof(bus->name), "%s", name);
+			snprintf(bus->name, sizeof(bus->name), "%s", name);
 			*at = bus;
 			at = &bus->next;
 		}
@@ -167,7 +167,7 @@ void db_opcua_buses_diagnose(struct db_opcua_bus *buses, json_t *records, int64_
 		char key[DB_OPCUA_NAME_MAX];
 
 		for (size_t i = 0; bus && i < sizeof(keys) / sizeof(keys[0]); i++) {
-			(void)snprintf(key, sizeof(key), "trouble_%s", keys[i]);
+			snprintf(key, sizeof(key), "trouble_%s", keys[i]);
 			set_fact(bus, key, json_object_get(record, keys[i]), time_us);
 		}
 		if (bus)

@@ -418,7 +418,8 @@ static UA_StatusCode refresh(UA_Server *server, const UA_NodeId *session, void *
 
 /* --- methods of a condition ------------------------------------------------------------------- */
 
-/* Cut off between characters if it is too long. False: it is no text that the service could take. */
+/* Cut off between characters if it is too long. False: it is no text that the service could take.
+ */
 static bool take_comment(const UA_Variant *input, char comment[DB_OPCUA_COMMENT_MAX])
 {
 	const UA_LocalizedText *words = input->data;
@@ -481,7 +482,7 @@ static UA_StatusCode acknowledge(UA_Server *server, const UA_NodeId *session, vo
 	if (status == UA_STATUSCODE_GOOD) {
 		/* The service tells the change in a moment. */
 		alarm->acknowledged = true;
-		(void)snprintf(alarm->comment, sizeof(alarm->comment), "%s", comment);
+		snprintf(alarm->comment, sizeof(alarm->comment), "%s", comment);
 	}
 	return status;
 }

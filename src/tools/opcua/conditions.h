@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Alarms as conditions of OPC UA (OPC 10000-9), of the standard's type DiscreteAlarmType. The library
- * of Debian is built without its own: so their nodes are made when they are asked for, as those of
- * drives are, and a condition's node is also the node of its events.
+ * Alarms as conditions of OPC UA (OPC 10000-9), of the standard's type DiscreteAlarmType. The
+ * library of Debian is built without its own: so their nodes are made when they are asked for, as
+ * those of drives are, and a condition's node is also the node of its events.
  *
  * One thread.
  */

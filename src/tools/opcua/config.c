@@ -101,12 +101,12 @@ const struct db_settings_form db_opcua_form = {
 
 void db_opcua_config_space(const struct db_opcua_config *config, char uri[DB_OPCUA_URI_MAX])
 {
-	(void)snprintf(uri, DB_OPCUA_URI_MAX, "urn:%s:drivebridge:drives", config->gateway);
+	snprintf(uri, DB_OPCUA_URI_MAX, "urn:%s:drivebridge:drives", config->gateway);
 }
 
 void db_opcua_config_server(const struct db_opcua_config *config, char uri[DB_OPCUA_URI_MAX])
 {
-	(void)snprintf(uri, DB_OPCUA_URI_MAX, "urn:%s:drivebridge", config->gateway);
+	snprintf(uri, DB_OPCUA_URI_MAX, "urn:%s:drivebridge", config->gateway);
 }
 
 bool db_opcua_config_shows(const struct db_opcua_config *config, enum db_opcua_group group)

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The part of OPC UA for Devices (OPC 10000-100) that drives have: a drive is a component, listed in
- * DeviceSet, with a functional group Identification. Ids and names are the standard's.
+ * The part of OPC UA for Devices (OPC 10000-100) that drives have: a drive is a component, listed
+ * in DeviceSet, with a functional group Identification. Ids and names are the standard's.
  */
 #ifndef DRIVEBRIDGE_OPCUA_DEVICES_H
 #define DRIVEBRIDGE_OPCUA_DEVICES_H

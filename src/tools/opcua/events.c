@@ -79,11 +79,11 @@ static UA_StatusCode find_type(UA_Server *server, const char *event, char id[128
 	char words[DB_OPCUA_NAME_MAX];
 	UA_NodeClass class;
 
-	(void)snprintf(words, sizeof(words), "%s", event);
+	snprintf(words, sizeof(words), "%s", event);
 	for (char *at = words; *at; at++)
 		*at = *at == '-' ? '_' : *at;
 	db_opcua_name_of(words, name);
-	(void)snprintf(id, 128, "%sEventType", name);
+	snprintf(id, 128, "%sEventType", name);
 	*type = node_of(server, id);
 	if (UA_Server_readNodeClass(server, *type, &class) == UA_STATUSCODE_GOOD)
 		return UA_STATUSCODE_GOOD;
@@ -126,8 +126,8 @@ static UA_StatusCode read_message(UA_Server *server, const UA_NodeId *session,
 	return status;
 }
 
-/* The library reads the fields of an event once for each client, with that client's session; so each client gets the
- * message in its own language. */
+/* The library reads the fields of an event once for each client, with that client's session; so
+ * each client gets the message in its own language. */
 static UA_StatusCode translate(UA_Server *server, UA_NodeId event, struct message *message)
 {
 	UA_BrowsePathResult found = UA_Server_browseSimplifiedBrowsePath(

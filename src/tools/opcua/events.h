@@ -12,8 +12,8 @@
 /* Adds their types. */
 UA_StatusCode db_opcua_events_set_up(UA_Server *server);
 
-/* Sends it to the clients that subscribe to events, to each in the language of its session. `event` of the interface's
- * type Event; `origin` is the drive's node. */
+/* Sends it to the clients that subscribe to events, to each in the language of its session. `event`
+ * of the interface's type Event; `origin` is the drive's node. */
 void db_opcua_events_tell(UA_Server *server, const struct db_opcua_locales *locales,
                           const json_t *event, UA_NodeId origin);
 

@@ -8,7 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Most nodes of a request, and how long it waits for the service: everybody's stops wait as long. */
+/* Most nodes of a request, and how long it waits for the service: everybody's stops wait as long.
+ */
 #define NODES_MAX 16
 #define WAIT_MAX_MS 30
 

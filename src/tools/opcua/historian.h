@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Answers what clients read of the past: the service keeps some values of each drive for a week, and
- * the audit trail. One thread; a request waits for the service, some milliseconds at most.
+ * Answers what clients read of the past: the service keeps some values of each drive for a week,
+ * and the audit trail. One thread; a request waits for the service, some milliseconds at most.
  */
 #ifndef DRIVEBRIDGE_OPCUA_HISTORIAN_H
 #define DRIVEBRIDGE_OPCUA_HISTORIAN_H

@@ -96,7 +96,7 @@ UA_LocalizedTextListEntry *db_opcua_locales_fill_name(
 	return entries;
 }
 
-/* --- of a session ------------------------------------------------------------------------------ */
+/* --- of a session ----------------------------------------------------------------------------- */
 
 /* True if `wanted`, such as de-AT, has the language of `id`. */
 static bool has_language(const UA_String *wanted, const char *id)
@@ -108,8 +108,8 @@ static bool has_language(const UA_String *wanted, const char *id)
 	       (wanted->length == length || wanted->data[length] == '-');
 }
 
-/* The place in locale_ids of the first one that the session wants, as the library chooses descriptions; DB_OPCUA_LOCALE_IDS:
- * English. */
+/* The place in locale_ids of the first one that the session wants, as the library chooses
+ * descriptions; DB_OPCUA_LOCALE_IDS: English. */
 static size_t find_locale(const struct db_opcua_locales *locales, UA_Server *server,
                           const UA_NodeId *session)
 {

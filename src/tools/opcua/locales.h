@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Texts in the languages of po/, for each session in the one that it has asked for by the LocaleIds of its
- * ActivateSession, else in English. Of descriptions and display names the library gets a list, and chooses from it; values
- * that are texts are asked for with the session. One thread.
+ * Texts in the languages of po/, for each session in the one that it has asked for by the LocaleIds
+ * of its ActivateSession, else in English. Of descriptions and display names the library gets a
+ * list, and chooses from it; values that are texts are asked for with the session. One thread.
  */
 #ifndef DRIVEBRIDGE_OPCUA_LOCALES_H
 #define DRIVEBRIDGE_OPCUA_LOCALES_H
@@ -33,20 +33,22 @@ void db_opcua_locales_close(struct db_opcua_locales *locales);
 /* Says in the server's capabilities which ids it has texts for. */
 UA_StatusCode db_opcua_locales_tell(const struct db_opcua_locales *locales, UA_Server *server);
 
-/* Fills in the texts, which `english` must outlive; `all`: in each language. The list, for the attribute of a node. */
+/* Fills in the texts, which `english` must outlive; `all`: in each language. The list, for the
+ * attribute of a node. */
 UA_LocalizedTextListEntry *db_opcua_locales_fill(const struct db_opcua_locales *locales,
                                                  struct db_opcua_texts *texts, const char *english,
                                                  bool all);
-/* Fills in the same list for a name that is shown: `name` in English, and in other languages the words of the table for
- * `key` of this length, such as "axis_state"; NULL: there are none. */
+/* Fills in the same list for a name that is shown: `name` in English, and in other languages the
+ * words of the table for `key` of this length, such as "axis_state"; NULL: there are none. */
 UA_LocalizedTextListEntry *db_opcua_locales_fill_name(
 	const struct db_opcua_locales *locales,
 	UA_LocalizedTextListEntry entries[1 + DB_OPCUA_LOCALE_IDS], UA_String name, const char *key,
 	size_t length);
 
 /*
- * A finished English text as this session has asked for it; in English where it has asked for none of the languages, and
- * where there is no session. What is returned is `room`, `english` or the locales' own.
+ * A finished English text as this session has asked for it; in English where it has asked for none
+ * of the languages, and where there is no session. What is returned is `room`, `english` or the
+ * locales' own.
  */
 UA_LocalizedText db_opcua_locales_say(const struct db_opcua_locales *locales, UA_Server *server,
                                       const UA_NodeId *session, const char *english,

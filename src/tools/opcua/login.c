@@ -70,7 +70,7 @@ static UA_StatusCode check_password(struct db_opcua_logins *logins, const char *
 	if (db_users_load(&users, logins->config->users, &db_opcua_keeper, stderr))
 		user = db_users_find(&users, name);
 	if (user)
-		(void)snprintf(login->user, sizeof(login->user), "%s", user->name);
+		snprintf(login->user, sizeof(login->user), "%s", user->name);
 	if (logins->wrong[is_signed] || db_attempts_wait(attempts, own, each, now) > 0 ||
 	    db_attempts_wait(attempts, all, together, now) > 0) {
 		db_users_clear(&users);

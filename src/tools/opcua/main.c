@@ -33,22 +33,29 @@ int main(int argc, char **argv)
 	const struct db_program program = {
 		.name = "drivebridge-opcua",
 		.path = CONFIG_PATH,
-		.usage =
-			"usage: drivebridge-opcua [--config FILE] [--check]\n"
-			"       drivebridge-opcua [--config FILE] --add-user NAME --role ROLE [--drives LIST] [--pam]\n"
-			"       drivebridge-opcua [--config FILE] --remove-user NAME | --users | --move-users\n"
-			"  --config FILE       what to serve to whom; " CONFIG_PATH
-			" when not given\n"
-			"  --check             check the file, the users and the certificate, and end\n"
-			"  --add-user NAME     make a user, or give one another password, role and drives;\n"
-			"                      the password is asked for, or a line of standard input\n"
-			"  --role ROLE         observer, operator, engineer or administrator\n"
-			"  --drives LIST       names with commas, which the user may move; all when not given\n"
-			"  --pam               PAM checks the password, by its service drivebridge\n"
-			"  --remove-user NAME  take a user away\n"
-			"  --users             list them\n"
-			"  --move-users        put those of opcua-users into the file of all programs\n"
-			"  --help, --version\n",
+		.usage = "usage: drivebridge-opcua [--config FILE] [--check]\n"
+			 "       drivebridge-opcua [--config FILE] --add-user NAME --role ROLE "
+			 "[--drives LIST] [--pam]\n"
+			 "       drivebridge-opcua [--config FILE] --remove-user NAME | --users | "
+			 "--move-users\n"
+			 "  --config FILE       what to serve to whom; " CONFIG_PATH
+			 " when not given\n"
+			 "  --check             check the file, the users and the certificate, and "
+			 "end\n"
+			 "  --add-user NAME     make a user, or give one another password, role "
+			 "and drives;\n"
+			 "                      the password is asked for, or a line of standard "
+			 "input\n"
+			 "  --role ROLE         observer, operator, engineer or administrator\n"
+			 "  --drives LIST       names with commas, which the user may move; all "
+			 "when not given\n"
+			 "  --pam               PAM checks the password, by its service "
+			 "drivebridge\n"
+			 "  --remove-user NAME  take a user away\n"
+			 "  --users             list them\n"
+			 "  --move-users        put those of opcua-users into the file of all "
+			 "programs\n"
+			 "  --help, --version\n",
 		.form = &db_opcua_form,
 		.keeper = &db_opcua_keeper,
 		.users_at = offsetof(struct db_opcua_config, users),

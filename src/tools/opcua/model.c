@@ -84,8 +84,8 @@ static const struct {
 /* "event" is "configuration_event" of the gateway. */
 static void name_diagnosis(size_t place, bool gateway, char name[DB_OPCUA_NAME_MAX])
 {
-	(void)snprintf(name, DB_OPCUA_NAME_MAX, "%s%s",
-	               gateway && place > 0 ? "configuration_" : "", diagnosis[place].name);
+	snprintf(name, DB_OPCUA_NAME_MAX, "%s%s", gateway && place > 0 ? "configuration_" : "",
+	         diagnosis[place].name);
 }
 
 void db_opcua_registers_add_diagnosis(json_t *registers, bool gateway)
@@ -104,8 +104,8 @@ void db_opcua_registers_add_diagnosis(json_t *registers, bool gateway)
 }
 
 const struct db_opcua_output db_opcua_outputs[DB_OPCUA_OUTPUTS_COUNT] = {
-	{ "Result",
-	  "How it ended: ok, unproven (taken, and its protocol shows no more), pending (it goes on)" },
+	{ "Result", "How it ended: ok, unproven (taken, and its protocol shows no more), pending "
+	            "(it goes on)" },
 	{ "Reason", "Why it was refused, in words; empty when it was not" },
 };
 
@@ -188,7 +188,7 @@ static bool read_register(struct db_opcua_register *reg, const json_t *json, con
 	           reg->group == DB_OPCUA_DIAGNOSIS;
 	/* A parameter keeps its vendor's name. */
 	if (parameter)
-		(void)snprintf(reg->shown, sizeof(reg->shown), "%s", reg->name);
+		snprintf(reg->shown, sizeof(reg->shown), "%s", reg->name);
 	else
 		db_opcua_name_of(reg->name, reg->shown);
 	return true;
@@ -219,7 +219,7 @@ static const struct db_opcua_type_row *find_data(const struct db_opcua_kind *kin
 	const char *folder = db_opcua_group_folder(group);
 	char path[2 * DB_OPCUA_NAME_MAX];
 
-	(void)snprintf(path, sizeof(path), "%s%s%s", folder, folder[0] ? "." : "", shown);
+	snprintf(path, sizeof(path), "%s%s%s", folder, folder[0] ? "." : "", shown);
 	return db_opcua_type_data(db_opcua_type_member(kind->type, path));
 }
 
@@ -427,8 +427,8 @@ struct db_opcua_drive *db_opcua_drive_new(const char *name, const char *bus,
 		free(drive);
 		return NULL;
 	}
-	(void)snprintf(drive->name, sizeof(drive->name), "%s", name);
-	(void)snprintf(drive->bus, sizeof(drive->bus), "%s", bus);
+	snprintf(drive->name, sizeof(drive->name), "%s", name);
+	snprintf(drive->bus, sizeof(drive->bus), "%s", bus);
 	drive->kind = kind;
 	for (size_t i = 0; i < kind->count; i++) {
 		drive->items[i].drive = drive;

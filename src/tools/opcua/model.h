@@ -79,8 +79,8 @@ struct db_opcua_column {
 	size_t places[DB_OPCUA_HISTORY_MAX]; /* indexes in the kind's list */
 };
 
-/* True if its range ends only where its type does. It bounds nothing then, and is not shown: a client's
- * deadband of one percent of it would hide all changes. */
+/* True if its range ends only where its type does. It bounds nothing then, and is not shown: a
+ * client's deadband of one percent of it would hide all changes. */
 bool db_opcua_register_is_open(const struct db_opcua_register *reg);
 
 /* What drives with the same registers and commands share. */
@@ -142,9 +142,9 @@ struct db_opcua_drive {
 	char reason[256];    /* why it was refused, "": it was not */
 };
 
-/* Removes what is not shown here, such as addresses of Modbus; and from the history's entries, except
- * the first one, what is equal to the first: the common part is given once. Without `history` the
- * entries are left out. */
+/* Removes what is not shown here, such as addresses of Modbus; and from the history's entries,
+ * except the first one, what is equal to the first: the common part is given once. Without
+ * `history` the entries are left out. */
 void db_opcua_registers_shorten(json_t *registers, bool history);
 
 /* Adds the diagnosis to the registers of a drive, or of the gateway. */

@@ -59,7 +59,7 @@ void db_opcua_name_of(const char *reg, char name[DB_OPCUA_NAME_MAX])
 	size_t used = 0;
 
 	if (row && row->name) {
-		(void)snprintf(name, DB_OPCUA_NAME_MAX, "%s", row->name);
+		snprintf(name, DB_OPCUA_NAME_MAX, "%s", row->name);
 		return;
 	}
 	for (; *reg && used + 1 < DB_OPCUA_NAME_MAX; reg++) {

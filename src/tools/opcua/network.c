@@ -128,7 +128,7 @@ __attribute__((format(printf, 4, 0))) static void log_line(void *context, UA_Log
 	 * add any. */
 	if (strstr(format, "subscription diagnostics object"))
 		return;
-	(void)vsnprintf(line, sizeof(line), format, arguments);
+	vsnprintf(line, sizeof(line), format, arguments);
 	db_client_log_rationed(&network->library_lines, db_client_now(), shown, "open62541: %s",
 	                       line);
 }

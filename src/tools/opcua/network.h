@@ -34,7 +34,8 @@ struct db_opcua_network *db_opcua_network_new(unsigned connections, db_opcua_gon
                                               db_opcua_served_fn *served, void *context);
 void db_opcua_network_free(struct db_opcua_network *network);
 
-/* The server's configuration gets the loop, which it ends and frees, and the log, which stays the network's. */
+/* The server's configuration gets the loop, which it ends and frees, and the log, which stays the
+ * network's. */
 void db_opcua_network_give(struct db_opcua_network *network, UA_ServerConfig *settings);
 
 /* The listening port; 0: none. */

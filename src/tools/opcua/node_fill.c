@@ -10,7 +10,8 @@
 
 #include <stdlib.h>
 
-/* The browse name is the same in every language, and so is the display name, unless set_words() follows. */
+/* The browse name is the same in every language, and so is the display name, unless set_words()
+ * follows. */
 static void set_head(const struct db_opcua_nodes *nodes, struct db_opcua_node *node,
                      UA_NodeClass class, UA_QualifiedName name, const char *description)
 {

@@ -149,8 +149,8 @@ static UA_StatusCode read_condition(const struct db_opcua_nodes *nodes,
 	                               value);
 }
 
-/* What an alarm says, for this session; its events have it, too, because the library reads them for each session. Its
- * parts are translated one by one: together they are no text of the table. */
+/* What an alarm says, for this session; its events have it, too, because the library reads them for
+ * each session. Its parts are translated one by one: together they are no text of the table. */
 static UA_StatusCode read_message(const struct db_opcua_nodes *nodes, UA_Server *server,
                                   const UA_NodeId *session, const struct db_opcua_subject *subject,
                                   UA_DataValue *value)
@@ -174,10 +174,10 @@ static UA_StatusCode read_message(const struct db_opcua_nodes *nodes, UA_Server 
 		name.text = db_opcua_string(alarm->name);
 	if (!UA_String_equal(&detail.locale, &cause.locale))
 		detail = db_opcua_locales_say(locales, server, session, alarm->detail, room);
-	(void)snprintf(text, sizeof(text), "%.*s: %.*s%s%.*s", (int)name.text.length,
-	               (const char *)name.text.data, (int)cause.text.length,
-	               (const char *)cause.text.data, alarm->detail[0] ? ": " : "",
-	               (int)detail.text.length, (const char *)detail.text.data);
+	snprintf(text, sizeof(text), "%.*s: %.*s%s%.*s", (int)name.text.length,
+	         (const char *)name.text.data, (int)cause.text.length,
+	         (const char *)cause.text.data, alarm->detail[0] ? ": " : "",
+	         (int)detail.text.length, (const char *)detail.text.data);
 	cause.text = db_opcua_string(text);
 	UA_Variant_clear(&value->value);
 	return UA_Variant_setScalarCopy(&value->value, &cause, &UA_TYPES[UA_TYPES_LOCALIZEDTEXT]);

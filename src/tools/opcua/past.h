@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Past events for clients: the service's audit trail, for those who may read it. A search goes on in
- * the loop after its request was answered, because the library wants an answer at once and pages come
- * from a disk: the client asks again and gets the result.
+ * Past events for clients: the service's audit trail, for those who may read it. A search goes on
+ * in the loop after its request was answered, because the library wants an answer at once and pages
+ * come from a disk: the client asks again and gets the result.
  *
  * One thread; a request waits for the service, some milliseconds at most.
  */

@@ -65,8 +65,8 @@ static void on_sample(void *context, const json_t *sample, int64_t sent_us)
 	/* The clock was set back. */
 	if (drive->outdated_us > us)
 		drive->outdated_us = us;
-	/* A sample sent before a command has older values. Later samples only have the changes since
-	 * then: the next stream starts with all values. */
+	/* A sample sent before a command has older values. Later samples only have the changes
+	 * since then: the next stream starts with all values. */
 	if (sent_us < drive->outdated_us) {
 		drive->missed = true;
 		db_opcua_plant_rewatch(plant);
@@ -436,7 +436,7 @@ bool db_opcua_plant_ask_clock(struct db_opcua_plant *plant, char token[DB_OPCUA_
 	const char *text = db_client_text(answer, "token");
 	bool good = text[0] && strlen(text) < DB_OPCUA_TOKEN_MAX;
 
-	(void)snprintf(token, DB_OPCUA_TOKEN_MAX, "%s", good ? text : "");
+	snprintf(token, DB_OPCUA_TOKEN_MAX, "%s", good ? text : "");
 	json_decref(answer);
 	return good;
 }

@@ -70,8 +70,8 @@ void db_opcua_plant_fetch(struct db_opcua_plant *plant, struct db_opcua_item *it
  * none. */
 bool db_opcua_plant_ask_clock(struct db_opcua_plant *plant, char token[DB_OPCUA_TOKEN_MAX]);
 
-/* How the drive was since then, an answer to the service's method Health, waiting as long; NULL: there
- * is none, or it came too late. */
+/* How the drive was since then, an answer to the service's method Health, waiting as long; NULL:
+ * there is none, or it came too late. */
 json_t *db_opcua_plant_ask_health(struct db_opcua_plant *plant, const char *drive, int64_t since_us,
                                   int wait_ms);
 

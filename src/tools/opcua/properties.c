@@ -131,7 +131,7 @@ static void *list_row_inputs(const struct db_opcua_type_row *method, size_t *cou
 		size_t length = strcspn(at, " ");
 		const struct db_opcua_type_row *row;
 
-		(void)snprintf(path, sizeof(path), "%s%.*s", folder, (int)length, at);
+		snprintf(path, sizeof(path), "%s%.*s", folder, (int)length, at);
 		row = db_opcua_type_member(&db_opcua_type_rows[method->above], path);
 		if (row)
 			arguments[(*count)++] = make_argument(db_opcua_type_name(row), row->text,

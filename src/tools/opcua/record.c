@@ -69,7 +69,8 @@ static bool is_event_type(const UA_ExtensionObject *operand)
 	       UA_String_equal(&field->browsePath[0].name, &name);
 }
 
-/* Of "EventType is one of these" and "of the type" the index of the first type; SIZE_MAX: it is neither. */
+/* Of "EventType is one of these" and "of the type" the index of the first type; SIZE_MAX: it is
+ * neither. */
 static size_t first_type(const UA_ContentFilterElement *element)
 {
 	size_t first = element->filterOperator == UA_FILTEROPERATOR_OFTYPE ? 0 : 1;
@@ -142,8 +143,8 @@ static UA_StatusCode fill_id(const struct filling *filling)
 	char text[40];
 	UA_ByteString id;
 
-	(void)snprintf(text, sizeof(text), "audit %lld",
-	               (long long)json_integer_value(json_object_get(filling->record, "number")));
+	snprintf(text, sizeof(text), "audit %lld",
+	         (long long)json_integer_value(json_object_get(filling->record, "number")));
 	id = db_opcua_string(text);
 	return set(filling, &id, UA_TYPES_BYTESTRING);
 }
@@ -194,8 +195,7 @@ static UA_StatusCode fill_message(const struct filling *filling)
 	UA_LocalizedText message;
 	size_t length;
 
-	(void)snprintf(text, sizeof(text), "%s%s%s", words ? words : "", result[0] ? ": " : "",
-	               result);
+	snprintf(text, sizeof(text), "%s%s%s", words ? words : "", result[0] ? ": " : "", result);
 	free(words);
 	/* A cut may have left a part of a letter. */
 	length = strlen(text);

@@ -17,8 +17,8 @@ UA_StatusCode db_opcua_record_check(const UA_EventFilter *filter);
 /* True if the condition, which was checked, is met by records: they all have one type. */
 bool db_opcua_record_is_wanted(const struct db_opcua_roster *roster, const UA_ContentFilter *where);
 
-/* Fills in empty `fields`, as the filter selects them. What a record does not have is null. `server`:
- * the URI of this server. */
+/* Fills in empty `fields`, as the filter selects them. What a record does not have is null.
+ * `server`: the URI of this server. */
 UA_StatusCode db_opcua_record_fill(const struct db_opcua_roster *roster, const char *server,
                                    const json_t *record, const UA_EventFilter *filter,
                                    UA_HistoryEventFieldList *fields);

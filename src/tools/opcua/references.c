@@ -10,7 +10,7 @@ struct db_opcua_id db_opcua_id_of(const char *owner, const char *part)
 {
 	struct db_opcua_id id;
 
-	(void)snprintf(id.text, sizeof(id.text), "%s%s%s", owner, part[0] ? "." : "", part);
+	snprintf(id.text, sizeof(id.text), "%s%s%s", owner, part[0] ? "." : "", part);
 	return id;
 }
 
@@ -392,7 +392,7 @@ static void refer_of_bus(const struct db_opcua_roster *roster, const struct db_o
 	for (const struct db_opcua_fact *fact = bus->facts; fact; fact = fact->next) {
 		char path[sizeof(bus->name) + sizeof(fact->name)];
 
-		(void)snprintf(path, sizeof(path), "%s.%s", bus->name, fact->name);
+		snprintf(path, sizeof(path), "%s.%s", bus->name, fact->name);
 		refer_to(roster, references, UA_REFERENCETYPEINDEX_HASCOMPONENT, false,
 		         DB_OPCUA_BUSES, path, db_opcua_member_name(roster, fact->name));
 	}

@@ -72,9 +72,9 @@ struct db_opcua_shown *db_opcua_roster_add(struct db_opcua_roster *roster,
 		return NULL;
 	}
 	shown->tree->users++;
-	(void)snprintf(shown->location, sizeof(shown->location), "%s/%lld%s%s", drive->bus,
-	               (long long)json_integer_value(json_object_get(description, "address")),
-	               axis && axis[0] ? "/" : "", axis ? axis : "");
+	snprintf(shown->location, sizeof(shown->location), "%s/%lld%s%s", drive->bus,
+	         (long long)json_integer_value(json_object_get(description, "address")),
+	         axis && axis[0] ? "/" : "", axis ? axis : "");
 	place = find_place(roster, shown->name, strlen(shown->name) + 1);
 	memmove(roster->drives + place + 1, roster->drives + place,
 	        (roster->count - place) * sizeof(struct db_opcua_shown *));

@@ -34,8 +34,8 @@ static struct path path_of(const struct db_opcua_config *config, const char *fol
 {
 	struct path path;
 
-	(void)snprintf(path.text, sizeof(path.text), "%s%s%s%s%s", config->pki,
-	               folder[0] ? "/" : "", folder, name[0] ? "/" : "", name);
+	snprintf(path.text, sizeof(path.text), "%s%s%s%s%s", config->pki, folder[0] ? "/" : "",
+	         folder, name[0] ? "/" : "", name);
 	return path;
 }
 
@@ -53,7 +53,7 @@ static bool write_file(const char *path, const void *bytes, size_t size, mode_t 
 	int fd;
 	bool good;
 
-	(void)snprintf(other, sizeof(other), "%s.new", path);
+	snprintf(other, sizeof(other), "%s.new", path);
 	fd = open(other, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode);
 	good = fd >= 0 && write(fd, bytes, size) == (ssize_t)size && (!for_good || fsync(fd) == 0);
 	if (fd >= 0)
@@ -99,8 +99,8 @@ static bool make_own(const struct db_opcua_config *config, const char *certifica
 	bool made;
 	bool good;
 
-	(void)snprintf(name, sizeof(name), "drivebridge on %s", config->gateway);
-	(void)snprintf(uri, sizeof(uri), "urn:%s:drivebridge", config->gateway);
+	snprintf(name, sizeof(name), "drivebridge on %s", config->gateway);
+	snprintf(uri, sizeof(uri), "urn:%s:drivebridge", config->gateway);
 	made = db_certificate_make_own(&wish, wall_s(), &certificate, &key, why);
 	if (!made)
 		db_client_log(DB_CLIENT_ERROR, "no certificate can be made: %s", why);
@@ -233,8 +233,7 @@ static void keep_rejected(struct guard *guard, const UA_ByteString *certificate,
 	struct path path;
 	char name[32];
 
-	(void)snprintf(name, sizeof(name), "%016llx.der",
-	               (unsigned long long)number_of(certificate));
+	snprintf(name, sizeof(name), "%016llx.der", (unsigned long long)number_of(certificate));
 	path = path_of(guard->config, "rejected", name);
 	(void)guard->parser.getSubjectName(&subject, &copy);
 	if (access(path.text, F_OK) != 0) {
@@ -286,7 +285,7 @@ static struct path find_stray(const struct db_opcua_config *config)
 		if (!good)
 			return found;
 	}
-	(void)snprintf(found.text, sizeof(found.text), "a file in %s/revoked", config->pki);
+	snprintf(found.text, sizeof(found.text), "a file in %s/revoked", config->pki);
 	return found;
 }
 

@@ -37,8 +37,8 @@ bool db_opcua_security_check(const struct db_opcua_config *config);
 /* A file's bytes, which stay the file's. */
 UA_ByteString db_opcua_security_bytes(const struct db_certificate_file *file);
 
-/* What clients ask for over signed channels of this policy is mended (operands.h). To be called once
- * for each policy, of one server. */
+/* What clients ask for over signed channels of this policy is mended (operands.h). To be called
+ * once for each policy, of one server. */
 void db_opcua_security_mend(UA_SecurityPolicy *policy);
 
 /* Checks clients' certificates against the folders; freed by its own clear(). */

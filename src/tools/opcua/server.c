@@ -135,8 +135,8 @@ static UA_StatusCode status_of(const struct db_opcua_outcome *outcome)
 static void keep_outcome(struct db_opcua_drive *drive, const struct db_opcua_outcome *outcome)
 {
 	db_opcua_plant_outdate(drive);
-	(void)snprintf(drive->result, sizeof(drive->result), "%s", outcome->result);
-	(void)snprintf(drive->reason, sizeof(drive->reason), "%s", outcome->reason);
+	snprintf(drive->result, sizeof(drive->result), "%s", outcome->result);
+	snprintf(drive->reason, sizeof(drive->reason), "%s", outcome->reason);
 }
 
 /* For whom the service is called. Fills it in, and returns it. */
@@ -211,7 +211,7 @@ static UA_StatusCode write_register(void *context, const UA_NodeId *id, struct d
 	char deed[32];
 
 	if (!session || !db_grant_has(&session->grant, needs, drive)) {
-		(void)snprintf(deed, sizeof(deed), "write %s", item->reg->name);
+		snprintf(deed, sizeof(deed), "write %s", item->reg->name);
 		return db_opcua_access_deny(server->access, session,
 		                            written && written[0] ? written : deed,
 		                            item->drive->name, needs, drive);
@@ -342,11 +342,11 @@ static UA_StatusCode describe(UA_ServerConfig *settings, const struct db_opcua_c
 	db_opcua_config_server(config, uri);
 	set_text(&settings->applicationDescription.applicationUri, uri);
 	set_text(&settings->applicationDescription.productUri, "urn:drivebridge");
-	(void)snprintf(text, sizeof(text), "drivebridge on %s", config->gateway);
+	snprintf(text, sizeof(text), "drivebridge on %s", config->gateway);
 	UA_LocalizedText_clear(&settings->applicationDescription.applicationName);
 	settings->applicationDescription.applicationName = UA_LOCALIZEDTEXT_ALLOC("en", text);
-	(void)snprintf(text, sizeof(text), "opc.tcp://%s%s%s:%u", numeric6 ? "[" : "",
-	               config->address, numeric6 ? "]" : "", config->port);
+	snprintf(text, sizeof(text), "opc.tcp://%s%s%s:%u", numeric6 ? "[" : "", config->address,
+	         numeric6 ? "]" : "", config->port);
 	UA_Array_delete(settings->serverUrls, settings->serverUrlsSize, &UA_TYPES[UA_TYPES_STRING]);
 	settings->serverUrls = UA_Array_new(1, &UA_TYPES[UA_TYPES_STRING]);
 	settings->serverUrlsSize = settings->serverUrls ? 1 : 0;

@@ -12,8 +12,8 @@
  * and a few more. */
 #define HELD_MAX 32
 
-/* The library's table of hints is not in order: for a value it asks for the data type, for a description for the mask
- * of what may be written (seen in 1.4.11). */
+/* The library's table of hints is not in order: for a value it asks for the data type, for a
+ * description for the mask of what may be written (seen in 1.4.11). */
 #define VALUE_HINTS (UA_NODEATTRIBUTESMASK_VALUE | UA_NODEATTRIBUTESMASK_DATATYPE)
 #define DESCRIPTION_HINTS (UA_NODEATTRIBUTESMASK_DESCRIPTION | UA_NODEATTRIBUTESMASK_WRITEMASK)
 

@@ -113,8 +113,8 @@ static bool take_forward(struct db_opcua_trail *trail, const json_t *answer)
 	return json_is_true(json_object_get(answer, "over"));
 }
 
-/* The number of the first record after a bound, or after the last record if none is. True: `*number`
- * is known. */
+/* The number of the first record after a bound, or after the last record if none is. True:
+ * `*number` is known. */
 static bool find_first(struct db_opcua_trail *trail, const json_t *answer, int64_t *number)
 {
 	const json_t *first = json_array_get(json_object_get(answer, "records"), 0);

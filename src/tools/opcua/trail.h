@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Which records of the audit trail a client gets as events of the past: between two moments in either
- * direction, some at a time. The service gives its trail in pages, oldest first (its method Audit):
- * so the latest ones are searched for in windows of numbers, each as a whole.
+ * Which records of the audit trail a client gets as events of the past: between two moments in
+ * either direction, some at a time. The service gives its trail in pages, oldest first (its method
+ * Audit): so the latest ones are searched for in windows of numbers, each as a whole.
  *
  * Pure: no I/O, no clock; allocates.
  */

@@ -42,11 +42,11 @@ const struct db_opcua_type_row *db_opcua_type_of_family(const char *family)
 	char id[DB_OPCUA_NAME_MAX + sizeof(of_all)];
 	const struct db_opcua_type_row *row;
 
-	(void)snprintf(words, sizeof(words), "%s", family);
+	snprintf(words, sizeof(words), "%s", family);
 	for (char *at = words; *at; at++)
 		*at = *at == '-' ? '_' : *at;
 	db_opcua_name_of(words, name);
-	(void)snprintf(id, sizeof(id), "%s%s", name, of_all);
+	snprintf(id, sizeof(id), "%s%s", name, of_all);
 	row = db_opcua_type_find(id, strlen(id));
 	return row ? row : db_opcua_type_find(of_all, strlen(of_all));
 }

@@ -19,15 +19,15 @@ void db_params_write_number(const json_t *value, char *text, size_t size)
 	char *plus;
 
 	if (json_is_integer(value)) {
-		(void)snprintf(text, size, "%lld", (long long)json_integer_value(value));
+		snprintf(text, size, "%lld", (long long)json_integer_value(value));
 		return;
 	}
 	if (fabs(real) < 1e15 && floor(real) == real) {
-		(void)snprintf(text, size, "%.0f", real);
+		snprintf(text, size, "%.0f", real);
 		return;
 	}
 	for (int digits = 6; digits <= 9; digits++) {
-		(void)snprintf(text, size, "%.*g", digits, real);
+		snprintf(text, size, "%.*g", digits, real);
 		if (strtof(text, NULL) == (float)real)
 			break;
 	}
@@ -40,13 +40,13 @@ void db_params_write_number(const json_t *value, char *text, size_t size)
 /* In quotes. */
 static void write_text(FILE *out, const char *text)
 {
-	(void)fputc('"', out);
+	fputc('"', out);
 	for (; *text; text++) {
 		if (*text == '"' || *text == '\\')
-			(void)fputc('\\', out);
-		(void)fputc(*text, out);
+			fputc('\\', out);
+		fputc(*text, out);
 	}
-	(void)fputc('"', out);
+	fputc('"', out);
 }
 
 static void write_value(FILE *out, const json_t *reg, const json_t *value, int width)
@@ -56,18 +56,17 @@ static void write_value(FILE *out, const json_t *reg, const json_t *value, int w
 	char number[64] = "";
 
 	/* The text after a semicolon is for clients that write the register itself. */
-	(void)snprintf(about, sizeof(about), "%s%s%.*s", unit, unit[0] ? ", " : "",
-	               (int)strcspn(db_words_text(reg, "description"), ";"),
-	               db_words_text(reg, "description"));
+	snprintf(about, sizeof(about), "%s%s%.*s", unit, unit[0] ? ", " : "",
+	         (int)strcspn(db_words_text(reg, "description"), ";"),
+	         db_words_text(reg, "description"));
 	db_words_clean(about);
 	if (!json_is_number(value)) {
-		(void)fprintf(out, "\t# %s: the drive does not tell it: %s\n",
-		              db_words_text(reg, "name"), about);
+		fprintf(out, "\t# %s: the drive does not tell it: %s\n", db_words_text(reg, "name"),
+		        about);
 		return;
 	}
 	db_params_write_number(value, number, sizeof(number));
-	(void)fprintf(out, "\t%-*s = %-10s # %s\n", width, db_words_text(reg, "name"), number,
-	              about);
+	fprintf(out, "\t%-*s = %-10s # %s\n", width, db_words_text(reg, "name"), number, about);
 }
 
 char *db_params_write(const struct db_params *drive)
@@ -81,14 +80,13 @@ char *db_params_write(const struct db_params *drive)
 
 	if (!out)
 		return NULL;
-	(void)fputs("# Parameters of a drive. Into a drive: drivebridgectl params restore DRIVE "
-	            "FILE\n\ndrive ",
-	            out);
+	fputs("# Parameters of a drive. Into a drive: drivebridgectl params restore DRIVE "
+	      "FILE\n\ndrive ",
+	      out);
 	write_text(out, drive->name);
-	(void)fprintf(out,
-	              " {\n\tformat   = " FORMAT "\n\tfamily   = %s\n\tidentity = ", drive->family);
+	fprintf(out, " {\n\tformat   = " FORMAT "\n\tfamily   = %s\n\tidentity = ", drive->family);
 	write_text(out, drive->identity);
-	(void)fputs("\n}\n\nparameters {\n", out);
+	fputs("\n}\n\nparameters {\n", out);
 	json_array_foreach(drive->registers, i, reg)
 	{
 		int letters = (int)strlen(db_words_text(reg, "name"));
@@ -103,7 +101,7 @@ char *db_params_write(const struct db_params *drive)
 			            json_object_get(drive->values, db_words_text(reg, "name")),
 			            width);
 	}
-	(void)fputs("}\n\nend\n", out);
+	fputs("}\n\nend\n", out);
 	if (fclose(out) == 0)
 		return text;
 	free(text);
@@ -203,10 +201,10 @@ static void read_head(struct reading *reading, size_t section)
 					"the format is %.20s; this program reads format %s", value,
 					FORMAT);
 		} else if (strcmp(key->name, "family") == 0) {
-			(void)snprintf(params->family, sizeof(params->family), "%s", value);
+			snprintf(params->family, sizeof(params->family), "%s", value);
 			params->family_line = key->line;
 		} else if (strcmp(key->name, "identity") == 0) {
-			(void)snprintf(params->identity, sizeof(params->identity), "%s", value);
+			snprintf(params->identity, sizeof(params->identity), "%s", value);
 		} else {
 			db_messages_add_error(
 				&reading->messages, key->line,
@@ -299,9 +297,9 @@ bool db_params_read(struct db_params *params, const char *path, const char *text
 	bool right;
 
 	*params = (struct db_params){ .values = json_object() };
-	(void)snprintf(params->name, sizeof(params->name), "%s", path);
+	snprintf(params->name, sizeof(params->name), "%s", path);
 	if (!reading.source) {
-		(void)fprintf(errors, "%s: out of memory\n", path);
+		fprintf(errors, "%s: out of memory\n", path);
 		return false;
 	}
 	reading.messages = (struct db_messages){ .sources = reading.source, .source_count = 1 };

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The text of a set of parameters in a file: the form of a configuration file, with the unit and the
- * meaning of each value after it.
+ * The text of a set of parameters in a file: the form of a configuration file, with the unit and
+ * the meaning of each value after it.
  *
  *	drive "feeder" {
  *		format   = 1

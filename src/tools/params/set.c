@@ -65,10 +65,10 @@ bool db_params_take(struct db_params *params, const char *name, const char *fami
 		.ages = json_incref(json_object_get(answer, "ages_ms")),
 		.registers = registers,
 	};
-	(void)snprintf(params->name, sizeof(params->name), "%s", name);
-	(void)snprintf(params->family, sizeof(params->family), "%s", family);
-	(void)snprintf(params->identity, sizeof(params->identity), "%s",
-	               db_words_text(values, "identity"));
+	snprintf(params->name, sizeof(params->name), "%s", name);
+	snprintf(params->family, sizeof(params->family), "%s", family);
+	snprintf(params->identity, sizeof(params->identity), "%s",
+	         db_words_text(values, "identity"));
 	return db_words_has_bit(db_words_look_up(registers, "status"),
 	                        json_object_get(values, "status"), "params_valid");
 }

@@ -33,8 +33,8 @@ bool db_params_has_trait(const json_t *reg, const char *trait);
 /* True for a parameter that a file can have: a value that the drive itself holds and may report. */
 bool db_params_is_kept(const json_t *reg);
 
-/* The names that a drive's set is read with: its parameters, and the registers that say whether they
- * are known and whose they are. An array that the caller frees. */
+/* The names that a drive's set is read with: its parameters, and the registers that say whether
+ * they are known and whose they are. An array that the caller frees. */
 json_t *db_params_names(const json_t *registers);
 
 /* Fills a drive's set from the answer to a read of these names. False: its parameters are not known
@@ -66,8 +66,8 @@ json_t *db_params_compare(const struct db_params *one, const struct db_params *o
 /*
  * The order in which parameters are written: an array of arrays of names, which the caller frees;
  * each inner array is written as one. First those that others depend on, then those that put others
- * into effect, last those that set the drive's address or speed, because after them the drive may be
- * unreachable. Of `names` only those that the drive has.
+ * into effect, last those that set the drive's address or speed, because after them the drive may
+ * be unreachable. Of `names` only those that the drive has.
  */
 json_t *db_params_order(const json_t *registers, const json_t *names);
 

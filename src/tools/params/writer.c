@@ -85,7 +85,7 @@ static void judge_error(struct db_params_writer *writer, const struct db_client_
 	writer->lost = is_of_client(error);
 	writer->for_good = strncmp(error->name, STANDARD, strlen(STANDARD)) == 0;
 	if (!goes_on)
-		(void)snprintf(writer->over, sizeof(writer->over), "%s", error->text);
+		snprintf(writer->over, sizeof(writer->over), "%s", error->text);
 }
 
 /* The group whose turn it is; NULL: there is none. */
@@ -121,7 +121,7 @@ void db_params_writer_end(struct db_params_writer *writer, const char *why)
 
 	if (!names)
 		return;
-	(void)snprintf(writer->over, sizeof(writer->over), "%s", why);
+	snprintf(writer->over, sizeof(writer->over), "%s", why);
 	fail(writer, json_string_value(json_array_get(names, 0)), why);
 }
 
@@ -211,12 +211,12 @@ static void conclude(struct db_params_writer *writer, json_t *name, const json_t
 	if (!secret && !db_params_agree(value, json_object_get(writer->values, called))) {
 		db_words_write_value(db_words_look_up(writer->registers, called), value, text,
 		                     sizeof(text));
-		(void)snprintf(reason, sizeof(reason), "the drive shows %s", text);
+		snprintf(reason, sizeof(reason), "the drive shows %s", text);
 		fail(writer, called, reason);
 		return;
 	}
-	(void)snprintf(text, sizeof(text), "%s%s", writer->result,
-	               secret ? "; it cannot be read back" : "");
+	snprintf(text, sizeof(text), "%s%s", writer->result,
+	         secret ? "; it cannot be read back" : "");
 	if (!db_params_has_name(writer->written, called))
 		(void)json_array_append(writer->written, name);
 	(void)json_object_del(writer->failed, called);
@@ -257,8 +257,8 @@ static void check(struct db_params_writer *writer, const json_t *values)
 			continue;
 		db_words_write_value(db_words_look_up(writer->registers, name), value, text,
 		                     sizeof(text));
-		(void)snprintf(reason, sizeof(reason),
-		               "something has changed it since: the drive shows %s", text);
+		snprintf(reason, sizeof(reason),
+		         "something has changed it since: the drive shows %s", text);
 		forget(writer->written, name);
 		fail(writer, name, reason);
 		writer->changed = true;
@@ -280,7 +280,7 @@ void db_params_writer_take(struct db_params_writer *writer, const json_t *answer
 		judge_error(writer, error);
 	if (writer->checks) {
 		if (!answer && writer->over[0] == '\0')
-			(void)snprintf(writer->over, sizeof(writer->over), "%s", error->text);
+			snprintf(writer->over, sizeof(writer->over), "%s", error->text);
 		writer->lost = writer->lost || (!answer && is_of_client(error));
 		check(writer, json_object_get(answer, "values"));
 		writer->checks = false;
@@ -288,8 +288,8 @@ void db_params_writer_take(struct db_params_writer *writer, const json_t *answer
 		return;
 	}
 	if (written) {
-		(void)snprintf(writer->result, sizeof(writer->result), "%s",
-		               db_words_text(answer, "result"));
+		snprintf(writer->result, sizeof(writer->result), "%s",
+		         db_words_text(answer, "result"));
 		json_array_foreach(names, i, name)
 		{
 			readable += !is_secret(writer, name);

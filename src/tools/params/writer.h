@@ -58,8 +58,8 @@ const char *db_params_writer_next(struct db_params_writer *writer, json_t **para
 void db_params_writer_take(struct db_params_writer *writer, const json_t *answer,
                            const struct db_client_error *error);
 
-/* Between two calls: nothing more is written, and the next parameter has failed for this reason. What
- * is written is still read back. Without effect after the last one. */
+/* Between two calls: nothing more is written, and the next parameter has failed for this reason.
+ * What is written is still read back. Without effect after the last one. */
 void db_params_writer_end(struct db_params_writer *writer, const char *why);
 
 /* Afterwards: the names of the plan that were not tried any more. The caller frees them. */

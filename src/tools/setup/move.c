@@ -65,7 +65,7 @@ __attribute__((format(printf, 2, 3))) static void add(struct db_setup_move *move
 	va_list arguments;
 
 	va_start(arguments, format);
-	(void)vsnprintf(move->text + used, sizeof(move->text) - used, format, arguments);
+	vsnprintf(move->text + used, sizeof(move->text) - used, format, arguments);
 	va_end(arguments);
 }
 
@@ -77,7 +77,7 @@ __attribute__((format(printf, 2, 3))) static void add_line(struct db_setup_move 
 	va_list arguments;
 
 	va_start(arguments, format);
-	(void)vsnprintf(line, sizeof(line), format, arguments);
+	vsnprintf(line, sizeof(line), format, arguments);
 	va_end(arguments);
 	add(move, "%s%s\n", move->text[0] ? "  " : "", line);
 }
@@ -165,11 +165,9 @@ static void announce(struct db_setup_move *move)
 	         from, bus_of(move), to);
 	if (move->identity[0])
 		add_line(move, "it says that it is %s", move->identity);
-	add_line(
-		move,
-		has_effect(move, "power_up") ?
-			"it must stand, and takes it when it is saved and its power was off and on" :
-			"it must stand, and takes it at once");
+	add_line(move, has_effect(move, "power_up") ? "it must stand, and takes it when it is "
+	                                              "saved and its power was off and on" :
+	                                              "it must stand, and takes it at once");
 	if (!move->is_address) {
 		add_line(move,
 		         "all drives of a bus must have the same bit rate, and the bus in the "
@@ -209,9 +207,9 @@ static void conclude(struct db_setup_move *move)
 
 	if (!move->is_address) {
 		add(move, "done: it answers at %lld bit/s. When all drives of the bus do:", to);
-		(void)snprintf(move->configuration, sizeof(move->configuration),
-		               "bus %.64s {\n    %s = %lld\n    ...\n", bus_of(move),
-		               db_setup_speed_key(move->bus), to);
+		snprintf(move->configuration, sizeof(move->configuration),
+		         "bus %.64s {\n    %s = %lld\n    ...\n", bus_of(move),
+		         db_setup_speed_key(move->bus), to);
 	} else if (move->drive[0]) {
 		add(move,
 		    move->on_page ?
@@ -219,15 +217,16 @@ static void conclude(struct db_setup_move *move)
 		            "done: it answers at address %lld. In the configuration, then "
 		            "drivebridgectl reload:",
 		    to);
-		(void)snprintf(move->configuration, sizeof(move->configuration),
-		               "drive %s {\n    address = %lld\n    ...\n", move->drive, to);
+		snprintf(move->configuration, sizeof(move->configuration),
+		         "drive %s {\n    address = %lld\n    ...\n", move->drive, to);
 	} else {
 		add(move,
-		    move->on_page ?
-		            "done: it answers at address %lld. A scan of %s prints a section for the "
-		            "configuration" :
-		            "done: it answers at address %lld. drivebridgectl scan %s prints a section "
-		            "for the configuration",
+		    move->on_page ? "done: it answers at address %lld. A scan of %s prints a "
+		                    "section for the "
+		                    "configuration" :
+		                    "done: it answers at address %lld. drivebridgectl scan %s "
+		                    "prints a section "
+		                    "for the configuration",
 		    to, bus_of(move));
 	}
 	move->done = true;
@@ -235,7 +234,7 @@ static void conclude(struct db_setup_move *move)
 
 static struct db_setup_action report(struct db_setup_move *move)
 {
-	(void)snprintf(move->text, sizeof(move->text), "%s", move->error.text);
+	snprintf(move->text, sizeof(move->text), "%s", move->error.text);
 	return (struct db_setup_action){ .kind = DB_SETUP_FAIL,
 		                         .error = move->error.name,
 		                         .text = move->text };
@@ -280,9 +279,9 @@ static struct db_setup_action say_step(struct db_setup_move *move, db_time now)
 	switch (move->step) {
 	case SAY_LOOK:
 		add(move,
-		    move->is_address ?
-		            "looking who answers at address %lld, and that nobody does at the new one" :
-		            "looking who answers at address %lld",
+		    move->is_address ? "looking who answers at address %lld, and that nobody does "
+		                       "at the new one" :
+		                       "looking who answers at address %lld",
 		    (long long)move->from);
 		next = LOOK_FROM;
 		break;
@@ -385,22 +384,23 @@ static void take_first(struct db_setup_move *move, const json_t *find)
 
 	if (!find || strcmp(db_words_text(find, "verdict"), "one") != 0) {
 		add(move,
-		    find ? "more than one drive answers at address %lld of %s: both would take what "
+		    find ? "more than one drive answers at address %lld of %s: both would take "
+		           "what "
 		           "is said. Take one of them off the line first" :
 		    move->on_page ?
 		           "no drive answers at address %lld of %s; a scan finds those that do" :
-		           "no drive answers at address %lld of %s; drivebridgectl scan finds those "
+		           "no drive answers at address %lld of %s; drivebridgectl scan finds "
+		           "those "
 		           "that do",
 		    (long long)move->from, bus_of(move));
 		fail(move, FOUND_ERROR("NotOne"), move->text);
 		return;
 	}
-	(void)snprintf(move->identity, sizeof(move->identity), "%s",
-	               db_words_text(find, "identity"));
+	snprintf(move->identity, sizeof(move->identity), "%s", db_words_text(find, "identity"));
 	db_words_clean(move->identity);
 	if (json_array_size(drives) > 0)
-		(void)snprintf(move->drive, sizeof(move->drive), "%s",
-		               json_string_value(json_array_get(drives, 0)));
+		snprintf(move->drive, sizeof(move->drive), "%s",
+		         json_string_value(json_array_get(drives, 0)));
 	move->step = move->is_address ? LOOK_TO : ASK;
 }
 
@@ -449,8 +449,8 @@ static void take_look(struct db_setup_move *move, const json_t *find, db_time no
 			doubt(move, "somebody still answers at its former address");
 		break;
 	default:
-		/* In service its new address is asked again and again; a bus that is out of service for
-		 * that is scanned once. */
+		/* In service its new address is asked again and again; a bus that is out of service
+		 * for that is scanned once. */
 		if (one)
 			move->step = move->is_address ? LOOK_FORMER : CONCLUDE;
 		else if (move->step == LOOK_THERE || is_set_aside(move) || now > move->until)

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Gives a drive another address, or the speed of another bus: looks, asks the user, sets, saves, and
- * looks for the drive at its new place. Whatever goes wrong in between, the user is told where the
- * drive may be found. It says what is to be done next and takes what came of it; whoever has the
- * connection and the user does it. Pure.
+ * Gives a drive another address, or the speed of another bus: looks, asks the user, sets, saves,
+ * and looks for the drive at its new place. Whatever goes wrong in between, the user is told where
+ * the drive may be found. It says what is to be done next and takes what came of it; whoever has
+ * the connection and the user does it. Pure.
  */
 #ifndef DRIVEBRIDGE_SETUP_MOVE_H
 #define DRIVEBRIDGE_SETUP_MOVE_H
@@ -72,8 +72,8 @@ struct db_setup_action db_setup_move_next(struct db_setup_move *move, db_time no
 /* What came of it: the finds of a look, NULL otherwise; the answer to a question. */
 void db_setup_move_take(struct db_setup_move *move, const json_t *finds, bool yes, db_time now);
 
-/* It could not be done, or the user has ended it: that error is what comes next. False: it goes on all
- * the same. */
+/* It could not be done, or the user has ended it: that error is what comes next. False: it goes on
+ * all the same. */
 bool db_setup_move_fail(struct db_setup_move *move, const struct db_client_error *error);
 
 #endif

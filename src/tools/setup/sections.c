@@ -20,7 +20,7 @@ static json_int_t choose_unit(json_t *taken, json_int_t wanted)
 	for (json_int_t tried = 0; tried < UNIT_MAX; tried++) {
 		json_int_t unit = (wanted + tried + UNIT_MAX - 1) % UNIT_MAX + 1;
 
-		(void)snprintf(key, sizeof(key), "%lld", (long long)unit);
+		snprintf(key, sizeof(key), "%lld", (long long)unit);
 		if (json_object_get(taken, key))
 			continue;
 		(void)json_object_set_new(taken, key, json_true());
@@ -36,22 +36,20 @@ static void write_drive(FILE *out, const json_t *bus, const json_t *find, json_t
 	char identity[DB_WORDS_VALUE_MAX];
 	char name[128];
 
-	(void)snprintf(name, sizeof(name), "%s-%lld", db_words_text(bus, "name"),
-	               (long long)address);
+	snprintf(name, sizeof(name), "%s-%lld", db_words_text(bus, "name"), (long long)address);
 	while (json_object_get(taken, name) && strlen(name) + 2 < sizeof(name))
 		(void)strcat(name, "-b");
 	(void)json_object_set_new(taken, name, json_true());
-	(void)snprintf(identity, sizeof(identity), "%s", db_words_text(find, "identity"));
+	snprintf(identity, sizeof(identity), "%s", db_words_text(find, "identity"));
 	db_words_clean(identity);
-	(void)fprintf(out, "drive %s {%s%s\n    bus = %s\n", name, identity[0] ? "    # " : "",
-	              identity, db_words_text(bus, "name"));
+	fprintf(out, "drive %s {%s%s\n    bus = %s\n", name, identity[0] ? "    # " : "", identity,
+	        db_words_text(bus, "name"));
 	if (address > 0)
-		(void)fprintf(out, "    address = %lld\n", (long long)address);
+		fprintf(out, "    address = %lld\n", (long long)address);
 	if (json_integer_value(json_object_get(bus, "axes")) > 0)
-		(void)fputs(
-			"    axis = x    # and a drive each for y, z and a, as far as it has them\n",
-			out);
-	(void)fprintf(out, "    unit = %lld\n}\n", (long long)choose_unit(taken, address));
+		fputs("    axis = x    # and a drive each for y, z and a, as far as it has them\n",
+		      out);
+	fprintf(out, "    unit = %lld\n}\n", (long long)choose_unit(taken, address));
 }
 
 char *db_setup_write_sections(const json_t *bus, const json_t *finds, const json_t *drives)
@@ -68,7 +66,7 @@ char *db_setup_write_sections(const json_t *bus, const json_t *finds, const json
 
 	json_array_foreach(drives, i, one)
 	{
-		(void)snprintf(key, sizeof(key), "%lld", (long long)db_words_number(one, "unit"));
+		snprintf(key, sizeof(key), "%lld", (long long)db_words_number(one, "unit"));
 		/* The same unit of another endpoint is free for these. */
 		if (db_words_text(one, "endpoint")[0] == '\0')
 			(void)json_object_set_new(taken, key, json_true());
@@ -82,12 +80,11 @@ char *db_setup_write_sections(const json_t *bus, const json_t *finds, const json
 		    json_array_size(json_object_get(one, "drives")) > 0)
 			continue;
 		if (speed != told && speed != here)
-			(void)fprintf(
-				out,
-				"# at %lld bit/s, while bus %s is set to %lld: all drives of a bus "
-				"and its %s must be the same\n",
-				(long long)speed, db_words_text(bus, "name"), (long long)here,
-				db_setup_speed_key(bus));
+			fprintf(out,
+			        "# at %lld bit/s, while bus %s is set to %lld: all drives of a bus "
+			        "and its %s must be the same\n",
+			        (long long)speed, db_words_text(bus, "name"), (long long)here,
+			        db_setup_speed_key(bus));
 		told = speed;
 		write_drive(out, bus, one, taken);
 	}

@@ -26,13 +26,13 @@ static bool check(const void *values)
 	                                               doubt);
 
 	if (!trust) {
-		(void)fprintf(stderr, "%s\n", why);
+		fprintf(stderr, "%s\n", why);
 		return false;
 	}
 	if (doubt[0] != '\0')
-		(void)fprintf(stderr, "%s\n", doubt);
+		fprintf(stderr, "%s\n", doubt);
 	db_certificate_write_date(trust->expires, date);
-	(void)printf("the certificate is valid until %s\n", date);
+	printf("the certificate is valid until %s\n", date);
 	db_tls_trust_let_go(trust);
 	return doubt[0] == '\0';
 }

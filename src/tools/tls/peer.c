@@ -18,7 +18,8 @@
 /* Time for a whole greeting; and for the service's last answers to who has closed its side. */
 #define GREETING_TIME (5 * DB_NS_PER_S)
 #define FAREWELL_TIME (5 * DB_NS_PER_S)
-/* The service may take less than the client sends for this time, or leave its connection waiting. */
+/* The service may take less than the client sends for this time, or leave its connection waiting.
+ */
 #define BEHIND_TIME (500 * DB_NS_PER_MS)
 /* Between two tries to connect, where the service's queue of connections is full. */
 #define CONNECT_EVERY_US 10000
@@ -164,11 +165,11 @@ enum db_tls_greeting db_tls_peer_greet(struct db_tls_peer *peer, char why[DB_TLS
 		(void)gnutls_alert_send(peer->session, GNUTLS_AL_FATAL, GNUTLS_A_BAD_CERTIFICATE);
 	else
 		(void)gnutls_alert_send_appropriate(peer->session, result);
-	(void)snprintf(why, DB_TLS_WHY, "%s",
-	               peer->why[0] != '\0' ? peer->why :
-	               result == GNUTLS_E_PREMATURE_TERMINATION || result == GNUTLS_E_PULL_ERROR ?
-	                                      "it left within its greeting" :
-	                                      gnutls_strerror(result));
+	snprintf(why, DB_TLS_WHY, "%s",
+	         peer->why[0] != '\0' ? peer->why :
+	         result == GNUTLS_E_PREMATURE_TERMINATION || result == GNUTLS_E_PULL_ERROR ?
+	                                "it left within its greeting" :
+	                                gnutls_strerror(result));
 	return DB_TLS_GREETING_FAILED;
 }
 
@@ -209,7 +210,7 @@ static int connect_service(const struct db_tls_peer *peer, struct chunk *first, 
 	int error = EPIPE;
 	int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
 
-	(void)snprintf(name.sun_path, sizeof(name.sun_path), "%s", peer->peers->socket);
+	snprintf(name.sun_path, sizeof(name.sun_path), "%s", peer->peers->socket);
 	hello.client.waited_ms = waited_ms;
 	db_secure_hello_write(&hello, bytes);
 	memcpy(bytes + DB_SECURE_HELLO_SIZE, first->bytes + first->begin,
@@ -418,15 +419,15 @@ void db_tls_peer_write(const struct db_tls_peer *peer, char text[DB_TLS_PEER_TEX
 
 	(void)inet_ntop(v4 ? AF_INET : AF_INET6, v4 ? address + sizeof(mapped) : address, place,
 	                sizeof(place));
-	(void)snprintf(text, DB_TLS_PEER_TEXT, "%s%s%s", place,
-	               peer->client.name[0] != '\0' ? ", certificate " : "", peer->client.name);
+	snprintf(text, DB_TLS_PEER_TEXT, "%s%s%s", place,
+	         peer->client.name[0] != '\0' ? ", certificate " : "", peer->client.name);
 }
 
 bool db_tls_peer_check(const struct db_tls_peer *peer, int64_t wall_s, char why[DB_TLS_WHY])
 {
 	struct db_secure_client found;
 
-	(void)snprintf(why, DB_TLS_WHY, "its certificate has ended");
+	snprintf(why, DB_TLS_WHY, "its certificate has ended");
 	return wall_s < peer->client.expires &&
 	       db_tls_trust_verify(peer->peers->trust, peer->session, &found, why);
 }

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The places of greetings: connections whose client has not shown a certificate yet. There are few;
- * a new greeting takes the place of the oldest one of its own address where that has its share, else
- * of the address that has most. So nobody's greetings keep those of others out, and they never take
- * a client's place. Addresses are IPv6, or IPv4 v4-mapped; of IPv6 the first 64 bits count, which
- * one host can have all of. Pure.
+ * a new greeting takes the place of the oldest one of its own address where that has its share,
+ * else of the address that has most. So nobody's greetings keep those of others out, and they never
+ * take a client's place. Addresses are IPv6, or IPv4 v4-mapped; of IPv6 the first 64 bits count,
+ * which one host can have all of. Pure.
  */
 #ifndef DRIVEBRIDGE_TLS_PLACES_H
 #define DRIVEBRIDGE_TLS_PLACES_H

@@ -90,7 +90,7 @@ static void drop(void *context, struct db_tls_peer *peer, const char *why)
 
 	if (why) {
 		db_tls_peer_write(peer, text);
-		(void)snprintf(address, sizeof(address), "%.*s", (int)strcspn(text, ","), text);
+		snprintf(address, sizeof(address), "%.*s", (int)strcspn(text, ","), text);
 		db_client_log_rationed_for(
 			&server->refusals, address, db_client_now(), DB_CLIENT_WARNING,
 			member->open ? "client %s disconnected: %s" : "client %s refused: %s", text,
@@ -272,8 +272,7 @@ static void look_at_own(struct db_tls_server *server, db_time now)
 	char date[DB_CERTIFICATE_DATE];
 
 	server->look_at = now + CHECK_INTERVAL;
-	(void)snprintf(what, sizeof(what), "certificate-file = %s",
-	               server->config->certificate_file);
+	snprintf(what, sizeof(what), "certificate-file = %s", server->config->certificate_file);
 	(void)db_certificate_expiry_look(&server->expiry, what, db_client_wall_us() / 1000000);
 	if (due == 0 || db_client_wall_us() / 1000000 < due) {
 		server->crl_said = false;
@@ -299,7 +298,7 @@ static void tell_status(struct db_tls_server *server, db_time now)
 		struct sockaddr_un name = { .sun_family = AF_UNIX };
 		int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
 
-		(void)snprintf(name.sun_path, sizeof(name.sun_path), "%s", server->config->socket);
+		snprintf(name.sun_path, sizeof(name.sun_path), "%s", server->config->socket);
 		if (fd < 0)
 			return;
 		if (connect(fd, (const struct sockaddr *)&name, sizeof(name)) != 0) {

@@ -13,12 +13,13 @@
 
 struct db_tls_server;
 
-/* The configuration must outlive it. Null: it cannot listen, or a file is wrong; the log says so. */
+/* The configuration must outlive it. Null: it cannot listen, or a file is wrong; the log says so.
+ */
 struct db_tls_server *db_tls_server_new(sd_event *loop, const struct db_tls_config *config);
 void db_tls_server_free(struct db_tls_server *server);
 
-/* A db_program_renew_fn: reads its files again, certificates, key and lists of revoked certificates.
- * Wrong ones change nothing but the log. */
+/* A db_program_renew_fn: reads its files again, certificates, key and lists of revoked
+ * certificates. Wrong ones change nothing but the log. */
 void db_tls_server_renew(void *context);
 
 /* A db_program_turn_fn. */

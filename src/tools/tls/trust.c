@@ -11,8 +11,8 @@
 
 #define CHAIN_MAX 8
 
-/* A newer list of revoked certificates is due, or this one is of a clock that is ahead of ours: what
- * it revokes is revoked, and a plant does not stand still for it. */
+/* A newer list of revoked certificates is due, or this one is of a clock that is ahead of ours:
+ * what it revokes is revoked, and a plant does not stand still for it. */
 #define UNTIMELY \
 	(GNUTLS_CERT_REVOCATION_DATA_SUPERSEDED | GNUTLS_CERT_REVOCATION_DATA_ISSUED_IN_FUTURE)
 
@@ -32,7 +32,7 @@ static bool read_file(struct db_certificate_file *file, const char *key, const c
 
 	if (db_certificate_file_read(file, path, reason))
 		return true;
-	(void)snprintf(why, DB_TLS_WHY, "%s = %s: %s", key, path, reason);
+	snprintf(why, DB_TLS_WHY, "%s = %s: %s", key, path, reason);
 	return false;
 }
 
@@ -57,12 +57,12 @@ static bool load_own(struct db_tls_trust *trust, const struct db_tls_config *con
 		state = db_certificate_check_server(&certificate, reason);
 	switch (state) {
 	case DB_CERTIFICATE_WRONG:
-		(void)snprintf(why, DB_TLS_WHY, "certificate-file = %s: %s",
-		               config->certificate_file, reason);
+		snprintf(why, DB_TLS_WHY, "certificate-file = %s: %s", config->certificate_file,
+		         reason);
 		goto end;
 	case DB_CERTIFICATE_DOUBTFUL:
-		(void)snprintf(doubt, DB_TLS_WHY, "certificate-file = %s: %s",
-		               config->certificate_file, reason);
+		snprintf(doubt, DB_TLS_WHY, "certificate-file = %s: %s", config->certificate_file,
+		         reason);
 		break;
 	case DB_CERTIFICATE_GOOD:
 		break;
@@ -74,8 +74,8 @@ static bool load_own(struct db_tls_trust *trust, const struct db_tls_config *con
 	                                             &key_datum, GNUTLS_X509_FMT_PEM);
 	good = result >= 0;
 	if (!good)
-		(void)snprintf(why, DB_TLS_WHY, "certificate-file = %s: %s",
-		               config->certificate_file, gnutls_strerror(result));
+		snprintf(why, DB_TLS_WHY, "certificate-file = %s: %s", config->certificate_file,
+		         gnutls_strerror(result));
 end:
 	db_certificate_file_clear(&certificate);
 	db_certificate_file_clear(&key);
@@ -95,7 +95,7 @@ static bool load_authorities(struct db_tls_trust *trust, const struct db_tls_con
 		return false;
 	datum = datum_of(&file);
 	if (db_certificate_check_list(&file, now, &facts, reason) == DB_CERTIFICATE_WRONG) {
-		(void)snprintf(why, DB_TLS_WHY, "ca-file = %s: %s", config->ca_file, reason);
+		snprintf(why, DB_TLS_WHY, "ca-file = %s: %s", config->ca_file, reason);
 		db_certificate_file_clear(&file);
 		return false;
 	}
@@ -107,8 +107,8 @@ static bool load_authorities(struct db_tls_trust *trust, const struct db_tls_con
 		                                              GNUTLS_X509_FMT_PEM);
 	db_certificate_file_clear(&file);
 	if (count <= 0)
-		(void)snprintf(why, DB_TLS_WHY, "ca-file = %s: %s", config->ca_file,
-		               gnutls_strerror(count < 0 ? count : GNUTLS_E_NO_CERTIFICATE_FOUND));
+		snprintf(why, DB_TLS_WHY, "ca-file = %s: %s", config->ca_file,
+		         gnutls_strerror(count < 0 ? count : GNUTLS_E_NO_CERTIFICATE_FOUND));
 	return count > 0;
 }
 
@@ -180,10 +180,10 @@ static bool load_crls(struct db_tls_trust *trust, const struct db_tls_config *co
 	gnutls_free(lists);
 	if (result >= 0 && (unsigned)result == count && count > 0)
 		return true;
-	(void)snprintf(why, DB_TLS_WHY, "crl-file = %s: %s", config->crl_file,
-	               result < 0 ? gnutls_strerror(result) :
-	               count == 0 ? "it has no list of revoked certificates" :
-	                            "a list in it is not signed by an authority of ca-file");
+	snprintf(why, DB_TLS_WHY, "crl-file = %s: %s", config->crl_file,
+	         result < 0 ? gnutls_strerror(result) :
+	         count == 0 ? "it has no list of revoked certificates" :
+	                      "a list in it is not signed by an authority of ca-file");
 	return false;
 }
 
@@ -193,7 +193,7 @@ struct db_tls_trust *db_tls_trust_load(const struct db_tls_config *config, int64
 	struct db_tls_trust *trust = calloc(1, sizeof(*trust));
 
 	doubt[0] = '\0';
-	(void)snprintf(why, DB_TLS_WHY, "out of memory");
+	snprintf(why, DB_TLS_WHY, "out of memory");
 	if (!trust)
 		return NULL;
 	trust->holders = 1;
@@ -293,14 +293,14 @@ static bool verify_chain(const struct db_tls_trust *trust, gnutls_x509_crt_t *ch
 	result = gnutls_x509_trust_list_verify_crt2(trust->authorities, chain, count, &usage, 1, 0,
 	                                            &status, NULL);
 	if (result < 0) {
-		(void)snprintf(why, DB_TLS_WHY, "%s", gnutls_strerror(result));
+		snprintf(why, DB_TLS_WHY, "%s", gnutls_strerror(result));
 		return false;
 	}
 	if (is_good(status))
 		return true;
 	if (gnutls_certificate_verification_status_print(status, GNUTLS_CRT_X509, &text, 0) != 0)
 		return false;
-	(void)snprintf(why, DB_TLS_WHY, "%s", (const char *)text.data);
+	snprintf(why, DB_TLS_WHY, "%s", (const char *)text.data);
 	gnutls_free(text.data);
 	return false;
 }
@@ -314,7 +314,7 @@ bool db_tls_trust_verify(const struct db_tls_trust *trust, gnutls_session_t sess
 	const gnutls_datum_t *list = gnutls_certificate_get_peers(session, &sent);
 	bool good = list && sent > 0 && sent <= CHAIN_MAX;
 
-	(void)snprintf(why, DB_TLS_WHY, "it has no certificate, or too long a chain");
+	snprintf(why, DB_TLS_WHY, "it has no certificate, or too long a chain");
 	*client = (struct db_secure_client){ .port = 0 };
 	while (good && count < sent) {
 		good = gnutls_x509_crt_init(&chain[count]) == 0;
@@ -324,7 +324,7 @@ bool db_tls_trust_verify(const struct db_tls_trust *trust, gnutls_session_t sess
 		count++;
 	}
 	if (good) {
-		(void)snprintf(why, DB_TLS_WHY, "its certificate cannot be read");
+		snprintf(why, DB_TLS_WHY, "its certificate cannot be read");
 		good = read_client(chain[0], client) && verify_chain(trust, chain, count, why);
 	}
 	for (unsigned i = 0; i < count; i++)

@@ -17,7 +17,7 @@ static bool read_line(const char *prompt, char *line, size_t size)
 	if (terminal) {
 		struct termios silent = before;
 
-		(void)fputs(prompt, stderr);
+		fputs(prompt, stderr);
 		silent.c_lflag &= ~(tcflag_t)ECHO;
 		(void)tcsetattr(STDIN_FILENO, TCSAFLUSH, &silent);
 	}
@@ -25,7 +25,7 @@ static bool read_line(const char *prompt, char *line, size_t size)
 	line[strcspn(line, "\r\n")] = '\0';
 	if (terminal) {
 		(void)tcsetattr(STDIN_FILENO, TCSAFLUSH, &before);
-		(void)fputs("\n", stderr);
+		fputs("\n", stderr);
 	}
 	return good || (line[0] != '\0' && feof(stdin));
 }
@@ -38,13 +38,13 @@ static bool read_password(const struct db_users_keeper *keeper, const char *user
 	const char *wrong = good ? db_password_judge(password, user, least) : "there is none";
 
 	if (wrong) {
-		(void)fprintf(stderr, "%s: this password is not taken: %s; %u characters or more\n",
-		              keeper->program, wrong, least);
+		fprintf(stderr, "%s: this password is not taken: %s; %u characters or more\n",
+		        keeper->program, wrong, least);
 		return false;
 	}
 	if (isatty(STDIN_FILENO) && (!read_line("The same again: ", again, sizeof(again)) ||
 	                             strcmp(password, again) != 0)) {
-		(void)fprintf(stderr, "%s: these are two different passwords\n", keeper->program);
+		fprintf(stderr, "%s: these are two different passwords\n", keeper->program);
 		good = false;
 	}
 	explicit_bzero(again, sizeof(again));
@@ -76,25 +76,23 @@ static int add(const struct db_users_keeper *keeper, const char *path, unsigned 
 
 	(void)db_role_read(task->role, &user.grant.role);
 	if (!db_users_name_is_good(task->add)) {
-		(void)fprintf(
-			stderr,
-			"%s: a name has 1 to %d letters, digits, '.', '-' and '_', a letter or "
-			"digit first\n",
-			keeper->program, DB_USERS_NAME_MAX);
+		fprintf(stderr,
+		        "%s: a name has 1 to %d letters, digits, '.', '-' and '_', a letter or "
+		        "digit first\n",
+		        keeper->program, DB_USERS_NAME_MAX);
 		return 2;
 	}
 	if (!db_drives_are_good(drives)) {
-		(void)fprintf(stderr, "%s: drives are * or names with commas between them\n",
-		              keeper->program);
+		fprintf(stderr, "%s: drives are * or names with commas between them\n",
+		        keeper->program);
 		return 2;
 	}
-	(void)snprintf(user.name, sizeof(user.name), "%s", task->add);
-	(void)snprintf(user.grant.drives, sizeof(user.grant.drives), "%s", drives);
+	snprintf(user.name, sizeof(user.name), "%s", task->add);
+	snprintf(user.grant.drives, sizeof(user.grant.drives), "%s", drives);
 	if (!task->pam) {
 		good = read_password(keeper, task->add, least, password, sizeof(password));
 		if (good && !db_password_hash(password, user.hash)) {
-			(void)fprintf(stderr, "%s: no hash: %s\n", keeper->program,
-			              strerror(errno));
+			fprintf(stderr, "%s: no hash: %s\n", keeper->program, strerror(errno));
 			good = false;
 		}
 		explicit_bzero(password, sizeof(password));
@@ -114,10 +112,10 @@ static int list(const struct db_users_keeper *keeper, const char *path)
 	for (size_t i = 0; i < users.count; i++) {
 		const struct db_user *user = &users.list[i];
 
-		(void)printf("%-*s  %-13s  %s%s%s%s\n", DB_USERS_NAME_MAX, user->name,
-		             db_role_name(user->grant.role), user->grant.drives,
-		             user->pam ? ", password by PAM" : "", user->former ? ", in " : "",
-		             user->former ? former : "");
+		printf("%-*s  %-13s  %s%s%s%s\n", DB_USERS_NAME_MAX, user->name,
+		       db_role_name(user->grant.role), user->grant.drives,
+		       user->pam ? ", password by PAM" : "", user->former ? ", in " : "",
+		       user->former ? former : "");
 	}
 	db_users_clear(&users);
 	return good ? EXIT_SUCCESS : EXIT_FAILURE;
@@ -140,7 +138,7 @@ static int move(const struct db_users_keeper *keeper, const char *path)
 	}
 	db_users_clear(&users);
 	if (former[0] == '\0' || access(former, F_OK) != 0) {
-		(void)fprintf(stderr, "%s: there is no file of before\n", keeper->program);
+		fprintf(stderr, "%s: there is no file of before\n", keeper->program);
 		return EXIT_FAILURE;
 	}
 	if (!good)
@@ -148,15 +146,15 @@ static int move(const struct db_users_keeper *keeper, const char *path)
 	/* What is left are users who stand in both. */
 	good = db_users_load(&rest, former, keeper, stderr);
 	for (size_t i = 0; i < rest.count; i++)
-		(void)printf("%s: stands in %s already, with that role and password\n",
-		             rest.list[i].name, path);
+		printf("%s: stands in %s already, with that role and password\n", rest.list[i].name,
+		       path);
 	db_users_clear(&rest);
 	if (good && unlink(former) != 0) {
-		(void)fprintf(stderr, "%s: %s\n", former, strerror(errno));
+		fprintf(stderr, "%s: %s\n", former, strerror(errno));
 		good = false;
 	}
 	if (good)
-		(void)printf("%zu users are in %s now, and %s is gone\n", moved, path, former);
+		printf("%zu users are in %s now, and %s is gone\n", moved, path, former);
 	return good ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 

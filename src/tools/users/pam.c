@@ -51,8 +51,7 @@ bool db_pam_is_there(const char *folder)
 	bool found = false;
 
 	for (size_t i = 0; i < sizeof(folders) / sizeof(folders[0]) && !found; i++) {
-		(void)snprintf(path, sizeof(path), "%s/" DB_PAM_SERVICE,
-		               folder[0] ? folder : folders[i]);
+		snprintf(path, sizeof(path), "%s/" DB_PAM_SERVICE, folder[0] ? folder : folders[i]);
 		found = access(path, R_OK) == 0;
 	}
 	return found;
@@ -74,7 +73,7 @@ bool db_pam_check(const char *folder, const char *user, const char *password, ch
 
 	why[0] = '\0';
 	if (!db_pam_is_there(folder)) {
-		(void)snprintf(why, size, "PAM has no service " DB_PAM_SERVICE);
+		snprintf(why, size, "PAM has no service " DB_PAM_SERVICE);
 		return false;
 	}
 	status = folder[0] ?
@@ -87,8 +86,8 @@ bool db_pam_check(const char *folder, const char *user, const char *password, ch
 	if (status == PAM_SUCCESS)
 		status = pam_acct_mgmt(handle, PAM_SILENT | PAM_DISALLOW_NULL_AUTHTOK);
 	if (status != PAM_SUCCESS && status != PAM_AUTH_ERR && status != PAM_USER_UNKNOWN)
-		(void)snprintf(why, size, "PAM: %s",
-		               handle ? pam_strerror(handle, status) : "cannot begin");
+		snprintf(why, size, "PAM: %s",
+		         handle ? pam_strerror(handle, status) : "cannot begin");
 	if (handle)
 		(void)pam_end(handle, status);
 	return status == PAM_SUCCESS;

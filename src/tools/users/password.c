@@ -191,7 +191,7 @@ static void find_word(const char *text, char *word, size_t size)
 		begin++;
 	while (end > begin && !isalpha((unsigned char)text[end - 1]))
 		end--;
-	(void)snprintf(word, size, "%.*s", (int)(end - begin), text + begin);
+	snprintf(word, size, "%.*s", (int)(end - begin), text + begin);
 	for (char *at = word; *at; at++) {
 		const char *sign = strchr(signs, *at);
 
@@ -258,7 +258,7 @@ bool db_password_hash(const char *password, char hash[DB_PASSWORD_HASH_MAX + 1])
 	if (data && crypt_gensalt_rn(METHOD, COST, NULL, 0, setting, sizeof(setting)))
 		made = crypt_rn(password, setting, data, sizeof(*data));
 	if (made && strlen(made) <= DB_PASSWORD_HASH_MAX)
-		(void)snprintf(hash, DB_PASSWORD_HASH_MAX + 1, "%s", made);
+		snprintf(hash, DB_PASSWORD_HASH_MAX + 1, "%s", made);
 	else
 		made = NULL;
 	if (data)

@@ -112,17 +112,16 @@ void db_grant_explain(const struct db_grant *grant, enum db_may may, const char 
                       size_t size)
 {
 	if (may == DB_MAY_STOP)
-		(void)snprintf(text, size, "%s",
-		               "an observer stops drives only where readers-may-stop allows it");
+		snprintf(text, size, "%s",
+		         "an observer stops drives only where readers-may-stop allows it");
 	else if (!has_role(grant, may))
-		(void)snprintf(text, size, "this needs the role %s%s", db_role_name(mays[may].role),
-		               may == DB_MAY_AUDIT ? " or administrator" : "");
+		snprintf(text, size, "this needs the role %s%s", db_role_name(mays[may].role),
+		         may == DB_MAY_AUDIT ? " or administrator" : "");
 	else if (drive && drive[0] != '\0')
-		(void)snprintf(text, size, "%s is not among this user's drives: %s", drive,
-		               grant->drives);
+		snprintf(text, size, "%s is not among this user's drives: %s", drive,
+		         grant->drives);
 	else
-		(void)snprintf(text, size, "this needs all drives; this user has %s",
-		               grant->drives);
+		snprintf(text, size, "this needs all drives; this user has %s", grant->drives);
 }
 
 /* --- what is done ----------------------------------------------------------------------------- */

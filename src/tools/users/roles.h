@@ -73,12 +73,12 @@ void db_grant_explain(const struct db_grant *grant, enum db_may may, const char 
  * needs all. */
 enum db_may db_may_of_command(const char *command, const char **drive);
 
-/* The commands that need this right, or for DB_MAY_MANAGE all drives; ends with NULL. All others need
- * DB_MAY_MOVE. */
+/* The commands that need this right, or for DB_MAY_MANAGE all drives; ends with NULL. All others
+ * need DB_MAY_MOVE. */
 const char *const *db_may_commands(enum db_may may);
 
-/* What writing this value to a register needs; `drive` "" is the gateway. The command is not known by
- * its code here: writing that needs an engineer of all drives. */
+/* What writing this value to a register needs; `drive` "" is the gateway. The command is not known
+ * by its code here: writing that needs an engineer of all drives. */
 enum db_may db_may_of_write(const char *drive, const char *reg, double value);
 
 #endif

@@ -115,7 +115,7 @@ static bool add_users(struct db_users *users, const char *text, const char *path
 			}
 		}
 		if (why && out)
-			(void)fprintf(out, "%s:%u: %s\n", path, number, why);
+			fprintf(out, "%s:%u: %s\n", path, number, why);
 		good = good && !why;
 		/* gcc's analyzer, likewise */
 		text += length + (text[length] == '\n');
@@ -171,7 +171,7 @@ void db_users_former(const char *path, const struct db_users_keeper *keeper, cha
 
 	former[0] = '\0';
 	if (keeper->former && length > end && strcmp(path + length - end, common) == 0)
-		(void)snprintf(former, size, "%.*s/%s", (int)(length - end), path, keeper->former);
+		snprintf(former, size, "%.*s/%s", (int)(length - end), path, keeper->former);
 }
 
 static bool load_file(struct db_users *users, const char *path, bool former, FILE *out)
@@ -182,13 +182,13 @@ static bool load_file(struct db_users *users, const char *path, bool former, FIL
 
 	if (!text) {
 		if (out)
-			(void)fprintf(out, "%s: %s\n", path, strerror(errno));
+			fprintf(out, "%s: %s\n", path, strerror(errno));
 	} else if (status.st_mode & (S_IROTH | S_IWOTH)) {
 		if (out)
-			(void)fprintf(out,
-			              "%s: can be read or written by everybody: chmod 0640 %s, and "
-			              "chgrp it to the group %s\n",
-			              path, path, DB_USERS_GROUP);
+			fprintf(out,
+			        "%s: can be read or written by everybody: chmod 0640 %s, and "
+			        "chgrp it to the group %s\n",
+			        path, path, DB_USERS_GROUP);
 	} else {
 		good = add_users(users, text, path, former, out);
 	}
@@ -314,13 +314,12 @@ static bool replace_file(const char *path, const char *text, const struct stat *
 			size_t length = strcspn(text, "\n");
 
 			if (strncmp(text, name, size) != 0 || text[size] != ':')
-				(void)fprintf(file, "%.*s\n", (int)length, text);
+				fprintf(file, "%.*s\n", (int)length, text);
 			text += length + (text[length] == '\n');
 		}
 		if (user)
-			(void)fprintf(file, "%s:%s:%s:%s\n", user->name,
-			              db_role_name(user->grant.role), user->grant.drives,
-			              user->pam ? PAM : user->hash);
+			fprintf(file, "%s:%s:%s:%s\n", user->name, db_role_name(user->grant.role),
+			        user->grant.drives, user->pam ? PAM : user->hash);
 		good = fflush(file) == 0 && give_rights(fd, old) && fsync(fd) == 0;
 		good = fclose(file) == 0 && good;
 		good = good && rename(other, path) == 0;
@@ -358,7 +357,7 @@ static int lock_folder(const char *path, bool make, unsigned *tries, FILE *out)
 	lock = folder ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
 	free(copy);
 	if (lock < 0) {
-		(void)fprintf(out, "%s: %s\n", path, strerror(errno));
+		fprintf(out, "%s: %s\n", path, strerror(errno));
 		return -1;
 	}
 	while (flock(lock, LOCK_EX | LOCK_NB) != 0) {
@@ -367,9 +366,9 @@ static int lock_folder(const char *path, bool make, unsigned *tries, FILE *out)
 			(void)nanosleep(&wait, NULL);
 			continue;
 		}
-		(void)fprintf(out, "%s: %s\n", path,
-		              errno == EWOULDBLOCK ? "another program is changing it; try again" :
-		                                     strerror(errno));
+		fprintf(out, "%s: %s\n", path,
+		        errno == EWOULDBLOCK ? "another program is changing it; try again" :
+		                               strerror(errno));
 		(void)close(lock);
 		return -1;
 	}
@@ -404,14 +403,14 @@ static bool terms_hold(const char *path, const char *name, const struct db_user 
 	                       !terms->before;
 
 	if (good && terms->by && (!by || by->grant.role != DB_ROLE_ADMINISTRATOR)) {
-		(void)fprintf(out, "%s: %s is no administrator any more\n", path, terms->by);
+		fprintf(out, "%s: %s is no administrator any more\n", path, terms->by);
 		good = false;
 	} else if (good && !as_before) {
-		(void)fprintf(out, "%s: the user %s was changed meanwhile\n", path, name);
+		fprintf(out, "%s: the user %s was changed meanwhile\n", path, name);
 		good = false;
 	} else if (good && now && now->grant.role == DB_ROLE_ADMINISTRATOR &&
 	           !leaves_administrator(&users, name, user, terms->pam)) {
-		(void)fprintf(out, "%s: no administrator who can log in would be left\n", path);
+		fprintf(out, "%s: no administrator who can log in would be left\n", path);
 		good = false;
 	}
 	db_users_clear(&users);
@@ -427,14 +426,14 @@ static bool change_file(const char *path, const char *name, const struct db_user
 	bool good = false;
 
 	if (!text)
-		(void)fprintf(out, "%s: %s\n", path, strerror(errno));
+		fprintf(out, "%s: %s\n", path, strerror(errno));
 	else if (db_users_parse(&users, text, path, out)) {
 		if (!user && !db_users_find(&users, name))
-			(void)fprintf(out, "%s: there is no user %s\n", path, name);
+			fprintf(out, "%s: there is no user %s\n", path, name);
 		else if (user && !db_users_find(&users, name) && users.count + 1 == DB_USERS_MAX)
-			(void)fprintf(out, "%s: there are too many users\n", path);
+			fprintf(out, "%s: there are too many users\n", path);
 		else if (!replace_file(path, text, &status, name, user))
-			(void)fprintf(out, "%s: %s\n", path, strerror(errno));
+			fprintf(out, "%s: %s\n", path, strerror(errno));
 		else
 			good = true;
 	}

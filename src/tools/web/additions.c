@@ -46,8 +46,7 @@ struct db_web_additions *db_web_additions_new(const struct db_web_request *reque
 	if (!additions)
 		return NULL;
 	additions->service = request->server->service;
-	(void)snprintf(additions->bus, sizeof(additions->bus), "%s",
-	               db_words_text(parameters, "bus"));
+	snprintf(additions->bus, sizeof(additions->bus), "%s", db_words_text(parameters, "bus"));
 	if (strcmp(method, "Trace") == 0) {
 		additions->trace = calloc(1, sizeof(*additions->trace));
 		if (additions->trace)
@@ -62,8 +61,8 @@ struct db_web_additions *db_web_additions_new(const struct db_web_request *reque
 		if (!json_is_string(trigger) || json_string_length(trigger) >= CONDITION_MAX) {
 			*problem = "a trigger is a text";
 		} else {
-			(void)snprintf(additions->condition, CONDITION_MAX, "%s",
-			               json_string_value(trigger));
+			snprintf(additions->condition, CONDITION_MAX, "%s",
+			         json_string_value(trigger));
 			*problem = db_capture_trigger_split(additions->condition,
 			                                    &additions->trigger, &additions->value);
 		}
@@ -107,7 +106,7 @@ bool db_web_additions_take_registers(struct db_web_additions *additions, const j
 	if (reg)
 		return db_capture_trigger_set(&additions->trigger, reg, additions->value, problem,
 		                              size);
-	(void)snprintf(problem, size, "%s has no register \"%s\"", additions->trigger.drive, name);
+	snprintf(problem, size, "%s has no register \"%s\"", additions->trigger.drive, name);
 	return false;
 }
 

@@ -71,10 +71,9 @@ static void take_session(struct db_web_request *request, const char *id)
 	const struct db_web_session *session = db_web_sessions_find(server->sessions, id,
 	                                                            db_client_now());
 
-	(void)snprintf(request->user, sizeof(request->user), "%s", session ? session->user : "");
-	(void)snprintf(request->session, sizeof(request->session), "%s",
-	               session ? session->id : "");
-	(void)snprintf(request->token, sizeof(request->token), "%s", session ? session->token : "");
+	snprintf(request->user, sizeof(request->user), "%s", session ? session->user : "");
+	snprintf(request->session, sizeof(request->session), "%s", session ? session->id : "");
+	snprintf(request->token, sizeof(request->token), "%s", session ? session->token : "");
 	request->grant = session ? session->grant : db_web_grant_of_nobody(server->config);
 	request->grant.stops = session && server->config->readers_may_stop == DB_WEB_YES;
 	request->weak = session ? session->weak : NULL;
@@ -120,9 +119,9 @@ static void refuse_deed(struct db_web_request *request, enum db_may may, const c
 	char why[256];
 
 	if (strcmp(request->route.name, "Write") == 0)
-		(void)snprintf(deed, NOTED_MAX, "write%s%s", good ? " " : "", good ? what : "");
+		snprintf(deed, NOTED_MAX, "write%s%s", good ? " " : "", good ? what : "");
 	else
-		(void)snprintf(deed, NOTED_MAX, "%s", good ? what : request->route.name);
+		snprintf(deed, NOTED_MAX, "%s", good ? what : request->route.name);
 	db_grant_explain(&request->grant, may, drive, why, sizeof(why));
 	db_web_service_note(service,
 	                    &(struct db_link_note){ .kind = "denied",
@@ -174,7 +173,7 @@ static void check_post(struct db_web_request *request)
 		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
 		                      "X-Call is a number from 1");
 	else if (tab)
-		(void)snprintf(request->tab, sizeof(request->tab), "%s", tab);
+		snprintf(request->tab, sizeof(request->tab), "%s", tab);
 }
 
 /* A download, which the browser makes by itself from a link of the page. */
@@ -225,7 +224,7 @@ void db_web_admit(struct db_web_request *request)
 	                                                       DB_WEB_COOKIE);
 	take_session(request, cookie ? cookie : "");
 	if (cookie && cookie[0] == DB_WEB_NOBODY && db_web_secret_is_good(cookie + 1))
-		(void)snprintf(request->token, sizeof(request->token), "%s", cookie + 1);
+		snprintf(request->token, sizeof(request->token), "%s", cookie + 1);
 	check_head(request, lines.hosts);
 }
 
@@ -233,7 +232,7 @@ void db_web_admit_again(struct db_web_request *request)
 {
 	char id[DB_WEB_SECRET_TEXT];
 
-	(void)snprintf(id, sizeof(id), "%s", request->session);
+	snprintf(id, sizeof(id), "%s", request->session);
 	take_session(request, id);
 	if (request->route.needs == DB_MAY_NOTHING)
 		return;

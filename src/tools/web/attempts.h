@@ -2,8 +2,8 @@
 /*
  * Limits login attempts (users/attempts.h): for each address, for each user name, known or not, and
  * for each proxy, whatever addresses it tells. A browser that the user has logged in with before
- * has attempts of its own, which no stranger takes. IPv6 addresses count by their first 64 bits, all
- * of which one machine can have.
+ * has attempts of its own, which no stranger takes. IPv6 addresses count by their first 64 bits,
+ * all of which one machine can have.
  *
  * Pure. One thread.
  */

@@ -154,9 +154,9 @@ static void begin(struct db_web_request *request)
 	commission->server = server;
 	commission->caller = db_web_request_caller(request);
 	commission->heard = db_client_now();
-	(void)snprintf(commission->tab, sizeof(commission->tab), "%s", request->tab);
-	(void)snprintf(commission->session, sizeof(commission->session), "%s", request->session);
-	(void)snprintf(commission->drive, sizeof(commission->drive), "%s", order.drive);
+	snprintf(commission->tab, sizeof(commission->tab), "%s", request->tab);
+	snprintf(commission->session, sizeof(commission->session), "%s", request->session);
+	snprintf(commission->drive, sizeof(commission->drive), "%s", order.drive);
 	commission->next = server->commissions;
 	server->commissions = commission;
 	/* NULL: the request was answered with the reason. */

@@ -18,7 +18,8 @@ struct db_web_connections {
 #define PATIENCE 100
 #define PATIENCE_SHORT 20
 
-/* Which connection is closed first; the highest rank never is. Up to WAITING nobody is logged in. */
+/* Which connection is closed first; the highest rank never is. Up to WAITING nobody is logged in.
+ */
 enum rank { HEADLESS, STRANGER, WAITING, IDLE, STAYS };
 
 struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_per_address,
@@ -61,8 +62,8 @@ static enum rank rank_of(const struct db_web_connection *connection)
 	return connection->busy ? STAYS : IDLE;
 }
 
-/* Connections of this address with this rank or a lower one. `home`: somebody is logged in from it, and may open
- * another one. */
+/* Connections of this address with this rank or a lower one. `home`: somebody is logged in from it,
+ * and may open another one. */
 static unsigned count_of(const struct db_web_connections *connections,
                          const struct db_web_address *address, enum rank rank, bool *home)
 {

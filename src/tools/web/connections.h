@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Connections of browsers, and which of them is closed when there is no place for another one. Those
- * of nobody who is logged in have three quarters of the places at most, and give way first: of the
- * address that has most, the oldest one of those that have got least far; addresses from which
- * somebody is logged in come last. A logged-in
- * user's request that is under way always stays. A sixteenth of the places is for those that
- * have not sent a whole request yet: with TLS each costs time whenever the others are served.
- * Who opens one after another has to wait a little.
+ * Connections of browsers, and which of them is closed when there is no place for another one.
+ * Those of nobody who is logged in have three quarters of the places at most, and give way first:
+ * of the address that has most, the oldest one of those that have got least far; addresses from
+ * which somebody is logged in come last. A logged-in user's request that is under way always stays.
+ * A sixteenth of the places is for those that have not sent a whole request yet: with TLS each
+ * costs time whenever the others are served. Who opens one after another has to wait a little.
  *
  * An address is what one machine may have to itself: IPv6 counts by its first 64 bits.
  *
@@ -47,16 +46,16 @@ struct db_web_connections;
 /* At least so many may have sent no whole request yet. */
 #define DB_WEB_CONNECTIONS_HEADLESS 8
 
-/* `seed` is random, see users/attempts.h. NULL without memory. Freed with db_web_connections_free(),
- * NULL is allowed. */
+/* `seed` is random, see users/attempts.h. NULL without memory. Freed with
+ * db_web_connections_free(), NULL is allowed. */
 struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_per_address,
                                                   uint64_t seed);
 void db_web_connections_free(struct db_web_connections *connections);
 
 /*
  * True if there is a place for one more of this address, and it may come already; a proxy's
- * connections are not counted by address. `*leaver` is the connection to close for that, NULL: none. It is marked as leaving, and
- * counts no more.
+ * connections are not counted by address. `*leaver` is the connection to close for that, NULL:
+ * none. It is marked as leaving, and counts no more.
  */
 bool db_web_connections_admit(struct db_web_connections *connections,
                               const struct db_web_address *address, bool counted, db_time now,

@@ -11,7 +11,7 @@
 static void write_hex(const unsigned char *bytes, size_t count, char *text)
 {
 	for (size_t i = 0; i < count; i++)
-		(void)snprintf(text + 2 * i, 3, "%02x", bytes[i]);
+		snprintf(text + 2 * i, 3, "%02x", bytes[i]);
 }
 
 static bool authenticate(const char *id, const char *user, const char *hash, char *digits)
@@ -22,7 +22,7 @@ static bool authenticate(const char *id, const char *user, const char *hash, cha
 	/* Everybody could make what an empty key authenticates. */
 	if (hash[0] == '\0')
 		return false;
-	(void)snprintf(text, sizeof(text), "device %s %s", id, user);
+	snprintf(text, sizeof(text), "device %s %s", id, user);
 	if (gnutls_hmac_fast(GNUTLS_MAC_SHA256, hash, strlen(hash), text, strlen(text), digest) !=
 	    0)
 		return false;
@@ -36,7 +36,7 @@ bool db_web_device_write(const struct db_web_secret *device, const char *user, c
 	char id[DB_WEB_SECRET_TEXT];
 
 	db_web_secret_write(device, id);
-	(void)snprintf(text, DB_WEB_DEVICE_TEXT, "%s.", id);
+	snprintf(text, DB_WEB_DEVICE_TEXT, "%s.", id);
 	return authenticate(id, user, hash, text + ID_LENGTH + 1);
 }
 
@@ -65,6 +65,6 @@ void db_web_device_name(const char *user, bool secure, char name[DB_WEB_DEVICE_N
 	/* Whoever looks into a browser reads no names of users there. */
 	(void)gnutls_hash_fast(GNUTLS_DIG_SHA256, user, strlen(user), digest);
 	write_hex(digest, 8, digits);
-	(void)snprintf(name, DB_WEB_DEVICE_NAME, "%sdrivebridge-device-%s", secure ? "__Host-" : "",
-	               digits);
+	snprintf(name, DB_WEB_DEVICE_NAME, "%sdrivebridge-device-%s", secure ? "__Host-" : "",
+	         digits);
 }

@@ -5,9 +5,9 @@
 
 #include "web/request.h"
 
-/* For who may change the configuration or make users: answers with the configuration as texts, users
- * without passwords (for who makes them; else null), and names of certificates. It is a record of the
- * audit trail. */
+/* For who may change the configuration or make users: answers with the configuration as texts,
+ * users without passwords (for who makes them; else null), and names of certificates. It is a
+ * record of the audit trail. */
 void db_web_gateway(struct db_web_request *request);
 
 #endif

@@ -58,7 +58,7 @@ static bool change_users(struct db_web_work *work)
 
 	if (good && work->fresh_password[0] != '\0' &&
 	    !db_password_hash(work->fresh_password, work->fresh.hash)) {
-		(void)fputs("no hash could be made", out);
+		fputs("no hash could be made", out);
 		good = false;
 	}
 	if (good)
@@ -75,7 +75,7 @@ static bool change_users(struct db_web_work *work)
 		while (size > 0 && said[size - 1] == '\n')
 			said[--size] = '\0';
 		last = strrchr(said, '\n');
-		(void)snprintf(work->why, sizeof(work->why), "%s", last ? last + 1 : said);
+		snprintf(work->why, sizeof(work->why), "%s", last ? last + 1 : said);
 	}
 	free(said);
 	return good;

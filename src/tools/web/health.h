@@ -8,8 +8,8 @@
 #include "web/request.h"
 
 /* {"for_s": how far back, "step_s": 60, 900 or 3600}, and for Health "drive": answers with what the
- * service has, and with its time as now_us. Over a connection of its own, because a disk may take its
- * time; a few at once, others are refused. */
+ * service has, and with its time as now_us. Over a connection of its own, because a disk may take
+ * its time; a few at once, others are refused. */
 void db_web_health(struct db_web_request *request);
 
 /* {"after": a change, 0: all}: alarms of the user's drives, of buses and of the configuration. */

@@ -56,7 +56,7 @@ static void on_stop_answer(void *data, json_t *parameters, const struct db_clien
 		jog->moved = false;
 		jog->stop_again = DB_TIME_NEVER;
 	} else if (jog->stop_again != DB_TIME_NEVER) {
-		(void)snprintf(jog->text, sizeof(jog->text), "%s", error->text);
+		snprintf(jog->text, sizeof(jog->text), "%s", error->text);
 	}
 	settle(jog);
 }
@@ -102,13 +102,13 @@ static void on_move_answer(void *data, json_t *parameters, const struct db_clien
 	/* db_web_jog_lose() handles the lost connection. */
 	if (error && strcmp(error->name, DB_CLIENT_LOST) == 0)
 		return;
-	(void)snprintf(jog->result, sizeof(jog->result), "%s", result ? result : "");
+	snprintf(jog->result, sizeof(jog->result), "%s", result ? result : "");
 	jog->moved = jog->moved || !error || db_client_error_may_move(error);
 	if (error) {
 		json_t *told = db_web_error_describe(error, NULL);
 		const char *text = json_string_value(json_object_get(told, "text"));
 
-		(void)snprintf(jog->text, sizeof(jog->text), "%s", text ? text : "");
+		snprintf(jog->text, sizeof(jog->text), "%s", text ? text : "");
 		json_decref(told);
 		db_client_log(DB_CLIENT_NOTICE, "%s: jog of %s refused: %s", jog->caller.text,
 		              jog->drive, jog->text);
@@ -214,7 +214,7 @@ static bool change_drive(struct db_web_jog *jog, struct db_web_request *request,
 		bool goes_on = beat->velocity != 0;
 
 		jog->waits = beat->grip;
-		(void)snprintf(jog->waiting, sizeof(jog->waiting), "%s", beat->drive);
+		snprintf(jog->waiting, sizeof(jog->waiting), "%s", beat->drive);
 		/* Let go: a beat of it that comes later moves nothing. */
 		if (!goes_on)
 			db_web_grip_take(&jog->grip, beat->grip, beat->number, 0, beat->age, now);
@@ -229,7 +229,7 @@ static bool change_drive(struct db_web_jog *jog, struct db_web_request *request,
 	/* The service continues a stop that the other drive has not confirmed. */
 	db_web_stops_forget(jog->server->stops, jog);
 	jog->stops = 0;
-	(void)snprintf(jog->drive, sizeof(jog->drive), "%s", beat->drive);
+	snprintf(jog->drive, sizeof(jog->drive), "%s", beat->drive);
 	return true;
 }
 
@@ -246,7 +246,7 @@ static void handle_beat(struct db_web_jog *jog, const struct beat *beat, db_time
 	/* The beat was accepted. */
 	if (db_web_grip_is_held(&jog->grip) && jog->grip.number == beat->grip &&
 	    jog->grip.beat == beat->number && beat->token) {
-		(void)snprintf(jog->token, sizeof(jog->token), "%s", beat->token);
+		snprintf(jog->token, sizeof(jog->token), "%s", beat->token);
 		/* The service's own dead man's rule: it stops the drive without these beats, also
 		 * if this program hangs. */
 		if (jog->act && jog->velocity_sent != 0)

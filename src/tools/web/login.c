@@ -26,7 +26,7 @@ static void end_session(struct db_web_server *server, const char *id)
 	char over[DB_WEB_SECRET_TEXT];
 
 	/* `id` may point into the session that is removed here. */
-	(void)snprintf(over, sizeof(over), "%s", id);
+	snprintf(over, sizeof(over), "%s", id);
 	db_web_sessions_end(server->sessions, over);
 	db_web_tabs_leave(server, over, DB_WEB_GRIP_LOGOUT);
 	db_web_stream_end(server, over, "LoginRequired", "the login has ended");
@@ -73,7 +73,7 @@ void db_web_login_tell(struct db_web_request *request)
 			return;
 		}
 		db_web_secret_write(&secret, request->token);
-		(void)snprintf(value, sizeof(value), "%c%s", DB_WEB_NOBODY, request->token);
+		snprintf(value, sizeof(value), "%c%s", DB_WEB_NOBODY, request->token);
 		db_web_request_set_cookie(request, value);
 	}
 	mays = json_array();
@@ -84,19 +84,20 @@ void db_web_login_tell(struct db_web_request *request)
 	/* The version helps who looks for holes. */
 	db_web_request_answer(
 		request, MHD_HTTP_OK,
-		json_pack(
-			"{s:s?, s:s, s:o, s:o, s:{s:o, s:o, s:o}, s:{s:b, s:s?, s:i}, s:s, s:s?, s:b, s:o, s:s?}",
-			"user", request->user[0] ? request->user : NULL, "role",
-			db_role_name(request->grant.role), "may", mays, "drives",
-			list_drives(&request->grant), "commands", "stop",
-			list_commands(DB_MAY_STOP), "engineer", list_commands(DB_MAY_ENGINEER),
-			"manage", list_commands(DB_MAY_MANAGE), "password", "own",
-			request->user[0] != '\0' && !request->pam, "weak", request->weak, "least",
-			(int)request->server->config->password_min_length, "token", request->token,
-			"version", request->grant.role > DB_ROLE_NONE ? DB_VERSION : NULL,
-			"service", db_web_service_is_up(request->server->service), "stops",
-			db_web_service_stops(request->server->service), "tab",
-			request->tab[0] ? request->tab : NULL));
+		json_pack("{s:s?, s:s, s:o, s:o, s:{s:o, s:o, s:o}, s:{s:b, s:s?, s:i}, s:s, s:s?, "
+	                  "s:b, s:o, s:s?}",
+	                  "user", request->user[0] ? request->user : NULL, "role",
+	                  db_role_name(request->grant.role), "may", mays, "drives",
+	                  list_drives(&request->grant), "commands", "stop",
+	                  list_commands(DB_MAY_STOP), "engineer", list_commands(DB_MAY_ENGINEER),
+	                  "manage", list_commands(DB_MAY_MANAGE), "password", "own",
+	                  request->user[0] != '\0' && !request->pam, "weak", request->weak, "least",
+	                  (int)request->server->config->password_min_length, "token",
+	                  request->token, "version",
+	                  request->grant.role > DB_ROLE_NONE ? DB_VERSION : NULL, "service",
+	                  db_web_service_is_up(request->server->service), "stops",
+	                  db_web_service_stops(request->server->service), "tab",
+	                  request->tab[0] ? request->tab : NULL));
 }
 
 /* By the address that the line names; a proxy's are together. */
@@ -149,13 +150,12 @@ void db_web_login(struct db_web_request *request)
 		*request->known = *known;
 	/* An unknown user's answer takes as long as a known one's. */
 	if (!known)
-		(void)snprintf(work.user.hash, sizeof(work.user.hash), "%s",
-		               users.count > 0 && !users.list[0].pam ? users.list[0].hash :
-		                                                       NOBODY_HASH);
+		snprintf(work.user.hash, sizeof(work.user.hash), "%s",
+		         users.count > 0 && !users.list[0].pam ? users.list[0].hash : NOBODY_HASH);
 	else
 		work.user = *known;
 	work.pam_folder = server->config->pam_folder;
-	(void)snprintf(work.password, sizeof(work.password), "%s", password);
+	snprintf(work.password, sizeof(work.password), "%s", password);
 	if (known && !known->pam)
 		request->weak = db_password_judge(password, user,
 		                                  server->config->password_min_length);
@@ -187,9 +187,9 @@ static void begin_session(struct db_web_request *request)
 	session = db_web_sessions_begin(server->sessions, request->known, request->weak,
 	                                &request->address, secrets, db_client_now());
 	explicit_bzero(secrets, sizeof(secrets));
-	(void)snprintf(request->user, sizeof(request->user), "%s", session->user);
-	(void)snprintf(request->session, sizeof(request->session), "%s", session->id);
-	(void)snprintf(request->token, sizeof(request->token), "%s", session->token);
+	snprintf(request->user, sizeof(request->user), "%s", session->user);
+	snprintf(request->session, sizeof(request->session), "%s", session->id);
+	snprintf(request->token, sizeof(request->token), "%s", session->token);
 	request->pam = session->pam;
 	request->grant = session->grant;
 	request->grant.stops = server->config->readers_may_stop == DB_WEB_YES;
@@ -276,7 +276,7 @@ void db_web_logout(struct db_web_request *request)
 	db_web_login_tell(request);
 }
 
-/* --- other sessions of the same user ------------------------------------------------------------ */
+/* --- other sessions of the same user ---------------------------------------------------------- */
 
 /* What it moves ends as when he logs out there. */
 static void end_other(struct db_web_request *request, const struct db_web_session *session)
@@ -286,7 +286,7 @@ static void end_other(struct db_web_request *request, const struct db_web_sessio
 	char text[DB_WEB_ADDRESS_TEXT + 32];
 
 	db_web_address_write(&session->from, address);
-	(void)snprintf(text, sizeof(text), "another session, from %s", address);
+	snprintf(text, sizeof(text), "another session, from %s", address);
 	db_client_log(DB_CLIENT_NOTICE, "%s: logged out %s", caller.text, text);
 	db_web_service_note(request->server->service, &(struct db_link_note){ .kind = "login",
 	                                                                      .what = "out",

@@ -27,22 +27,29 @@ int main(int argc, char **argv)
 	const struct db_program program = {
 		.name = "drivebridge-webd",
 		.path = CONFIG_PATH,
-		.usage =
-			"usage: drivebridge-webd [--config FILE] [--page FOLDER] [--check]\n"
-			"       drivebridge-webd [--config FILE] --add-user NAME --role ROLE [--drives LIST] [--pam]\n"
-			"       drivebridge-webd [--config FILE] --remove-user NAME | --users | --move-users\n"
-			"  --config FILE       how to serve; " CONFIG_PATH " when not given\n"
-			"  --page FOLDER       the page's files, instead of what the file says\n"
-			"  --check             check the file, the users, the page and the certificate, and end\n"
-			"  --add-user NAME     make a user, or give one another password, role and drives;\n"
-			"                      the password is asked for, or the first line of the input\n"
-			"  --role ROLE         observer, operator, engineer or administrator\n"
-			"  --drives LIST       names with commas, which the user may move; all when not given\n"
-			"  --pam               PAM checks the password, by its service drivebridge\n"
-			"  --remove-user NAME\n"
-			"  --users             list them\n"
-			"  --move-users        put those of web-users into the file of all programs\n"
-			"  --help, --version\n",
+		.usage = "usage: drivebridge-webd [--config FILE] [--page FOLDER] [--check]\n"
+			 "       drivebridge-webd [--config FILE] --add-user NAME --role ROLE "
+			 "[--drives LIST] [--pam]\n"
+			 "       drivebridge-webd [--config FILE] --remove-user NAME | --users | "
+			 "--move-users\n"
+			 "  --config FILE       how to serve; " CONFIG_PATH " when not given\n"
+			 "  --page FOLDER       the page's files, instead of what the file says\n"
+			 "  --check             check the file, the users, the page and the "
+			 "certificate, and end\n"
+			 "  --add-user NAME     make a user, or give one another password, role "
+			 "and drives;\n"
+			 "                      the password is asked for, or the first line of "
+			 "the input\n"
+			 "  --role ROLE         observer, operator, engineer or administrator\n"
+			 "  --drives LIST       names with commas, which the user may move; all "
+			 "when not given\n"
+			 "  --pam               PAM checks the password, by its service "
+			 "drivebridge\n"
+			 "  --remove-user NAME\n"
+			 "  --users             list them\n"
+			 "  --move-users        put those of web-users into the file of all "
+			 "programs\n"
+			 "  --help, --version\n",
 		.form = &db_web_form,
 		.keeper = &db_web_keeper,
 		.users_at = offsetof(struct db_web_config, users_file),

@@ -17,10 +17,10 @@ struct ticket {
 
 static void put(FILE *out, const char *name, const char *kind, const char *help, uint64_t value)
 {
-	(void)fprintf(out,
-	              "# HELP drivebridge_web_%s %s\n# TYPE drivebridge_web_%s %s\n"
-	              "drivebridge_web_%s %" PRIu64 "\n",
-	              name, help, name, kind, name, value);
+	fprintf(out,
+	        "# HELP drivebridge_web_%s %s\n# TYPE drivebridge_web_%s %s\n"
+	        "drivebridge_web_%s %" PRIu64 "\n",
+	        name, help, name, kind, name, value);
 }
 
 /* Writes this program's own counters. */
@@ -65,7 +65,7 @@ static void on_metrics(void *data, json_t *parameters, const struct db_client_er
 	if (out) {
 		/* Without the service there are still this program's own figures, one of which is
 		 * that the service is away. */
-		(void)fputs(error || !service ? "" : service, out);
+		fputs(error || !service ? "" : service, out);
 		put_own(out, ticket->server);
 		(void)fclose(out);
 	}

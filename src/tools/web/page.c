@@ -110,8 +110,8 @@ static bool add_file(struct db_web_page *page, int folder, const char *name)
 		return false;
 	for (size_t i = 0; i < file->size; i++)
 		hash = (hash ^ ((unsigned char *)file->bytes)[i]) * UINT64_C(0x100000001B3);
-	(void)snprintf(file->etag, sizeof(file->etag), "\"%016llx\"", (unsigned long long)hash);
-	(void)snprintf(packed, sizeof(packed), "%s" PACKED, name);
+	snprintf(file->etag, sizeof(file->etag), "\"%016llx\"", (unsigned long long)hash);
+	snprintf(packed, sizeof(packed), "%s" PACKED, name);
 	file->packed = read_file(folder, packed, &file->packed_size);
 	return file->packed || errno == ENOENT;
 }

@@ -135,8 +135,8 @@ static void answer_values(struct db_web_parameters *job, const char *name, const
 
 	if (right && strcmp(file.family, job->family) != 0) {
 		right = false;
-		(void)fprintf(errors, "%s:%u: these are parameters of %s, and %s is %s\n", name,
-		              file.family_line, file.family, job->drive, job->family);
+		fprintf(errors, "%s:%u: these are parameters of %s, and %s is %s\n", name,
+		        file.family_line, file.family, job->drive, job->family);
 	}
 	if (errors)
 		(void)fclose(errors);
@@ -255,8 +255,8 @@ static void take_written(struct db_web_parameters *job, const json_t *answer,
 
 	if (error) {
 		told = *error;
-		(void)snprintf(told.text, sizeof(told.text), "%s",
-		               json_string_value(json_object_get(described, "text")));
+		snprintf(told.text, sizeof(told.text), "%s",
+		         json_string_value(json_object_get(described, "text")));
 	}
 	db_params_writer_take(&job->writer, answer, &told);
 	json_decref(described);
@@ -479,8 +479,8 @@ void db_web_parameters_take(struct db_web_request *request)
 	job->caller = db_web_request_caller(request);
 	job->kind = request->route.kind;
 	job->number = request->number;
-	(void)snprintf(job->drive, sizeof(job->drive), "%s", drive);
-	(void)snprintf(job->family, sizeof(job->family), "%s", db_words_text(bus, "protocol"));
+	snprintf(job->drive, sizeof(job->drive), "%s", drive);
+	snprintf(job->family, sizeof(job->family), "%s", db_words_text(bus, "protocol"));
 	if (job->kind == DB_WEB_PARAMETERS && !begin_stream(job, request)) {
 		free(job);
 		return;

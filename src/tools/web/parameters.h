@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Parameters for pages, with the sets, files and the order of writing that drivebridgectl has, too
- * (params/): the file of a drive, the values in a file, and writing them into a drive while a stream
- * reports each. Writing uses the connection of the page, ends with its stream, with any stop that the
- * page sends, and when the page is gone. One thread.
+ * (params/): the file of a drive, the values in a file, and writing them into a drive while a
+ * stream reports each. Writing uses the connection of the page, ends with its stream, with any stop
+ * that the page sends, and when the page is gone. One thread.
  */
 #ifndef DRIVEBRIDGE_WEB_PARAMETERS_H
 #define DRIVEBRIDGE_WEB_PARAMETERS_H

@@ -15,7 +15,8 @@
 /* Nothing from other sites, nothing inline, not inside a frame. */
 static const char *const headers[][2] = {
 	{ "Content-Security-Policy",
-	  "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
+	  "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src "
+	  "'self'; "
 	  "base-uri 'none'; form-action 'none'; frame-ancestors 'none'" },
 	{ "X-Content-Type-Options", "nosniff" },
 	{ "Referrer-Policy", "no-referrer" },
@@ -139,7 +140,7 @@ void db_web_request_refuse(struct db_web_request *request, unsigned status, cons
 	json_t *body;
 
 	va_start(arguments, format);
-	(void)vsnprintf(text, sizeof(text), format, arguments);
+	vsnprintf(text, sizeof(text), format, arguments);
 	va_end(arguments);
 	body = json_pack("{s:s, s:{}, s:s}", "error", error, "parameters", "text", text);
 	if (request->retry_s > 0)
@@ -159,8 +160,8 @@ void db_web_request_fail(struct db_web_request *request, const struct db_client_
 /* Below that it is not worth it. */
 #define PACK_FROM 2048
 
-/* Packs the text if that is allowed and the browser can unpack it. Without memory it stays as it is.
- * Returns its size. */
+/* Packs the text if that is allowed and the browser can unpack it. Without memory it stays as it
+ * is. Returns its size. */
 static size_t pack_text(struct db_web_request *request)
 {
 	const char *accepted = MHD_lookup_connection_value(request->connection, MHD_HEADER_KIND,
@@ -256,21 +257,21 @@ enum MHD_Result db_web_request_send(struct db_web_request *request)
 		                              request->cookie);
 	if (request->logged_in && request->device_cookie[0] != '\0') {
 		db_web_device_name(request->user, request->secure, device);
-		(void)snprintf(cookie, sizeof(cookie),
-		               "%s=%s; Path=/; HttpOnly; SameSite=Strict; Max-Age=%d%s", device,
-		               request->device_cookie, DEVICE_DAYS * 24 * 3600,
-		               request->secure ? "; Secure" : "");
+		snprintf(cookie, sizeof(cookie),
+		         "%s=%s; Path=/; HttpOnly; SameSite=Strict; Max-Age=%d%s", device,
+		         request->device_cookie, DEVICE_DAYS * 24 * 3600,
+		         request->secure ? "; Secure" : "");
 		(void)MHD_add_response_header(response, MHD_HTTP_HEADER_SET_COOKIE, cookie);
 	}
 	/* How long a browser that has come with TLS comes in no other way. */
 	if (request->secure) {
-		(void)snprintf(value, sizeof(value), "max-age=%u",
-		               request->server->config->hsts_days * 24 * 3600);
+		snprintf(value, sizeof(value), "max-age=%u",
+		         request->server->config->hsts_days * 24 * 3600);
 		(void)MHD_add_response_header(response, MHD_HTTP_HEADER_STRICT_TRANSPORT_SECURITY,
 		                              value);
 	}
 	if (request->retry_s > 0) {
-		(void)snprintf(value, sizeof(value), "%u", request->retry_s);
+		snprintf(value, sizeof(value), "%u", request->retry_s);
 		(void)MHD_add_response_header(response, MHD_HTTP_HEADER_RETRY_AFTER, value);
 	}
 	if (request->status == MHD_HTTP_METHOD_NOT_ALLOWED)
@@ -293,22 +294,22 @@ struct db_web_caller db_web_request_caller(const struct db_web_request *request)
 	db_web_address_write(&request->address, address);
 	if (request->proxied)
 		db_web_address_write(&request->proxy, proxy);
-	(void)snprintf(caller.user, sizeof(caller.user), "%s", request->user);
-	(void)snprintf(caller.text, sizeof(caller.text), "%s at %s%s%s",
-	               request->user[0] ? request->user : "nobody", address,
-	               proxy[0] ? " through " : "", proxy);
-	(void)snprintf(caller.from, sizeof(caller.from), "%s%s",
-	               request->server->service->has_audit ? "page, " : "",
-	               request->server->service->has_audit ? address : "");
+	snprintf(caller.user, sizeof(caller.user), "%s", request->user);
+	snprintf(caller.text, sizeof(caller.text), "%s at %s%s%s",
+	         request->user[0] ? request->user : "nobody", address, proxy[0] ? " through " : "",
+	         proxy);
+	snprintf(caller.from, sizeof(caller.from), "%s%s",
+	         request->server->service->has_audit ? "page, " : "",
+	         request->server->service->has_audit ? address : "");
 	return caller;
 }
 
 void db_web_request_set_cookie(struct db_web_request *request, const char *value)
 {
-	(void)snprintf(request->cookie, sizeof(request->cookie),
-	               "%s=%s; Path=/; HttpOnly; SameSite=Strict%s%s",
-	               request->secure ? DB_WEB_COOKIE_SECURE : DB_WEB_COOKIE, value,
-	               request->secure ? "; Secure" : "", value[0] ? "" : "; Max-Age=0");
+	snprintf(request->cookie, sizeof(request->cookie),
+	         "%s=%s; Path=/; HttpOnly; SameSite=Strict%s%s",
+	         request->secure ? DB_WEB_COOKIE_SECURE : DB_WEB_COOKIE, value,
+	         request->secure ? "; Secure" : "", value[0] ? "" : "; Max-Age=0");
 }
 
 void db_web_request_free(struct db_web_request *request)

@@ -115,7 +115,7 @@ static const char *ask(void *data, struct db_commission_act *act,
 		(void)db_commission_act_wait(act, -1, 1000);
 		(void)pthread_mutex_lock(&round->mutex);
 		waits = round->choices != NULL;
-		(void)snprintf(round->said, sizeof(round->said), "%s", round->answer);
+		snprintf(round->said, sizeof(round->said), "%s", round->answer);
 		(void)pthread_mutex_unlock(&round->mutex);
 	}
 	return waits || round->said[0] == '\0' ? NULL : round->said;
@@ -173,7 +173,7 @@ static const char *hold(void *data, const char *own)
 	(void)pthread_mutex_lock(&round->mutex);
 	held = !round->ends && round->held != 0 && db_client_now() - round->held < DB_WEB_GRIP_LATE;
 	round->late = round->late || (!held && !round->ends && round->held != 0);
-	(void)snprintf(round->hold_token, sizeof(round->hold_token), "%s", round->token);
+	snprintf(round->hold_token, sizeof(round->hold_token), "%s", round->token);
 	(void)pthread_mutex_unlock(&round->mutex);
 	return held ? round->hold_token : NULL;
 }
@@ -356,7 +356,7 @@ void db_web_round_hold(struct db_web_round *round, uint64_t motion, const char *
 	if (round->moves && motion == round->motion &&
 	    (round->held == 0 || now - round->held < DB_WEB_GRIP_LATE)) {
 		round->held = now;
-		(void)snprintf(round->token, sizeof(round->token), "%s", token);
+		snprintf(round->token, sizeof(round->token), "%s", token);
 	}
 	(void)pthread_mutex_unlock(&round->mutex);
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a request asks for, by its method and path: one table of all paths and what each needs. Pure.
+ * What a request asks for, by its method and path: one table of all paths and what each needs.
+ * Pure.
  */
 #ifndef DRIVEBRIDGE_WEB_ROUTE_H
 #define DRIVEBRIDGE_WEB_ROUTE_H

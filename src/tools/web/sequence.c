@@ -128,7 +128,8 @@ static bool is_refusal(const struct db_client_error *error)
 		if (strcmp(result, sure[i]) == 0)
 			return true;
 	}
-	/* Errors without a result are about the form of a call, or its position: it is not begun. */
+	/* Errors without a result are about the form of a call, or its position: it is not begun.
+	 */
 	return !result && strcmp(error->name, DB_CLIENT_LOST) != 0 &&
 	       strcmp(error->name, DB_CLIENT_TIMEOUT) != 0;
 }
@@ -141,8 +142,8 @@ static void fail_step(struct db_web_sequence *sequence, const struct db_client_e
 	                          "its end is not known";
 	const struct step *step = &sequence->steps[sequence->at];
 
-	(void)snprintf(sequence->text, sizeof(sequence->text), "step %zu, %s to %s: %s",
-	               sequence->at + 1, step->drive, step->position, text ? text : "");
+	snprintf(sequence->text, sizeof(sequence->text), "step %zu, %s to %s: %s", sequence->at + 1,
+	         step->drive, step->position, text ? text : "");
 	json_decref(told);
 	db_client_log(DB_CLIENT_NOTICE, "%s: sequence: %s", sequence->caller.text, sequence->text);
 	/* A drive that was not set in motion by this is not stopped: others may move it. */
@@ -253,8 +254,8 @@ static bool read_step(const json_t *json, struct step *step)
 	    (velocity && !json_is_null(velocity) && !json_is_number(velocity)) ||
 	    !(wait_ms >= 0.0 && wait_ms <= DB_WEB_STEP_WAIT_MAX))
 		return false;
-	(void)snprintf(step->drive, sizeof(step->drive), "%s", drive);
-	(void)snprintf(step->position, sizeof(step->position), "%s", position);
+	snprintf(step->drive, sizeof(step->drive), "%s", drive);
+	snprintf(step->position, sizeof(step->position), "%s", position);
 	step->velocity = json_number_value(velocity);
 	step->wait = (db_time)wait_ms * DB_NS_PER_MS;
 	return true;
@@ -280,7 +281,7 @@ static size_t read_steps(const json_t *json, struct step steps[DB_WEB_STEPS_MAX]
 static void begin(struct db_web_sequence *sequence, const struct step *steps, size_t count,
                   const char *token, db_time now)
 {
-	(void)snprintf(sequence->since, sizeof(sequence->since), "%s", token);
+	snprintf(sequence->since, sizeof(sequence->since), "%s", token);
 	memcpy(sequence->steps, steps, count * sizeof(*steps));
 	sequence->count = count;
 	sequence->at = 0;
@@ -296,7 +297,7 @@ static void begin(struct db_web_sequence *sequence, const struct step *steps, si
 static void refuse_grip(struct db_web_sequence *sequence, const char *text)
 {
 	db_web_grip_finish(&sequence->grip, DB_WEB_GRIP_REFUSED);
-	(void)snprintf(sequence->text, sizeof(sequence->text), "%s", text);
+	snprintf(sequence->text, sizeof(sequence->text), "%s", text);
 }
 
 static void handle_beat(struct db_web_sequence *sequence, const struct db_web_request *request,
@@ -326,7 +327,7 @@ static void handle_beat(struct db_web_sequence *sequence, const struct db_web_re
 	if (!db_web_grip_is_held(&sequence->grip) || sequence->grip.number != number ||
 	    sequence->grip.beat != beat || !token || !sequence->act)
 		return;
-	(void)snprintf(sequence->token, sizeof(sequence->token), "%s", token);
+	snprintf(sequence->token, sizeof(sequence->token), "%s", token);
 	if (sequence->moves)
 		(void)db_link_tell(sequence->act, "Beat",
 		                   json_pack("{s:s, s:s}", "drive",

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * Drives that go to named positions one after the other while a button is held: each step is sent
- * when the one before has ended and its wait has passed, over the page's connection, and the service
- * is told to hold the motion. After the end of the grip all drives that were moved are told to stop
- * until that is confirmed. One thread.
+ * when the one before has ended and its wait has passed, over the page's connection, and the
+ * service is told to hold the motion. After the end of the grip all drives that were moved are told
+ * to stop until that is confirmed. One thread.
  */
 #ifndef DRIVEBRIDGE_WEB_SEQUENCE_H
 #define DRIVEBRIDGE_WEB_SEQUENCE_H
@@ -25,17 +25,17 @@ void db_web_sequence_free(struct db_web_sequence *sequence);
 
 /*
  * A beat: {"grip", "beat", "held", "token", "steps"}, where `steps` of the first one is the list
- * [{"drive", "position", "velocity", "wait_ms"}]; velocity 0: the drive's own. Later beats need none.
- * Carries it out, and answers the request with the state of the grip. False when it is no valid
- * beat; then the answer is that error.
+ * [{"drive", "position", "velocity", "wait_ms"}]; velocity 0: the drive's own. Later beats need
+ * none. Carries it out, and answers the request with the state of the grip. False when it is no
+ * valid beat; then the answer is that error.
  */
 bool db_web_sequence_take(struct db_web_sequence *sequence, struct db_web_request *request);
 
 /* The drive that moves now; NULL: none. */
 const char *db_web_sequence_drive(const struct db_web_sequence *sequence);
 
-/* The drive, or every one with NULL, is being stopped by another button of the page: if it is one of
- * the sequence, the grip is over. */
+/* The drive, or every one with NULL, is being stopped by another button of the page: if it is one
+ * of the sequence, the grip is over. */
 void db_web_sequence_yield(struct db_web_sequence *sequence, const char *drive);
 
 /* Ends the grip, and stops the motion. */

@@ -532,7 +532,7 @@ static void log_daemon(void *data, const char *format, va_list arguments)
 
 	if (server->daemon)
 		return;
-	(void)vsnprintf(text, sizeof(text), format, arguments);
+	vsnprintf(text, sizeof(text), format, arguments);
 	text[strcspn(text, "\n")] = '\0';
 	db_client_log(DB_CLIENT_ERROR, "%s", text);
 }

@@ -181,7 +181,7 @@ bool db_web_service_is_moving(const struct db_web_service *service, const json_t
 	const char *name;
 	char number[24];
 
-	(void)snprintf(number, sizeof(number), "%lld", (long long)json_integer_value(axis_state));
+	snprintf(number, sizeof(number), "%lld", (long long)json_integer_value(axis_state));
 	name = json_string_value(json_object_get(service->states, number));
 	for (size_t i = 0; name && i < sizeof(moving) / sizeof(moving[0]); i++) {
 		if (strcmp(moving[i], name) == 0)

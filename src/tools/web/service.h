@@ -23,8 +23,8 @@ typedef void db_web_service_changed_fn(void *data);
 /* Called with each token of its clock. */
 typedef void db_web_service_token_fn(void *data, const char *token);
 
-/* The other files of this room read it; only overview.c has its plant read again, and `changed` is called when that
- * differs. */
+/* The other files of this room read it; only overview.c has its plant read again, and `changed` is
+ * called when that differs. */
 struct db_web_service {
 	struct db_web_server *server;
 	db_web_service_changed_fn *changed;

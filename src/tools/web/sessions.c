@@ -33,7 +33,7 @@ void db_web_sessions_free(struct db_web_sessions *sessions)
 void db_web_secret_write(const struct db_web_secret *secret, char text[DB_WEB_SECRET_TEXT])
 {
 	for (size_t i = 0; i < DB_WEB_SECRET_BYTES; i++)
-		(void)snprintf(text + 2 * i, 3, "%02x", secret->bytes[i]);
+		snprintf(text + 2 * i, 3, "%02x", secret->bytes[i]);
 }
 
 bool db_web_secret_is_good(const char *text)
@@ -80,7 +80,7 @@ const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessi
 	db_web_secret_write(&secrets[1], place->token);
 	place->number = ++sessions->last_number;
 	place->from = *from;
-	(void)snprintf(place->user, sizeof(place->user), "%s", user->name);
+	snprintf(place->user, sizeof(place->user), "%s", user->name);
 	place->grant = user->grant;
 	place->pam = user->pam;
 	place->weak = weak;

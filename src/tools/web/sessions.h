@@ -60,8 +60,8 @@ bool db_web_secret_is_good(const char *text);
 /* True if two texts are equal, in a time that does not depend on where they differ. */
 bool db_web_secret_equal(const char *one, const char *other);
 
-/* Begins a session with two unused secrets; `weak` is a constant. Belongs to the sessions, valid until
- * the next call. */
+/* Begins a session with two unused secrets; `weak` is a constant. Belongs to the sessions, valid
+ * until the next call. */
 const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessions,
                                                    const struct db_user *user, const char *weak,
                                                    const struct db_web_address *from,

@@ -2,9 +2,9 @@
 /*
  * Long answers: server-sent events, packed by gzip for a browser that takes it. Texts are written
  * once and shared by all streams; the id of each is the moment at which it was written
- * (db_web_moment()). A slow reader holds up only its own connection to the service, which then leaves
- * out old data and says so; of the overview, and of a Subscribe with `merge` in its call, it gets
- * the newest values as soon as it has read the ones before. One thread.
+ * (db_web_moment()). A slow reader holds up only its own connection to the service, which then
+ * leaves out old data and says so; of the overview, and of a Subscribe with `merge` in its call, it
+ * gets the newest values as soon as it has read the ones before. One thread.
  */
 #ifndef DRIVEBRIDGE_WEB_STREAM_H
 #define DRIVEBRIDGE_WEB_STREAM_H
@@ -22,7 +22,8 @@ struct db_web_text {
 /* Milliseconds of this program's clock, which pages compare with the ids of texts. */
 uint64_t db_web_moment(void);
 
-/* "id: MOMENT\nevent: NAME\ndata: {...}\n\n", with one reference; `event` may be NULL. NULL without memory. */
+/* "id: MOMENT\nevent: NAME\ndata: {...}\n\n", with one reference; `event` may be NULL. NULL without
+ * memory. */
 struct db_web_text *db_web_text_of(const char *event, const json_t *data);
 struct db_web_text *db_web_text_use(struct db_web_text *text);
 void db_web_text_drop(struct db_web_text *text);

@@ -109,8 +109,8 @@ static struct db_web_tab *open_tab(const struct db_web_request *request,
 	tab->server = request->server;
 	tab->next = request->server->tabs;
 	request->server->tabs = tab;
-	(void)snprintf(tab->id, sizeof(tab->id), "%s", request->tab);
-	(void)snprintf(tab->session, sizeof(tab->session), "%s", request->session);
+	snprintf(tab->id, sizeof(tab->id), "%s", request->tab);
+	snprintf(tab->session, sizeof(tab->session), "%s", request->session);
 	tab->heard = db_client_now();
 	tab->lane = db_lanes_open(request->server->lanes, error);
 	if (tab->lane) {
@@ -226,10 +226,10 @@ static struct db_web_tab *require_tab(struct db_web_request *request)
 	struct db_web_tab *tab = NULL;
 
 	if (request->tab[0] == '\0' || request->call == 0) {
-		db_web_request_refuse(
-			request, MHD_HTTP_BAD_REQUEST, "BadRequest",
-			"what acts tells its page and the number of the call there: X-Tab, 16 to 32 "
-			"hexadecimal digits, and X-Call, from 1");
+		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
+		                      "what acts tells its page and the number of the call there: "
+		                      "X-Tab, 16 to 32 "
+		                      "hexadecimal digits, and X-Call, from 1");
 		return NULL;
 	}
 	tab = open_tab(request, &error);

@@ -29,13 +29,13 @@ bool db_web_call_number_read(const char *text, uint64_t *number);
  * ends the grips that move the stopped drives. */
 void db_web_tabs_act(struct db_web_request *request);
 
-/* A request that acts on this drive (NULL: on none that is to be fed) with several calls begins: as its first call. False: it has been
- * answered with the reason why not. */
+/* A request that acts on this drive (NULL: on none that is to be fed) with several calls begins: as
+ * its first call. False: it has been answered with the reason why not. */
 bool db_web_tabs_begin(struct db_web_request *request, const char *drive);
 
 /* The connection for its next call; NULL: the page is gone. `why` is set if the request may not act
- * any more: for that reason, or because a stop that the page sent later has overtaken it. Valid until
- * the loop goes on. */
+ * any more: for that reason, or because a stop that the page sent later has overtaken it. Valid
+ * until the loop goes on. */
 struct db_link *db_web_tabs_link(const struct db_web_request *request, const char *drive,
                                  const char **why);
 

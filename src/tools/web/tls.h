@@ -25,8 +25,8 @@ struct db_web_tls {
 #define DB_WEB_TLS_PRIORITIES \
 	"SECURE128:-VERS-ALL:+VERS-TLS1.3:+VERS-TLS1.2:-RSA:-SHA1:-AES-128-CBC:-AES-256-CBC"
 
-/* The configuration has a certificate, and stays valid. NULL: it cannot be used, and the log has the
- * reason. Freed with db_web_tls_free() when no connection is left; NULL is allowed. */
+/* The configuration has a certificate, and stays valid. NULL: it cannot be used, and the log has
+ * the reason. Freed with db_web_tls_free() when no connection is left; NULL is allowed. */
 struct db_web_tls *db_web_tls_new(const struct db_web_config *config);
 void db_web_tls_free(struct db_web_tls *tls);
 

@@ -10,7 +10,7 @@ void db_web_tokens_add(struct db_web_tokens *tokens, const char *text, db_time n
 
 	if (strlen(text) >= DB_WEB_TOKEN_MAX)
 		return;
-	(void)snprintf(tokens->kept[place].text, DB_WEB_TOKEN_MAX, "%s", text);
+	snprintf(tokens->kept[place].text, DB_WEB_TOKEN_MAX, "%s", text);
 	tokens->kept[place].heard = now;
 	tokens->count++;
 }
@@ -29,8 +29,8 @@ db_time db_web_tokens_age(const struct db_web_tokens *tokens, const char *text, 
 void db_web_tokens_write_late(char text[DB_WEB_LATE_TEXT], db_time age)
 {
 	if (age == DB_TIME_NEVER)
-		(void)snprintf(text, DB_WEB_LATE_TEXT, "came too late and was not carried out");
+		snprintf(text, DB_WEB_LATE_TEXT, "came too late and was not carried out");
 	else
-		(void)snprintf(text, DB_WEB_LATE_TEXT, "came %.1f s late and was not carried out",
-		               (double)age / (double)DB_NS_PER_S);
+		snprintf(text, DB_WEB_LATE_TEXT, "came %.1f s late and was not carried out",
+		         (double)age / (double)DB_NS_PER_S);
 }

@@ -24,15 +24,16 @@ struct db_web_trail_reader {
 	struct db_web_trail_reader *next;
 };
 
-/* NULL without memory; freed with db_web_trail_free(), NULL is allowed. Then there are no readers. */
+/* NULL without memory; freed with db_web_trail_free(), NULL is allowed. Then there are no readers.
+ */
 struct db_web_trail *db_web_trail_new(struct db_web_server *server);
 void db_web_trail_free(struct db_web_trail *trail);
 
 /* Its turn comes, maybe at once. */
 void db_web_trail_enter(struct db_web_trail *trail, struct db_web_trail_reader *reader);
 
-/* Calls the service's method Audit with these parameters, which are taken over. `take` may be called
- * before this returns. */
+/* Calls the service's method Audit with these parameters, which are taken over. `take` may be
+ * called before this returns. */
 void db_web_trail_ask(struct db_web_trail *trail, json_t *query);
 
 /* It may be called at any time, also by a reader that waits for its turn or for a page. Afterwards

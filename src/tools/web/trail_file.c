@@ -81,7 +81,7 @@ static void take_page(struct db_web_trail_reader *reader, json_t *page,
 			} else {
 				(void)json_dumpf(record, out,
 				                 JSON_COMPACT | JSON_REAL_PRECISION(9));
-				(void)fputc('\n', out);
+				fputc('\n', out);
 			}
 		}
 		file->sent = 0;
@@ -163,8 +163,8 @@ static bool attach(struct db_web_request *request, struct file *file)
 		return false;
 	(void)localtime_r(&now, &local);
 	(void)strftime(name, sizeof(name), "audit-%Y%m%d-%H%M%S", &local);
-	(void)snprintf(text, sizeof(text), "attachment; filename=\"%s.%s\"", name,
-	               file->cef ? "cef" : "jsonl");
+	snprintf(text, sizeof(text), "attachment; filename=\"%s.%s\"", name,
+	         file->cef ? "cef" : "jsonl");
 	(void)MHD_add_response_header(request->response, MHD_HTTP_HEADER_CONTENT_DISPOSITION, text);
 	request->type = file->cef ? "text/plain; charset=utf-8" : "application/x-ndjson";
 	request->status = MHD_HTTP_OK;

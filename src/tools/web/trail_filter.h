@@ -28,8 +28,8 @@ struct db_web_trail_filter {
  * ignored. False: one of them has a wrong type or size. `filter->grant` stays. */
 bool db_web_trail_filter_read(struct db_web_trail_filter *filter, const json_t *parameters);
 
-/* The parameters of the service's method Audit from this record on: a new object. The service leaves
- * out as much as it can. */
+/* The parameters of the service's method Audit from this record on: a new object. The service
+ * leaves out as much as it can. */
 json_t *db_web_trail_filter_query(const struct db_web_trail_filter *filter, json_int_t from);
 
 /* Whether a record is wanted, and its user may see it. Who has not all drives sees the records of

@@ -23,8 +23,7 @@ static void find_device(struct db_web_request *request, const struct db_user *us
 	db_web_device_name(user->name, request->secure, name);
 	cookie = MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND, name);
 	if (cookie && db_web_device_read(cookie, user->name, user->hash, request->device)) {
-		(void)snprintf(request->device_cookie, sizeof(request->device_cookie), "%s",
-		               cookie);
+		snprintf(request->device_cookie, sizeof(request->device_cookie), "%s", cookie);
 		return;
 	}
 	request->device[0] = '\0';

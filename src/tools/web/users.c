@@ -35,7 +35,7 @@ static void ask(struct db_web_request *request, struct db_web_work *work,
 	if (before)
 		work->user = *before;
 	if (!work->compares)
-		(void)snprintf(work->by, sizeof(work->by), "%s", request->user);
+		snprintf(work->by, sizeof(work->by), "%s", request->user);
 	work->pam_folder = request->server->config->pam_folder;
 	work->number = request->number;
 	work->path = request->server->config->users_file;
@@ -86,8 +86,8 @@ static void change_own(struct db_web_request *request, const struct db_user *use
 		return;
 	}
 	work.fresh = *user;
-	(void)snprintf(work.password, sizeof(work.password), "%s", password);
-	(void)snprintf(work.fresh_password, sizeof(work.fresh_password), "%s", fresh);
+	snprintf(work.password, sizeof(work.password), "%s", password);
+	snprintf(work.fresh_password, sizeof(work.fresh_password), "%s", fresh);
 	ask(request, &work, user);
 }
 
@@ -155,14 +155,14 @@ static bool read_user(struct db_web_request *request, const struct db_user *befo
 			"..., \"drives\": \"*\" or names with commas, \"password\": ...}");
 		return false;
 	}
-	(void)snprintf(user->name, sizeof(user->name), "%s", name);
-	(void)snprintf(user->grant.drives, sizeof(user->grant.drives), "%s", drives);
+	snprintf(user->name, sizeof(user->name), "%s", name);
+	snprintf(user->grant.drives, sizeof(user->grant.drives), "%s", drives);
 	if (pam) {
 		*password = NULL;
 		return true;
 	}
 	if (!*password && before && !before->pam) {
-		(void)snprintf(user->hash, sizeof(user->hash), "%s", before->hash);
+		snprintf(user->hash, sizeof(user->hash), "%s", before->hash);
 		return true;
 	}
 	wrong = *password ? db_password_judge(*password, name,
@@ -183,7 +183,7 @@ static void put(struct db_web_request *request, const struct db_users *users)
 	if (!read_user(request, before, &work.fresh, &password))
 		return;
 	if (password)
-		(void)snprintf(work.fresh_password, sizeof(work.fresh_password), "%s", password);
+		snprintf(work.fresh_password, sizeof(work.fresh_password), "%s", password);
 	ask(request, &work, before);
 }
 
@@ -265,8 +265,8 @@ void db_web_users_end(struct db_web_server *server, struct db_web_request *reque
 	if (request)
 		caller = db_web_request_caller(request);
 	log_end(request, work, caller.text);
-	(void)snprintf(detail, sizeof(detail), "%s: %s, %.48s", work->fresh.name,
-	               db_role_name(work->fresh.grant.role), work->fresh.grant.drives);
+	snprintf(detail, sizeof(detail), "%s: %s, %.48s", work->fresh.name,
+	         db_role_name(work->fresh.grant.role), work->fresh.grant.drives);
 	db_web_service_note(server->service, &(struct db_link_note){ .kind = "users",
 	                                                             .what = what,
 	                                                             .user = caller.user,

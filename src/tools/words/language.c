@@ -135,7 +135,7 @@ static bool find_place(const char *text, size_t *count, struct place *place)
 			*place = (struct place){ .begin = text,
 				                 .size = size,
 				                 .kind = text[size - 1] };
-			(void)snprintf(place->name, sizeof(place->name), "%lu", number);
+			snprintf(place->name, sizeof(place->name), "%lu", number);
 			return true;
 		}
 		if (text[0] != '{')
@@ -207,7 +207,7 @@ struct db_words_language *db_words_open_language(const char *folder, const char 
 	struct db_words_language *opened = calloc(1, sizeof(*opened));
 	char path[512];
 
-	(void)snprintf(path, sizeof(path), "%s/%s/LC_MESSAGES/drivebridge.mo", folder, language);
+	snprintf(path, sizeof(path), "%s/%s/LC_MESSAGES/drivebridge.mo", folder, language);
 	if (!opened)
 		return NULL;
 	opened->bytes = map_file(path, &opened->size);
@@ -246,7 +246,8 @@ static long find_entry(const struct db_words_language *language, const char *eng
 
 	while (first < end) {
 		uint32_t middle = first + (end - first) / 2;
-		/* All of them were read when the file was opened; gcc's analyzer does not see that. */
+		/* All of them were read when the file was opened; gcc's analyzer does not see that.
+		 */
 		int order = strcmp(english, read_text(language, language->originals, middle));
 
 		if (order == 0)
@@ -326,7 +327,8 @@ static bool follows(const char *pattern, const char *at, const char *words)
 	return (size_t)(at - pattern) >= length && strncmp(at - length, words, length) == 0;
 }
 
-/* Whether the value at a place of a pattern is a name: of a drive, a register, an option, or what was typed. */
+/* Whether the value at a place of a pattern is a name: of a drive, a register, an option, or what
+ * was typed. */
 static bool is_name(const char *pattern, const struct place *place, const char *value, size_t size)
 {
 	static const char *const names[] = { "name", "drive", "bus", "command", "method" };
@@ -346,8 +348,8 @@ static bool is_name(const char *pattern, const struct place *place, const char *
 	       (!braced && place->begin == pattern);
 }
 
-/* Whether `text` is this pattern with values, and which. Each value ends where what follows it comes first; only the last one
- * reaches as far as it can. */
+/* Whether `text` is this pattern with values, and which. Each value ends where what follows it
+ * comes first; only the last one reaches as far as it can. */
 static bool match(const char *pattern, const char *text, struct value values[PLACES_MAX],
                   size_t *count)
 {
@@ -442,7 +444,8 @@ static bool fill_in(const struct db_words_language *language, const char *transl
 	return append(room, &used, translation, strlen(translation));
 }
 
-/* Where a list of codes at the end begins: ": 0=closed 1=open 2=..."; these are names. Null: there is none. */
+/* Where a list of codes at the end begins: ": 0=closed 1=open 2=..."; these are names. Null: there
+ * is none. */
 static const char *find_codes(const char *text)
 {
 	const char *codes = NULL;
@@ -536,7 +539,7 @@ static bool exists(const char *folder, const char *language)
 {
 	char path[512];
 
-	(void)snprintf(path, sizeof(path), "%s/%s/LC_MESSAGES/drivebridge.mo", folder, language);
+	snprintf(path, sizeof(path), "%s/%s/LC_MESSAGES/drivebridge.mo", folder, language);
 	return access(path, R_OK) == 0;
 }
 
@@ -547,12 +550,12 @@ static bool find_language(const char *folder, const char *wanted, size_t size,
 	if (size == 0 || size >= DB_WORDS_LANGUAGE_MAX || memchr(wanted, '/', size) ||
 	    wanted[0] == '.')
 		return false;
-	(void)snprintf(language, DB_WORDS_LANGUAGE_MAX, "%.*s", (int)size, wanted);
+	snprintf(language, DB_WORDS_LANGUAGE_MAX, "%.*s", (int)size, wanted);
 	if (exists(folder, language))
 		return true;
 	/* In Singapore it is written as in China, elsewhere with other characters. */
 	if (strcmp(language, "zh") == 0 || strcmp(language, "zh_SG") == 0)
-		(void)snprintf(language, DB_WORDS_LANGUAGE_MAX, "zh_CN");
+		snprintf(language, DB_WORDS_LANGUAGE_MAX, "zh_CN");
 	else if (strncmp(language, "zh", 2) != 0)
 		language[strcspn(language, "_")] = '\0';
 	return exists(folder, language);
@@ -593,7 +596,8 @@ bool db_words_choose_language(const char *folder, char *(*get)(const char *name)
 
 /* --- width ------------------------------------------------------------------------------------ */
 
-/* Whether a character takes two columns: those of Chinese, Japanese and Korean with their punctuation. */
+/* Whether a character takes two columns: those of Chinese, Japanese and Korean with their
+ * punctuation. */
 static bool is_wide(uint32_t letter)
 {
 	return (letter >= 0x1100 && letter <= 0x115f) || (letter >= 0x2e80 && letter <= 0xa4cf) ||

@@ -83,5 +83,5 @@ void db_words_nearest_names(const json_t *list, const char *name, char *text, si
 				       ", ",
 			db_words_text(json_array_get(list, found > 0 ? nearest[i] : i), "name"));
 	if (found > 0 && used < size)
-		(void)snprintf(text + used, size - used, "?");
+		snprintf(text + used, size - used, "?");
 }

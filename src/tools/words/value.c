@@ -72,14 +72,14 @@ void db_words_write_time(json_int_t us, char text[DB_WORDS_TIME_MAX])
 
 	if (localtime_r(&seconds, &local))
 		(void)strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &local);
-	(void)snprintf(text, DB_WORDS_TIME_MAX, "%s.%03d", when, (int)(us / 1000 % 1000));
+	snprintf(text, DB_WORDS_TIME_MAX, "%s.%03d", when, (int)(us / 1000 % 1000));
 }
 
 const char *db_words_code_name(const json_t *reg, json_int_t code)
 {
 	char key[24];
 
-	(void)snprintf(key, sizeof(key), "%lld", (long long)code);
+	snprintf(key, sizeof(key), "%lld", (long long)code);
 	return json_string_value(json_object_get(json_object_get(reg, "codes"), key));
 }
 
@@ -106,9 +106,9 @@ bool db_words_meaning(const json_t *reg, const char *description, const json_t *
 	    db_words_code_name(reg, (json_int_t)json_number_value(value)))
 		return false;
 	if (json_is_integer(value))
-		(void)snprintf(key, sizeof(key), "%lld=", (long long)json_integer_value(value));
+		snprintf(key, sizeof(key), "%lld=", (long long)json_integer_value(value));
 	else
-		(void)snprintf(key, sizeof(key), "%.9g=", json_real_value(value));
+		snprintf(key, sizeof(key), "%.9g=", json_real_value(value));
 	length = strlen(key);
 	while (*(next = next_number(next))) {
 		next++;
@@ -118,7 +118,7 @@ bool db_words_meaning(const json_t *reg, const char *description, const json_t *
 		end = next_number(next);
 		if (end > next + strcspn(next, ";"))
 			end = next + strcspn(next, ";");
-		(void)snprintf(text, size, "%.*s", (int)(end - next), next);
+		snprintf(text, size, "%.*s", (int)(end - next), next);
 		/* "1=s1 ... 6=s6": what lies between is not said. */
 		if (strstr(text, " ..."))
 			*strstr(text, " ...") = '\0';
@@ -164,17 +164,17 @@ void db_words_write_bare_value(const json_t *reg, const json_t *value, char *tex
 
 	switch (value ? json_typeof(value) : JSON_NULL) {
 	case JSON_STRING:
-		(void)snprintf(text, size, "%s", json_string_value(value));
+		snprintf(text, size, "%s", json_string_value(value));
 		break;
 	case JSON_TRUE:
 	case JSON_FALSE:
-		(void)snprintf(text, size, "%s", json_is_true(value) ? "on" : "off");
+		snprintf(text, size, "%s", json_is_true(value) ? "on" : "off");
 		break;
 	case JSON_REAL:
 		/* As few digits as distinguish it from its neighbours: registers hold single
 		 * precision. */
 		for (int digits = 6; digits <= 9; digits++) {
-			(void)snprintf(text, size, "%.*g", digits, json_real_value(value));
+			snprintf(text, size, "%.*g", digits, json_real_value(value));
 			if (strtof(text, NULL) == (float)json_real_value(value))
 				break;
 		}
@@ -182,14 +182,14 @@ void db_words_write_bare_value(const json_t *reg, const json_t *value, char *tex
 	case JSON_INTEGER:
 		name = has_bits(reg) ? NULL : db_words_code_name(reg, json_integer_value(value));
 		if (name)
-			(void)snprintf(text, size, "%s", name);
+			snprintf(text, size, "%s", name);
 		else if (has_bits(reg))
 			write_bits(reg, (uint64_t)json_integer_value(value), text, size);
 		else
-			(void)snprintf(text, size, "%lld", (long long)json_integer_value(value));
+			snprintf(text, size, "%lld", (long long)json_integer_value(value));
 		break;
 	default:
-		(void)snprintf(text, size, "-");
+		snprintf(text, size, "-");
 	}
 	db_words_clean(text);
 }
@@ -204,7 +204,7 @@ void db_words_write_value(const json_t *reg, const json_t *value, char *text, si
 	if (!unit || unit[0] == '\0' || !json_is_number(value) || has_bits(reg) ||
 	    (json_is_integer(value) && db_words_code_name(reg, json_integer_value(value))))
 		return;
-	(void)snprintf(text + used, size - used, " %s", unit);
+	snprintf(text + used, size - used, " %s", unit);
 	db_words_clean(text + used);
 }
 
@@ -247,8 +247,7 @@ static json_t *parse_bits(const json_t *reg, const char *text, char *problem, si
 		json_int_t bit = find_code(reg, text, length);
 
 		if (bit < 0 || bit > 63) {
-			(void)snprintf(problem, size, "no bit is called \"%.*s\"", (int)length,
-			               text);
+			snprintf(problem, size, "no bit is called \"%.*s\"", (int)length, text);
 			return NULL;
 		}
 		bits |= UINT64_C(1) << bit;
@@ -268,15 +267,15 @@ static void write_range(const json_t *reg, char *text, size_t size)
 
 	/* Limits of integers have more digits than single precision. */
 	if (json_is_number(min))
-		(void)snprintf(low, sizeof(low), "%.10g", json_number_value(min));
+		snprintf(low, sizeof(low), "%.10g", json_number_value(min));
 	if (json_is_number(max))
-		(void)snprintf(high, sizeof(high), "%.10g", json_number_value(max));
-	(void)snprintf(text, size, "%s%s%s%s%s%s", low[0] && !high[0] ? "at least " : low,
-	               low[0] && high[0] ? " to " :
-	               high[0]           ? "at most " :
-	                                   "",
-	               high[0] ? high : low, unit && unit[0] ? " " : "",
-	               unit && unit[0] ? unit : "", low[0] || high[0] ? "" : "any");
+		snprintf(high, sizeof(high), "%.10g", json_number_value(max));
+	snprintf(text, size, "%s%s%s%s%s%s", low[0] && !high[0] ? "at least " : low,
+	         low[0] && high[0] ? " to " :
+	         high[0]           ? "at most " :
+	                             "",
+	         high[0] ? high : low, unit && unit[0] ? " " : "", unit && unit[0] ? unit : "",
+	         low[0] || high[0] ? "" : "any");
 }
 
 static json_t *parse_number(const json_t *reg, const char *text, char *problem, size_t size)
@@ -300,13 +299,13 @@ static json_t *parse_number(const json_t *reg, const char *text, char *problem, 
 		return whole ? json_integer(number) : json_real(value);
 	write_range(reg, range, sizeof(range));
 	if (!*text || *end != '\0')
-		(void)snprintf(problem, size, "\"%s\" is no %s; right is %s%s", text,
-		               whole ? "whole number" : "number", range,
-		               json_object_size(json_object_get(reg, "codes")) > 0 ?
-		                       ", or a name of its codes" :
-		                       "");
+		snprintf(problem, size, "\"%s\" is no %s; right is %s%s", text,
+		         whole ? "whole number" : "number", range,
+		         json_object_size(json_object_get(reg, "codes")) > 0 ?
+		                 ", or a name of its codes" :
+		                 "");
 	else
-		(void)snprintf(problem, size, "%s is out of range, %s", text, range);
+		snprintf(problem, size, "%s is out of range, %s", text, range);
 	return NULL;
 }
 
@@ -324,7 +323,7 @@ json_t *db_words_parse_value(const json_t *reg, const char *text, char *problem,
 			if (strcmp(text, on[i]) == 0 || strcmp(text, off[i]) == 0)
 				return json_boolean(strcmp(text, on[i]) == 0);
 		}
-		(void)snprintf(problem, size, "\"%s\" is neither on nor off", text);
+		snprintf(problem, size, "\"%s\" is neither on nor off", text);
 		return NULL;
 	}
 	if (code >= 0)

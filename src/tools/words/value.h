@@ -35,8 +35,8 @@ void db_words_write_bare_value(const json_t *reg, const json_t *value, char *tex
 const char *db_words_code_name(const json_t *reg, json_int_t code);
 
 /*
- * What a number means by the register's `description`: "0=none 1=with the motor; closed loop only" says
- * "with the motor" of 1. False: it does not say, or the register has a name for it.
+ * What a number means by the register's `description`: "0=none 1=with the motor; closed loop only"
+ * says "with the motor" of 1. False: it does not say, or the register has a name for it.
  */
 #define DB_WORDS_MEANING_MAX 128
 bool db_words_meaning(const json_t *reg, const char *description, const json_t *value, char *text,
