@@ -234,12 +234,8 @@ void sim_command(struct sim_world *world, char *line, db_time now, FILE *out)
 			own = find_own(sim_families[k], name);
 		error = own ? find_target(&request, TARGET_DRIVE) :
 		              "no such command; there are fault, power, address, identity, flash, "
-		              "stall, "
-		              "sensor, bits, param, params, faults, health, inputs, reports, "
-		              "input, item, "
-		              "place, "
-		              "baud, get, log, "
-		              "list";
+		              "stall, sensor, bits, param, params, faults, health, inputs, "
+		              "reports, input, item, place, baud, get, log, list";
 		if (!error) {
 			own = find_own(request.node->family, name);
 			error = own ? own->run(request.node, request.rest, now) : NOT_OF_FAMILY;

@@ -74,8 +74,7 @@ const char *sim_faults_set(struct sim_faults *faults, const char *text)
 	case FORM_NUMBER:
 		if (count < 2 || !read_number(words[1], &number))
 			return "delay needs milliseconds and corrupt-at a place, 1 to 1000000; "
-			       "both "
-			       "may have a count";
+			       "both may have a count";
 		frequency++;
 		/* fall through */
 	case FORM_COUNT:

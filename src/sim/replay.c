@@ -133,8 +133,7 @@ static const char *read_line(struct sim_replay *replay, unsigned line, const cha
 	length = read_bytes(stroke + 1, end, store);
 	if (length <= 0)
 		return "right are bytes of two hexadecimal digits behind the stroke; a trace of "
-		       "CAN "
-		       "cannot be replayed";
+		       "CAN cannot be replayed";
 	/* Answers to questions from before the trace. */
 	if (direction == '<' && *asked < 0)
 		return NULL;

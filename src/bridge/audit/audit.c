@@ -214,8 +214,7 @@ static void note_trouble(struct db_audit *audit, int error)
 	if (error != 0 && !audit->failing)
 		db_log(&audit->log, db_clock_now(), DB_EVENT_AUDIT_UNKEPT, NULL,
 		       "the audit trail cannot be written: %s; commands are carried out, and their "
-		       "records "
-		       "are only in the journal",
+		       "records are only in the journal",
 		       strerror(-error));
 	audit->failing = error != 0;
 }

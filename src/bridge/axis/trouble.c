@@ -29,8 +29,8 @@ static const struct {
 	                           "itself" },
 	[DB_TROUBLE_NOT_UNDERSTOOD] = { "not_understood", DB_NEED_ACT,
 	                                "it answers, but not as documented: check protocol, baud "
-	                                "or bit rate and "
-	                                "model, and whether another drive has address {address}" },
+	                                "or bit rate and model, and whether another drive has "
+	                                "address {address}" },
 	[DB_TROUBLE_LATE] = { "late", DB_NEED_ACT,
 	                      "its answers come after they were given up: raise drive-latency-ms "
 	                      "of bus {bus}{late}" },
@@ -51,16 +51,14 @@ static const struct {
 	                       "{fault}; then drivebridgectl run {drive} clear_fault" },
 	[DB_TROUBLE_WATCHDOG] = { "watchdog", DB_NEED_ACT,
 	                          "its client fell silent; when the client is back: drivebridgectl "
-	                          "run {drive} "
-	                          "clear_fault" },
+	                          "run {drive} clear_fault" },
 	[DB_TROUBLE_WARNING] = { "warning", DB_NEED_LOOK,
 	                         "it warns: see drivebridgectl show {drive}, and the drive's "
 	                         "manual" },
 	[DB_TROUBLE_MAY_HAVE_RESTARTED] = { "may_have_restarted", DB_NEED_LOOK,
 	                                    "where its position is counted from is not certain: "
-	                                    "check its power, "
-	                                    "then drivebridgectl run {drive} home (or "
-	                                    "set_position)" },
+	                                    "check its power, then drivebridgectl run {drive} home "
+	                                    "(or set_position)" },
 	[DB_TROUBLE_ORIGIN_LOST] = { "origin_lost", DB_NEED_LOOK,
 	                             "its position means nothing until it is homed or set: "
 	                             "drivebridgectl run {drive} "
@@ -176,8 +174,7 @@ static const char *find_port_advice(bool serial, int error)
 	case ENOBUFS:
 		if (serial)
 			return "; it takes no bytes: unplug the adapter and plug it in again, and "
-			       "check its "
-			       "flow control";
+			       "check its flow control";
 		return "; nobody on the bus acknowledges: check wiring, termination, bit rate and "
 		       "the drives' power";
 	default:

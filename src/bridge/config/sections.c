@@ -181,11 +181,10 @@ static bool read_line(struct db_load *load, size_t index, struct db_rtu_config *
 			line->role = &modbus->roles[i];
 	}
 	if (line->role_name && !line->role)
-		db_messages_add_error(
-			&load->messages, db_section_line(&section, "role"),
-			"there is no role '%s'; the name of a section \"role %s { ... }\" "
-			"of this file",
-			line->role_name, line->role_name);
+		db_messages_add_error(&load->messages, db_section_line(&section, "role"),
+		                      "there is no role '%s'; the name of a section \"role %s { "
+		                      "... }\" of this file",
+		                      line->role_name, line->role_name);
 	if (memcmp(line->units, none, sizeof(none)) == 0 && !db_section_misread(&section, "units"))
 		db_messages_add_error(&load->messages, db_section_line(&section, "units"),
 		                      "line '%s' answers no unit; units = {\"1\", \"10-19\"}, for "

@@ -341,8 +341,7 @@ static void put_all(FILE *out, struct db_session *session, struct subject *drive
 	        "When it started, since 1970 in UTC.", (double)control->started_us / 1e6);
 	put_one(out, "drivebridge_configuration_state", "gauge",
 	        "Whether the configuration on disk is what runs: 0 it is, 1 it was refused, 2 it "
-	        "had an "
-	        "error and the last good one runs, 3 it has changed and is not loaded.",
+	        "had an error and the last good one runs, 3 it has changed and is not loaded.",
 	        control->setup.ops->configuration(control->setup.context).state);
 	put_one(out, "drivebridge_restart_needed", "gauge",
 	        "1: an upgrade has replaced the program or a library, and the one of before runs.",

@@ -283,8 +283,7 @@ static void set_up_thread(struct db_bus *bus)
 		db_log(&bus->log, db_clock_now(), DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "cannot run at real-time priority %u: %s; the bus runs without it, and its "
 		       "cycles may be late when the computer is busy; allow it with LimitRTPRIO of "
-		       "the "
-		       "service, or set priority = 0",
+		       "the service, or set priority = 0",
 		       config->priority, strerror(error));
 	/* The default slack of 50 us is a good part of an exchange at high baud rates. */
 	prctl(PR_SET_TIMERSLACK, 1000UL, 0UL, 0UL, 0UL);
@@ -306,8 +305,7 @@ static void judge_priority(struct db_bus *bus)
 	else if (change == PRIORITY_LOST)
 		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "ran for a second without a pause and lost its real-time priority; it has "
-		       "it "
-		       "again when that ends");
+		       "it again when that ends");
 	else if (change == PRIORITY_RESTORED)
 		db_log(&bus->log, now, DB_EVENT_PRIORITY_REFUSED, NULL,
 		       "runs at real-time priority %u again", bus->config->priority);

@@ -282,8 +282,7 @@ static void follow_scan(struct bus_line *line, db_time now)
 
 		db_log(line->log, now, DB_EVENT_BUS_ASIDE, NULL,
 		       "%s is out of service for a scan%s%s: its drives are left as on-exit says, "
-		       "and are "
-		       "offline until it has ended",
+		       "and are offline until it has ended",
 		       bus_line_place(line), whose[0] ? " of " : "", whose);
 		db_engine_shut_down(line->engine, now);
 		line->clear_by = now + DB_EXIT_TIME;

@@ -31,10 +31,8 @@ void bus_log_timing(const struct db_log_source *log, const struct db_bus_config 
 		db_log(log, now, timing->told.event, &about,
 		       "answers up to %u ms after a request: the bus now waits %u ms for it; this "
 		       "computer is busy, the bus waited %u ms for a processor in the last %u s: "
-		       "find "
-		       "out what else runs, and set drive-latency-ms = %u to keep that after a "
-		       "restart "
-		       "only if it stays so",
+		       "find out what else runs, and set drive-latency-ms = %u to keep that after "
+		       "a restart only if it stays so",
 		       ms, learnt_ms, missed_ms, timing->seconds, learnt_ms);
 	else if (late && timing->told.learnt > 0)
 		db_log(log, now, timing->told.event, &about,
@@ -44,35 +42,29 @@ void bus_log_timing(const struct db_log_source *log, const struct db_bus_config 
 	else if (late && busy)
 		db_log(log, now, timing->told.event, &about,
 		       "answers %u ms after a request, but the bus waits only drive-latency-ms = "
-		       "%u "
-		       "for it; this computer is busy, the bus waited %u ms for a processor in the "
-		       "last "
-		       "%u s: find out what else runs, and set drive-latency-ms = %u only if it "
-		       "stays so",
+		       "%u for it; this computer is busy, the bus waited %u ms for a processor in "
+		       "the last %u s: find out what else runs, and set drive-latency-ms = %u only "
+		       "if it stays so",
 		       ms, bus->drive_latency_ms, missed_ms, timing->seconds, ms + ms / 2);
 	else if (late)
 		db_log(log, now, timing->told.event, &about,
 		       "answers %u ms after a request, but the bus waits only drive-latency-ms = "
-		       "%u "
-		       "for it; set drive-latency-ms = %u",
+		       "%u for it; set drive-latency-ms = %u",
 		       ms, bus->drive_latency_ms, ms + ms / 2);
 	else if (timing->told.others)
 		db_log(log, now, timing->told.event, &about,
 		       "requests to other drives sent %u us after its answers are lost: the bus "
-		       "now waits %u "
-		       "us; set turnaround-us = %u to keep that after a restart",
+		       "now waits %u us; set turnaround-us = %u to keep that after a restart",
 		       bus->turnaround_us, learnt_us, learnt_us);
 	else if (timing->told.learnt > 0)
 		db_log(log, now, timing->told.event, &about,
 		       "does not receive requests sent %u us after its answers: the bus now waits "
-		       "%u "
-		       "us; set turnaround-us = %u to keep that after a restart",
+		       "%u us; set turnaround-us = %u to keep that after a restart",
 		       bus->turnaround_us, learnt_us, learnt_us);
 	else
 		db_log(log, now, timing->told.event, &about,
 		       "does not receive requests that follow its answer within a few "
-		       "milliseconds, but "
-		       "receives later ones; raise turnaround-us, which is %u",
+		       "milliseconds, but receives later ones; raise turnaround-us, which is %u",
 		       bus->turnaround_us);
 }
 
@@ -86,8 +78,7 @@ void bus_log_slow(const struct db_log_source *log, const struct db_bus_config *b
 	if (missed / DB_NS_PER_MS * 4 > (db_time)slow->overruns * bus->cycle_ms)
 		db_log(log, now, DB_EVENT_BUS_SLOW, NULL,
 		       "%u times in %u s the drives could not all be read within cycle-ms = %u: "
-		       "this "
-		       "computer is busy, the bus waited %u ms for a processor; %s",
+		       "this computer is busy, the bus waited %u ms for a processor; %s",
 		       (unsigned)slow->overruns, slow->seconds, bus->cycle_ms,
 		       (unsigned)(missed / DB_NS_PER_MS),
 		       slow->has_priority ?
@@ -97,8 +88,7 @@ void bus_log_slow(const struct db_log_source *log, const struct db_bus_config *b
 		db_log(log, now, DB_EVENT_BUS_SLOW, NULL,
 		       "%u times in %u s the drives could not all be read within cycle-ms = %u "
 		       "(the last round over all took %u ms); raise cycle-ms or baud, or find "
-		       "drives "
-		       "that answer slowly or not at all",
+		       "drives that answer slowly or not at all",
 		       (unsigned)slow->overruns, slow->seconds, bus->cycle_ms,
 		       (unsigned)(slow->cycle_us / 1000));
 }
@@ -172,15 +162,13 @@ void bus_log_event(const struct db_log_source *log, const struct db_driver *driv
 	case DB_EVENT_DRIVE_LOST:
 		db_log(log, now, event, &about,
 		       "does not answer at address %u; check its power, wiring, address and baud "
-		       "or "
-		       "bit rate",
+		       "or bit rate",
 		       drive->address);
 		break;
 	case DB_EVENT_DRIVE_DOUBLED:
 		db_log(log, now, event, &about,
 		       "two drives answer at address %u; disconnect one of them and give it "
-		       "another "
-		       "address: until then the position shown may be the other drive's",
+		       "another address: until then the position shown may be the other drive's",
 		       drive->address);
 		break;
 	case DB_EVENT_DRIVE_RUNS_ON:
@@ -208,15 +196,13 @@ void bus_log_event(const struct db_log_source *log, const struct db_driver *driv
 	case DB_EVENT_DRIVE_RESTARTED:
 		db_log(log, now, event, &about,
 		       "was restarted: its position and unsaved parameters are lost; check its "
-		       "power, "
-		       "and home it");
+		       "power, and home it");
 		break;
 	case DB_EVENT_DRIVE_MAY_HAVE_RESTARTED:
 		db_log(log, now, event, &about,
 		       "%s may have been restarted: where its position is counted from is not "
-		       "certain "
-		       "(status %08X, position %.10g %s); check its power, and home it or set its "
-		       "position",
+		       "certain (status %08X, position %.10g %s); check its power, and home it or "
+		       "set its position",
 		       feedback->doubt == DB_DOUBT_SILENT ? "was silent and" :
 		                                            "shows one sign of a restart and",
 		       (unsigned)feedback->drive_status,
@@ -299,7 +285,7 @@ void bus_log_unusable(const struct db_log_source *log, const struct db_drive_con
 	write_frame(unusable, medium, text);
 	db_log(log, now, DB_EVENT_DRIVE_HEARD, &about,
 	       "answers at address %u, but not as documented: %s is no answer to what was asked "
-	       "(%u such frames); "
-	       "check protocol, address, model, and what the drive's manual says about it",
+	       "(%u such frames); check protocol, address, model, and what the drive's manual says "
+	       "about it",
 	       drive->address, text, (unsigned)unusable->count);
 }

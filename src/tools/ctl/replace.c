@@ -274,8 +274,7 @@ static enum db_ctl_status carry_out(const struct replacement *of)
 		putchar('\n');
 		db_ctl_say_line(stdout,
 		                "%s is replaced. Where its position is counted from is new: home "
-		                "it, or set its "
-		                "position, before it moves",
+		                "it, or set its position, before it moves",
 		                name_of(of));
 	}
 	return status;

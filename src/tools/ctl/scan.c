@@ -115,9 +115,8 @@ static void print_advice(const struct db_ctl_search *search)
 	}
 	if (json_array_size(search->finds) == 0)
 		db_ctl_say_line(stdout, "no drive answers: check power and wiring (A and B may be "
-		                        "swapped), whether "
-		                        "protocol and line are right, and the baud rate: "
-		                        "--all-bauds tries all of them");
+		                        "swapped), whether protocol and line are right, and the "
+		                        "baud rate: --all-bauds tries all of them");
 }
 
 /* --- the command ------------------------------------------------------------------------------ */
@@ -214,12 +213,11 @@ enum db_ctl_status db_ctl_scan(struct db_ctl *ctl, int count, char **arguments)
 	if (!parameters)
 		return DB_CTL_USAGE;
 	if (aside && !ctl->json)
-		db_ctl_say_line(
-			stdout,
-			"bus %s is taken out of service for this: its drives, which must stand, "
-			"are left as "
-			"on-exit says, and\nare offline for every PLC until the scan has ended",
-			arguments[0]);
+		db_ctl_say_line(stdout,
+		                "bus %s is taken out of service for this: its drives, which must "
+		                "stand, are left as on-exit says, and\nare offline for every PLC "
+		                "until the scan has ended",
+		                arguments[0]);
 	status = aside ? db_ctl_ask(ctl, "go on?") : DB_CTL_OK;
 	if (status != DB_CTL_OK) {
 		json_decref(parameters);

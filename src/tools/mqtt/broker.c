@@ -142,8 +142,7 @@ static void on_disconnect(struct mosquitto *client, void *data, int code,
 	if (code == MQTT_RC_SESSION_TAKEN_OVER)
 		set_reason(broker, "%s",
 		           "another client with the same client-id has connected; each gateway "
-		           "needs one "
-		           "of its own");
+		           "needs one of its own");
 	else if (code >= 128)
 		set_reason(broker, "the broker has ended the connection: %s",
 		           mosquitto_reason_string(code));
@@ -161,8 +160,7 @@ static void on_publish(struct mosquitto *client, void *data, int number, int cod
 		if (broker->refused[0] == '\0')
 			db_client_log(DB_CLIENT_WARNING,
 			              "the broker does not take a message of this gateway: %s; "
-			              "look at its "
-			              "access list",
+			              "look at its access list",
 			              mosquitto_reason_string(code));
 		snprintf(broker->refused, sizeof(broker->refused), "said");
 	}

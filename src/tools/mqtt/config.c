@@ -224,14 +224,12 @@ static void check_sparkplug(struct db_settings *settings)
 		db_messages_add_error(settings->messages,
 		                      db_settings_line(settings, "command", "senders"),
 		                      "senders = topic does not go with payload = sparkplug, whose "
-		                      "topics have no "
-		                      "place for a user");
+		                      "topics have no place for a user");
 	if (config->time == DB_MQTT_TIME_OPTIONAL)
-		db_messages_add_error(settings->messages,
-		                      db_settings_line(settings, "command", "time"),
-		                      "time = optional does not go with payload = sparkplug: a "
-		                      "command without its "
-		                      "time could not be told from one that comes twice");
+		db_messages_add_error(
+			settings->messages, db_settings_line(settings, "command", "time"),
+			"time = optional does not go with payload = sparkplug: a command without "
+			"its time could not be told from one that comes twice");
 	if (config->discovery)
 		db_messages_add_error(settings->messages,
 		                      db_settings_line(settings, "publish", "discovery"),
@@ -275,8 +273,7 @@ static void check_whole(struct db_settings *settings, const void *host_name)
 		db_messages_add_error(settings->messages,
 		                      db_settings_line(settings, "broker", "mqtt-version"),
 		                      "commands need mqtt-version = 5: in 3.1.1 a message does not "
-		                      "show that it was "
-		                      "published as a retained one");
+		                      "show that it was published as a retained one");
 }
 
 static void clear_added(void *values)

@@ -141,8 +141,8 @@ static bool add_points(const struct node *node)
 		added = db_mqtt_device_add_common(points, DB_MQTT_RESULT) &&
 		        add_own(points, "command age ms", DB_MQTT_UINT32,
 		                "So far the clock of who commands may be from this gateway's, with "
-		                "the "
-		                "time on the way: an older command is refused, but for stops") &&
+		                "the time on the way: an older command is refused, but for "
+		                "stops") &&
 		        add_own(points, "result/drive", DB_MQTT_STRING,
 		                "The drive of a result, where that has no metrics now");
 	set_own(node, REBIRTH, json_false());

@@ -116,10 +116,10 @@ static void on_found(void *context, json_t *description, const struct db_plant_d
 	                      db_plant_stops(publisher->plant));
 	if (db_mqtt_config_commands(publisher->config) && !publisher->warned &&
 	    !json_is_true(json_object_get(description, "may_act"))) {
-		db_client_log(DB_CLIENT_WARNING,
-		              "commands are on, but the service lets this program only read: its "
-		              "user must "
-		              "belong to the service's act-group (see drivebridge-mqtt(8))");
+		db_client_log(
+			DB_CLIENT_WARNING,
+			"commands are on, but the service lets this program only read: its user "
+			"must belong to the service's act-group (see drivebridge-mqtt(8))");
 		publisher->warned = true;
 	}
 	db_client_log(DB_CLIENT_NOTICE, "connected to drivebridged %s; drives: %zu",
@@ -202,8 +202,7 @@ static void send_echo(struct db_mqtt_publisher *publisher)
 			DB_CLIENT_WARNING,
 			db_client_now() - publisher->heard > silence ?
 				"the broker has sent nothing for %u s: what was commanded over it "
-				"is "
-				"given up" :
+				"is given up" :
 				"what the broker sends is more than %u s late: what was commanded "
 				"over it is given up",
 			config->keepalive_s);

@@ -380,8 +380,7 @@ static void act(struct db_opcua_acting *acting, const struct db_opcua_actor *act
 		fail(outcome, "pending",
 		     outcome->reason[0] ? call->outcome.reason :
 		                          "the drive has not confirmed it yet; it goes on, and "
-		                          "Result tells how it "
-		                          "ends");
+		                          "Result tells how it ends");
 	log_outcome(DB_CLIENT_NOTICE, call, "", outcome);
 	if (call->done)
 		free(call);

@@ -222,11 +222,9 @@ static void conclude(struct db_setup_move *move)
 	} else {
 		add(move,
 		    move->on_page ? "done: it answers at address %lld. A scan of %s prints a "
-		                    "section for the "
-		                    "configuration" :
+		                    "section for the configuration" :
 		                    "done: it answers at address %lld. drivebridgectl scan %s "
-		                    "prints a section "
-		                    "for the configuration",
+		                    "prints a section for the configuration",
 		    to, bus_of(move));
 	}
 	move->done = true;
@@ -385,13 +383,11 @@ static void take_first(struct db_setup_move *move, const json_t *find)
 	if (!find || strcmp(db_words_text(find, "verdict"), "one") != 0) {
 		add(move,
 		    find ? "more than one drive answers at address %lld of %s: both would take "
-		           "what "
-		           "is said. Take one of them off the line first" :
+		           "what is said. Take one of them off the line first" :
 		    move->on_page ?
 		           "no drive answers at address %lld of %s; a scan finds those that do" :
 		           "no drive answers at address %lld of %s; drivebridgectl scan finds "
-		           "those "
-		           "that do",
+		           "those that do",
 		    (long long)move->from, bus_of(move));
 		fail(move, FOUND_ERROR("NotOne"), move->text);
 		return;

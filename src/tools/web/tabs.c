@@ -228,8 +228,7 @@ static struct db_web_tab *require_tab(struct db_web_request *request)
 	if (request->tab[0] == '\0' || request->call == 0) {
 		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
 		                      "what acts tells its page and the number of the call there: "
-		                      "X-Tab, 16 to 32 "
-		                      "hexadecimal digits, and X-Call, from 1");
+		                      "X-Tab, 16 to 32 hexadecimal digits, and X-Call, from 1");
 		return NULL;
 	}
 	tab = open_tab(request, &error);
