@@ -161,6 +161,13 @@ static void losses_among_many_answers_are_chance(void **state)
 		assert_int_equal(learn_gap_lost(&gap, 1 * MS, S), LEARNT_NOTHING);
 	}
 	assert_int_equal(gap.now, 1 * MS);
+	/* Nor are three in a row behind a dozen answers more than one in three; with two more they are. */
+	learn_gap_init(&gap, true, 1 * MS, 1 * MS);
+	for (unsigned k = 0; k < 12; k++)
+		learn_gap_received(&gap, 1 * MS, S);
+	for (unsigned k = 0; k < 4; k++)
+		assert_int_equal(learn_gap_lost(&gap, 1 * MS, S), LEARNT_NOTHING);
+	assert_int_equal(learn_gap_lost(&gap, 1 * MS, S), LEARNT_MORE);
 }
 
 static void losses_that_a_gap_does_not_mend_leave_it(void **state)
