@@ -713,6 +713,8 @@ static void a_scan_has_the_line_at_each_speed_and_gives_it_back(void **state)
 	progress = scan_at(&story, 250000, 1000000);
 	assert_int_equal(progress.end, DB_SCAN_DONE);
 	assert_int_equal(progress.finds, 2);
+	assert_int_equal(progress.asked, 2);
+	assert_int_equal(progress.total, 2);
 	assert_int_equal(story.scan->finds[0].speed, 250000);
 	assert_int_equal(story.scan->finds[1].speed, 1000000);
 	assert_false(fake_is_online(story.bus, 0));
