@@ -41,6 +41,66 @@ static struct standing entered(float velocity, bool moving)
 	return standing;
 }
 
+/* A stop is said again when a sample behind it has come, or none for 100 ms: after 20 ms at first, later after 100, and
+ * later on a slow line. */
+static void a_stop_is_said_again_at_its_pace(void **state)
+{
+	static const struct {
+		db_time after; /* since the record was opened */
+		db_time round_trip;
+		db_time pause;
+	} cases[] = {
+		{ 0, 2 * MS, 20 * MS },
+		{ 0, 30 * MS, 60 * MS },
+		{ 1000 * MS - 1, 2 * MS, 20 * MS },
+		{ 1000 * MS, 2 * MS, 100 * MS },
+		{ 5000 * MS, 30 * MS, 150 * MS },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct standing standing = entered(1000, true);
+		db_time now = T + cases[i].after;
+
+		standing_stop_sent(&standing, true, cases[i].round_trip, now);
+		assert_int_equal(standing.count, 2);
+		assert_false(standing.read_since);
+		assert_int_equal(standing.send_at, now + cases[i].pause);
+		assert_int_equal(standing_send_at(&standing),
+		                 now + (cases[i].pause > 100 * MS ? cases[i].pause : 100 * MS));
+		standing.read_since = true;
+		assert_int_equal(standing_send_at(&standing), now + cases[i].pause);
+	}
+}
+
+/* What was sent out of step is asked about first: no sample is waited for, and no pace begins. */
+static void a_stop_that_may_not_have_arrived_has_no_pace(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_stop_sent(&standing, false, 2 * MS, T + 10 * MS);
+	assert_true(standing.read_since);
+	assert_int_equal(standing.sent_at, T + 10 * MS);
+	assert_int_equal(standing.send_at, T + 20 * MS);
+}
+
+/* It is read soon after its answer, and until then the stop is not said again. */
+static void a_drive_is_read_behind_the_answer_to_its_stop(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_stop_answered(&standing, DB_CMD_STOP, true, true, T + 3 * MS);
+	assert_int_equal(standing.read_at, T + 8 * MS);
+	assert_int_equal(standing_send_at(&standing), T + 103 * MS);
+	/* Nothing was said since it has to stand for another cause as well. */
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_WATCHDOG, NULL, T + 4 * MS);
+	standing_stop_answered(&standing, DB_CMD_STOP, true, true, T + 5 * MS);
+	assert_false(standing.acknowledged);
+	assert_int_equal(standing_send_at(&standing), T + 4 * MS);
+}
+
 static void only_what_was_asked_after_the_stop_counts(void **state)
 {
 	struct standing standing = entered(0, false);
@@ -495,11 +555,18 @@ static void losses_cost_the_drive_its_own_share(void **state)
 	assert_true(standing_stop_lost(&standing, true, 2, 40 * MS, now));
 	assert_int_equal(standing_send_at(&standing), now + 160 * MS);
 	/* Offline it waits longer and longer, within a bound. */
+	for (db_time pause = 20 * MS; pause < 200 * MS; pause *= 2) {
+		assert_true(standing_stop_lost(&standing, false, 2, 1 * MS, now));
+		assert_int_equal(standing_send_at(&standing), now + pause);
+	}
 	for (unsigned i = 0; i < 10; i++)
 		assert_true(standing_stop_lost(&standing, false, 2, 1 * MS, now));
 	assert_int_equal(standing_send_at(&standing), now + 200 * MS);
 	standing_stop_answered(&standing, DB_CMD_STOP, true, true, now);
 	assert_int_equal(standing.losses, 0);
+	/* It begins anew when it has answered. */
+	assert_true(standing_stop_lost(&standing, false, 2, 1 * MS, now));
+	assert_int_equal(standing_send_at(&standing), now + 20 * MS);
 }
 
 static void a_later_motion_ends_it_when_the_drive_took_it(void **state)
@@ -541,6 +608,9 @@ static void a_withdrawn_cause_leaves_the_others(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_stop_is_said_again_at_its_pace),
+		cmocka_unit_test(a_stop_that_may_not_have_arrived_has_no_pace),
+		cmocka_unit_test(a_drive_is_read_behind_the_answer_to_its_stop),
 		cmocka_unit_test(only_what_was_asked_after_the_stop_counts),
 		cmocka_unit_test(what_is_known_of_an_offline_drive_is_no_evidence),
 		cmocka_unit_test(a_drive_that_moved_is_seen_to_stand_twice),
