@@ -346,6 +346,13 @@ static void what_is_refused_gives_way_to_the_next_kind(void **state)
 	standing_stop_answered(&standing, DB_CMD_STOP, false, true, T + 22 * MS);
 	/* Both: it goes on with the strongest. */
 	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+	standing_stop_sent(&standing, true, 0, T + 42 * MS);
+	standing_stop_answered(&standing, DB_CMD_DISABLE, false, true, T + 43 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_STOP);
+	/* So it does when the weaker one was taken. */
+	standing_stop_sent(&standing, true, 0, T + 63 * MS);
+	standing_stop_answered(&standing, DB_CMD_STOP, true, true, T + 64 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
 }
 
 static void a_disable_ends_when_the_power_is_known_to_be_off(void **state)
