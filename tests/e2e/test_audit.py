@@ -206,13 +206,20 @@ def test_page(state, gateway):  # noqa: F811
     assert wait_for(bridge, kind="users", what="changed")[0]["text"] == str(webd.users_path)
 
 
+def test_a_login_while_there_is_no_service_is_told_later(state, gateway):  # noqa: F811
+    bridge = gateway.make_bridge()
+    webd = gateway.webd(bridge)
+    bridge.stop_bridge()
+    refused(401, gateway.page(webd).log_in, OPERATOR[0], "wrong")
+    bridge.start_bridge()
+    (failed,) = wait_for(bridge, kind="login", result="refused")
+    assert re.fullmatch(rf"at \d{{4}}-\S+Z, when there was no service: {OPERATOR[0]}", failed["text"]), failed
+
+
 @in_loop
 async def test_opcua(state, make_bridge, make_server, certificate):
     bridge = make_bridge()
     server = make_server(bridge)
-    # The first login may come before the server has found the service, which is told of none then.
-    async with server.session(certificate, OPCUA_READER):
-        pass
     async with server.session(certificate, OPCUA_OPERATOR) as session:
         await call(session, "drive1", "Enable")
     async with server.session(certificate, OPCUA_READER):

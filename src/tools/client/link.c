@@ -240,13 +240,16 @@ void db_link_introduce_now(struct db_link *link, const char *user, const char *f
 		(void)db_link_tell(link, "Introduce", parameters);
 }
 
+json_t *db_link_note_words(const struct db_link_note *note)
+{
+	return json_pack("{s:s, s:s, s:s*, s:s*, s:s*, s:s*, s:b}", "kind", note->kind, "what",
+	                 note->what, "user", note->user, "from", note->from, "text", note->text,
+	                 "drive", note->drive, "refused", note->refused);
+}
+
 void db_link_note(struct db_link *link, const struct db_link_note *note)
 {
-	(void)db_link_tell(link, "Note",
-	                   json_pack("{s:s, s:s, s:s*, s:s*, s:s*, s:s*, s:b}", "kind", note->kind,
-	                             "what", note->what, "user", note->user, "from", note->from,
-	                             "text", note->text, "drive", note->drive, "refused",
-	                             note->refused));
+	(void)db_link_tell(link, "Note", db_link_note_words(note));
 }
 
 int db_link_fd(const struct db_link *link, short *events)

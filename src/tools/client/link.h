@@ -59,6 +59,9 @@ struct db_link_note {
 	bool refused;
 };
 
+/* The parameters of the call that adds it. */
+json_t *db_link_note_words(const struct db_link_note *note);
+
 /* Adds it to the trail of a service that has one. */
 void db_link_note(struct db_link *link, const struct db_link_note *note);
 

@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 /* A call without an answer for this time counts as failed. */
 #define ANSWER_MAX (10 * DB_NS_PER_S)
@@ -36,6 +37,9 @@ struct db_plant {
 	bool failed;                   /* to be closed; `why` is set */
 	char why[512];
 	char logged[512]; /* the last logged error; "" while the service is there */
+	bool takes_notes; /* the service has an audit trail, and this tool may command */
+	json_t *notes;    /* for it, while there is no service */
+	unsigned notes_left_out;
 	struct db_client_events events;
 	struct db_client_troubles troubles;
 	bool alarms_came;  /* over this connection */
@@ -57,6 +61,7 @@ struct db_plant *db_plant_new(sd_event *loop, const struct db_plant_wishes *wish
 	plant->look_at = DB_TIME_NEVER;
 	plant->answer_by = DB_TIME_NEVER;
 	plant->stops = json_object();
+	plant->notes = json_array();
 	return plant;
 }
 
@@ -102,6 +107,7 @@ void db_plant_free(struct db_plant *plant)
 		return;
 	disconnect(plant);
 	json_decref(plant->stops);
+	json_decref(plant->notes);
 	free(plant);
 }
 
@@ -235,11 +241,33 @@ void db_plant_subscribe(struct db_plant *plant, json_t *drives, json_t *names, u
 
 /* --- drives ----------------------------------------------------------------------------------- */
 
+static void tell_kept_notes(struct db_plant *plant)
+{
+	size_t i;
+	json_t *note;
+
+	json_array_foreach(plant->notes, i, note)
+	{
+		if (plant->takes_notes)
+			(void)db_link_tell(plant->links[CALLS], "Note", json_incref(note));
+	}
+	if (plant->notes_left_out > 0)
+		db_client_log(DB_CLIENT_WARNING,
+		              "%u notes for the audit trail were left out: there was no service",
+		              plant->notes_left_out);
+	(void)json_array_clear(plant->notes);
+	plant->notes_left_out = 0;
+}
+
 /* All drives are known: the streams begin. */
 static void begin(struct db_plant *plant)
 {
 	plant->there = true;
 	plant->found = true;
+	/* Services of before have no audit trail. */
+	plant->takes_notes = json_object_get(plant->description, "audit_trouble") &&
+	                     json_is_true(json_object_get(plant->description, "may_act"));
+	tell_kept_notes(plant);
 	plant->ops->found(plant->context, plant->description, plant->drives, plant->count);
 	if (plant->failed)
 		return;
@@ -468,6 +496,30 @@ json_t *db_plant_stops(const struct db_plant *plant)
 bool db_plant_is_stop(const struct db_plant *plant, const char *command)
 {
 	return json_object_get(plant->stops, command);
+}
+
+void db_plant_note(struct db_plant *plant, const struct db_link_note *note)
+{
+	struct db_link_note kept = *note;
+	char text[256];
+	char when[sizeof("2026-11-29T12:00:00Z")];
+	time_t now = (time_t)(db_client_wall_us() / 1000000);
+	struct tm utc;
+
+	if (db_plant_reader(plant)) {
+		if (plant->takes_notes)
+			db_link_note(plant->links[CALLS], note);
+		return;
+	}
+	if (json_array_size(plant->notes) >= DB_PLANT_NOTES ||
+	    strftime(when, sizeof(when), "%FT%TZ", gmtime_r(&now, &utc)) == 0) {
+		plant->notes_left_out++;
+		return;
+	}
+	snprintf(text, sizeof(text), "at %s, when there was no service%s%s", when,
+	         note->text && note->text[0] ? ": " : "", note->text ? note->text : "");
+	kept.text = text;
+	(void)json_array_append_new(plant->notes, db_link_note_words(&kept));
 }
 
 struct db_link *db_plant_reader(const struct db_plant *plant)

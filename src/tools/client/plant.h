@@ -92,6 +92,12 @@ void db_plant_subscribe(struct db_plant *plant, json_t *drives, json_t *names, u
 /* For calls that only read. NULL while the service is not there. */
 struct db_link *db_plant_reader(const struct db_plant *plant);
 
+/* Adds to the audit trail what a user did at this tool, if the service has one and this tool may
+ * command there. While there is no service, up to DB_PLANT_NOTES are kept, with their time, and
+ * added when it comes; more are counted. */
+#define DB_PLANT_NOTES 64
+void db_plant_note(struct db_plant *plant, const struct db_link_note *note);
+
 /* Reads the description again, unless an answer is awaited anyway. */
 void db_plant_refresh(struct db_plant *plant);
 

@@ -283,10 +283,7 @@ bool db_opcua_plant_has_audit(const struct db_opcua_plant *plant)
 
 void db_opcua_plant_note(const struct db_opcua_plant *plant, const struct db_link_note *note)
 {
-	/* A server that may only read has nothing that its users could have done. */
-	if (db_plant_is_there(plant->plant) && db_opcua_plant_has_audit(plant) &&
-	    json_is_true(json_object_get(plant->known, "may_act")))
-		db_link_note(db_plant_reader(plant->plant), note);
+	db_plant_note(plant->plant, note);
 }
 
 static void open_fetcher(struct db_opcua_plant *plant)

@@ -150,12 +150,7 @@ void db_web_service_tick(struct db_web_service *service, db_time now)
 
 void db_web_service_note(const struct db_web_service *service, const struct db_link_note *note)
 {
-	struct db_link *reader = db_web_service_reader(service);
-
-	/* A server that may only read has nothing that its users could have done. */
-	if (reader && service->has_audit &&
-	    json_is_true(json_object_get(service->description, "may_act")))
-		db_link_note(reader, note);
+	db_plant_note(service->plant, note);
 }
 
 json_t *db_web_service_stops(const struct db_web_service *service)
