@@ -4,6 +4,7 @@
  * what a stop in between does. Drives that are told something before they can begin, in made-up time.
  */
 #include "fakes/bus.h"
+#include "sched/sched_private.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -242,6 +243,29 @@ static void one_that_goes_elsewhere_is_begun_by_itself(void **state)
 		assert_true(all_ended(world, DB_RESULT_OK));
 		close_world(world);
 	}
+}
+
+/* Nobody acknowledges it: the line is kept for it until each is sure to hear. */
+static void it_is_said_when_all_are_sure_to_hear(void **state)
+{
+	struct world *world = open_world_with(DB_MEDIUM_SERIAL, 100);
+	db_time answered = 0;
+	size_t at = 0;
+
+	(void)state;
+	for (size_t i = 0; i < DRIVES; i++)
+		world->bus->engine->nodes[i]->gap.sure = 15 * MS;
+	post_all(world);
+	fake_pass(world->bus, 300 * MS);
+	while (at < world->bus->sent_count && world->bus->sent[at].frame.address != FAKE_ALL) {
+		answered = world->bus->sent[at].at + ANSWER_TIME;
+		at++;
+	}
+	assert_true(at < world->bus->sent_count);
+	assert_int_equal(world->bus->sent[at].frame.kind, FAKE_BEGIN);
+	assert_true(world->bus->sent[at].at - answered == 15 * MS);
+	assert_true(all_ended(world, DB_RESULT_OK));
+	close_world(world);
 }
 
 /* --- what is asked after it ------------------------------------------------------------------------ */
@@ -540,6 +564,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(one_frame_when_all_are_ready),
 		cmocka_unit_test(one_that_goes_elsewhere_is_begun_by_itself),
+		cmocka_unit_test(it_is_said_when_all_are_sure_to_hear),
 		cmocka_unit_test(a_look_that_is_lost_is_repeated),
 		cmocka_unit_test(the_frame_for_all_has_time_to_be_acted_on),
 		cmocka_unit_test(requests_that_come_later_are_waited_for),
