@@ -69,6 +69,11 @@ void db_client_log_rationed(struct db_client_log_ration *ration, db_time now,
 	va_end(arguments);
 }
 
+bool db_client_log_is_due(const struct db_client_log_ration *ration, db_time now)
+{
+	return is_over(ration, now) || ration->count < DB_CLIENT_LOG_RATION;
+}
+
 /* Never 0. */
 static uint64_t key_of(const char *address)
 {

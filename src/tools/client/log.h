@@ -8,6 +8,7 @@
 
 #include "drivebridge/time.h"
 
+#include <stdbool.h>
 #include <stdint.h>
 
 enum db_client_level {
@@ -35,6 +36,9 @@ struct db_client_log_ration {
 void db_client_log_rationed(struct db_client_log_ration *ration, db_time now,
                             enum db_client_level level, const char *format, ...)
 	__attribute__((format(printf, 4, 5)));
+
+/* False: such a line would be left out now. */
+bool db_client_log_is_due(const struct db_client_log_ration *ration, db_time now);
 
 /* The same with a ration of its own for each address, so that the lines that one causes hide no
  * other's. Bounded: addresses that come when all places are taken within a minute share one. */

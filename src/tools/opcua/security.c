@@ -175,12 +175,9 @@ UA_ByteString db_opcua_security_bytes(const struct db_certificate_file *file)
 
 /* --- trust ------------------------------------------------------------------------------------ */
 
-#define SEARCH_INTERVAL (5 * DB_NS_PER_S)
-
 struct guard {
 	const struct db_opcua_config *config;
-	time_t kept;      /* when a certificate was last kept */
-	db_time searched; /* when the folders were last searched for a stray file */
+	time_t kept; /* when a certificate was last kept */
 	struct db_client_log_ration lines;
 	/* the library's verification, which reads the folders */
 	UA_CertificateVerification library;
@@ -310,15 +307,12 @@ static UA_StatusCode verify(const UA_CertificateVerification *cv, const UA_ByteS
 	if (status == UA_STATUSCODE_BADINTERNALERROR) {
 		db_time now = db_client_now();
 
-		/* It reads all files, and whoever connects could ask for that again and again. */
-		if (guard->searched == 0 || now - guard->searched >= SEARCH_INTERVAL) {
-			guard->searched = now;
-			db_client_log_rationed(
-				&guard->lines, now, DB_CLIENT_ERROR,
-				"%s is none that belongs there; until it is taken out nobody is "
-				"trusted",
-				find_stray(guard->config).text);
-		}
+		/* Looking for the file reads all of them: not for a line that is left out. */
+		db_client_log_rationed(
+			&guard->lines, now, DB_CLIENT_ERROR,
+			"%s is none that belongs there; until it is taken out nobody is trusted",
+			db_client_log_is_due(&guard->lines, now) ? find_stray(guard->config).text :
+								   "a file");
 	} else if (status == UA_STATUSCODE_BADCERTIFICATETIMEINVALID)
 		tell_useless(
 			guard, certificate,
