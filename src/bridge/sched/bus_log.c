@@ -133,14 +133,22 @@ static void log_found(const struct db_log_source *log, const struct db_driver *d
 		       db_error_text(driver, feedback->error, error));
 }
 
-static void log_runs_on(const struct db_log_source *log, const struct db_drive_config *drive,
-                        const struct db_log_about *about, const struct db_feedback *feedback,
-                        db_time now)
+static void log_runs_on(const struct db_log_source *log, const struct db_driver *driver,
+                        const struct db_drive_config *drive, const struct db_log_about *about,
+                        const struct db_feedback *feedback, db_time now)
 {
 	const char *then = drive->on_stop_failure == DB_ON_STOP_FAILURE_DISABLE ?
 	                           ", and the drive is disabled" :
 	                           "";
 
+	/* The stop is for all axes of the controller, and this one is seen to stand. */
+	if (driver->axes > 1 && !(feedback->status & DB_STATUS_MOVING)) {
+		db_log(log, now, DB_EVENT_DRIVE_RUNS_ON, about,
+		       "its controller did not answer a stop within %u ms; this axis stands, the stop "
+		       "is repeated for the others",
+		       drive->stop_reaction_ms);
+		return;
+	}
 	db_log(log, now, DB_EVENT_DRIVE_RUNS_ON, about,
 	       "was sent a stop and does not slow down: %.6g %s/s after %u ms (status %08X); the "
 	       "stop is repeated%s; switch the drive off if it is a danger",
@@ -172,7 +180,7 @@ void bus_log_event(const struct db_log_source *log, const struct db_driver *driv
 		       drive->address);
 		break;
 	case DB_EVENT_DRIVE_RUNS_ON:
-		log_runs_on(log, drive, &about, feedback, now);
+		log_runs_on(log, driver, drive, &about, feedback, now);
 		break;
 	case DB_EVENT_DRIVE_FAULT:
 		db_log(log, now, event, &about,

@@ -150,7 +150,8 @@ enum db_command standing_next(const struct standing *standing)
 	enum db_command next = strongest(standing->kinds & ~standing->refused);
 	enum db_command owed = strongest(standing->owed & ~standing->refused);
 
-	if (standing->kind == DB_CMD_DISABLE && owed != DB_CMD_NONE && !standing->wide_was_last)
+	if (standing->kind == DB_CMD_DISABLE && owed != DB_CMD_NONE &&
+	    (standing->confirmed || !standing->wide_was_last))
 		return owed;
 	return next == DB_CMD_NONE ? standing->kind : next;
 }
@@ -162,7 +163,9 @@ void standing_stop_sent(struct standing *standing, bool trusted, db_time round_t
 	db_time share = round_trip * (first ? FIRST_TRIPS : PACE_TRIPS);
 
 	standing->count++;
-	standing->wide_was_last = standing->wide & bit(standing_next(standing));
+	/* A disable whose first frame alone was sent blind has not had its turn. */
+	if (trusted || standing_next(standing) != DB_CMD_DISABLE)
+		standing->wide_was_last = standing->wide & bit(standing_next(standing));
 	standing->sent_at = now;
 	standing->read_since = !trusted;
 	standing->read_by = now + WITHOUT_LOOK;
@@ -184,8 +187,9 @@ void standing_stop_answered(struct standing *standing, enum db_command command, 
 	standing->read_at = now + LOOK_AFTER;
 	standing->read_by = now + WITHOUT_LOOK;
 	standing->confirmed |= command == DB_CMD_DISABLE;
+	/* An answer to one serves for all that are owed; a refusal is of that one only. */
 	if (command != DB_CMD_DISABLE)
-		standing->owed = 0;
+		standing->owed = taken ? 0 : standing->owed & ~bit(command);
 	if (taken) {
 		standing->refused = 0;
 		/* The other one of the two is due at once. */
@@ -238,8 +242,11 @@ void standing_resume(struct standing *standing, db_time now)
 	standing->losses = 0;
 	standing->backoff = BACKOFF_MIN;
 	standing->gives_way = standing->obeys = standing->read_since = standing->confirmed = false;
+	/* A controller that answers everything but stops comes back again and again: whose turn it
+	 * is stays, or the disable would never have one. */
+	if (standing->owed == 0)
+		standing->wide_was_last = false;
 	standing->owed = standing->wide;
-	standing->wide_was_last = false;
 	standing->may_move = true;
 	standing->top_speed = standing->least_speed = 0.0f;
 	standing->still_since = 0;

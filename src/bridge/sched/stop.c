@@ -17,12 +17,29 @@ static void fail_stops(struct db_engine *engine, struct station *station, db_tim
 	struct standing *standing = &station->standing;
 	bool was_known = standing->overdue;
 
-	standing_run_on(standing, station->config->on_stop_failure == DB_ON_STOP_FAILURE_DISABLE,
+	/* An axis that has stood all the time keeps its power: only the controller's answer is
+	 * missing. */
+	standing_run_on(standing,
+	                station->config->on_stop_failure == DB_ON_STOP_FAILURE_DISABLE &&
+	                        (standing->owed == 0 || standing->may_move),
 	                now);
 	station_finish_stops(station, DB_CMD_NONE, DB_RESULT_RUNS_ON, now);
 	station_finish_stops(station, DB_CMD_DISABLE, DB_RESULT_RUNS_ON, now);
 	if (!was_known)
 		engine_publish(engine, station);
+}
+
+/* Without a known answer, a stop was sent that this drive's next one would only repeat: its own, or,
+ * as a controller's stop is for all axes, that of another axis. */
+static bool was_sent_blind(const struct station *station)
+{
+	if (station->blind_stop_sent || standing_next(&station->standing) == DB_CMD_DISABLE)
+		return station->blind_stop_sent;
+	for (const struct station *s = station->node->first; s; s = s->next_axis) {
+		if (s->blind_stop_sent && s->standing.wide != 0)
+			return true;
+	}
+	return false;
 }
 
 /* False: nothing was sent; the stop waits until the drives of the line can receive. */
@@ -32,7 +49,7 @@ static bool send_stop(struct db_engine *engine, struct station *station, db_time
 	bool in_step = station->node->in_step;
 	enum db_result result = DB_RESULT_FAILED;
 
-	if (!in_step && station->blind_stop_sent) {
+	if (!in_step && was_sent_blind(station)) {
 		exchange_send_probe(engine, station->node, now);
 		return is_flying(station->node);
 	}
@@ -307,7 +324,7 @@ void stop_answered(struct db_engine *engine, struct station *station, enum db_re
 	 * drive obeys; that it does not obey only an extra reading shows, because an answer may be
 	 * older than the stop's effect. */
 	stop_judge(engine, station, feedback->taken, now);
-	standing->read_since &= result != DB_RESULT_OK;
+	standing->read_since &= result != DB_RESULT_OK || standing_next(standing) != command;
 }
 
 void stop_lost(struct db_engine *engine, struct node *node, bool stop, db_time cost, db_time now)

@@ -452,6 +452,82 @@ static void an_owed_stop_that_is_refused_keeps_no_axis_that_stands(void **state)
 	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_DONE);
 }
 
+/* A controller that answers everything but stops counts as lost, and is back at once. */
+static void a_disable_has_its_turn_though_the_controller_comes_and_goes(void **state)
+{
+	struct standing standing = { .kind = DB_CMD_NONE };
+	unsigned disables = 0;
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+	standing_owe(&standing, DB_CMD_STOP);
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T);
+	for (unsigned i = 0; i < 10; i++) {
+		disables += standing_next(&standing) == DB_CMD_DISABLE;
+		standing_stop_sent(&standing, true, 0, T + (10 + 20 * i) * MS);
+		(void)standing_stop_lost(&standing, true, 2, MS, T + (15 + 20 * i) * MS);
+		standing_suspend(&standing, &rules, T + (18 + 20 * i) * MS);
+		standing_resume(&standing, T + (20 + 20 * i) * MS);
+	}
+	assert_int_equal(disables, 5);
+}
+
+/* Only its first frame was sent, which may be a read. */
+static void a_blind_disable_has_not_had_its_turn(void **state)
+{
+	struct standing standing = { .kind = DB_CMD_NONE };
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+	standing_owe(&standing, DB_CMD_STOP);
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T);
+	standing_stop_sent(&standing, false, 0, T);
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+	standing_stop_sent(&standing, false, 0, T + 10 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+	standing_stop_sent(&standing, true, 0, T + 20 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_STOP);
+}
+
+static void a_refused_quick_stop_does_not_serve_for_a_stop(void **state)
+{
+	struct standing standing = { .kind = DB_CMD_NONE };
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+	standing_owe(&standing, DB_CMD_STOP);
+	standing_enter(&standing, DB_CMD_QUICK_STOP, DB_STAND_CLIENT, NULL, T);
+	standing_owe(&standing, DB_CMD_QUICK_STOP);
+	assert_int_equal(standing_next(&standing), DB_CMD_QUICK_STOP);
+	standing_stop_sent(&standing, true, 0, T);
+	standing_stop_answered(&standing, DB_CMD_QUICK_STOP, false, true, T + 5 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_STOP);
+	standing_stop_sent(&standing, true, 0, T + 10 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 12 * MS), STANDING_UNSEEN);
+	assert_true(standing_is_open(&standing));
+}
+
+/* The power is known to be off; another one might stop axes that were set going since. */
+static void a_confirmed_disable_is_not_repeated_for_an_owed_stop(void **state)
+{
+	struct standing standing = { .kind = DB_CMD_NONE };
+
+	(void)state;
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+	standing_owe(&standing, DB_CMD_STOP);
+	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T);
+	standing_stop_sent(&standing, true, 0, T);
+	(void)standing_stop_lost(&standing, true, 2, MS, T + 5 * MS);
+	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
+	standing_stop_sent(&standing, true, 0, T + 10 * MS);
+	standing_stop_answered(&standing, DB_CMD_DISABLE, true, true, T + 15 * MS);
+	for (unsigned i = 0; i < 4; i++) {
+		assert_int_equal(standing_next(&standing), DB_CMD_STOP);
+		standing_stop_sent(&standing, true, 0, T + (20 + 10 * i) * MS);
+		(void)standing_stop_lost(&standing, true, 2, MS, T + (25 + 10 * i) * MS);
+	}
+}
+
 /* What was answered before it was away does not count. */
 static void an_owed_stop_is_owed_again_by_a_controller_that_comes_back(void **state)
 {
@@ -640,6 +716,10 @@ int main(void)
 		cmocka_unit_test(a_disable_and_an_owed_stop_take_turns),
 		cmocka_unit_test(an_owed_stop_that_is_never_answered_ends_by_time),
 		cmocka_unit_test(an_owed_stop_that_is_refused_keeps_no_axis_that_stands),
+		cmocka_unit_test(a_disable_has_its_turn_though_the_controller_comes_and_goes),
+		cmocka_unit_test(a_blind_disable_has_not_had_its_turn),
+		cmocka_unit_test(a_refused_quick_stop_does_not_serve_for_a_stop),
+		cmocka_unit_test(a_confirmed_disable_is_not_repeated_for_an_owed_stop),
 		cmocka_unit_test(an_owed_stop_is_owed_again_by_a_controller_that_comes_back),
 		cmocka_unit_test(a_drive_that_comes_back_is_told_first_and_seen_anew),
 		cmocka_unit_test(a_drive_that_comes_back_slower_does_not_obey),
