@@ -144,8 +144,8 @@ static void log_runs_on(const struct db_log_source *log, const struct db_driver 
 	/* The stop is for all axes of the controller, and this one is seen to stand. */
 	if (driver->axes > 1 && !(feedback->status & DB_STATUS_MOVING)) {
 		db_log(log, now, DB_EVENT_DRIVE_RUNS_ON, about,
-		       "its controller did not answer a stop within %u ms; this axis stands, the stop "
-		       "is repeated for the others",
+		       "its controller did not answer a stop within %u ms; this axis stands, the "
+		       "stop is repeated for the others",
 		       drive->stop_reaction_ms);
 		return;
 	}

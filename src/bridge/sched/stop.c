@@ -29,8 +29,8 @@ static void fail_stops(struct db_engine *engine, struct station *station, db_tim
 		engine_publish(engine, station);
 }
 
-/* Without a known answer, a stop was sent that this drive's next one would only repeat: its own, or,
- * as a controller's stop is for all axes, that of another axis. */
+/* Without a known answer, a stop was sent that this drive's next one would only repeat: its own,
+ * or, as a controller's stop is for all axes, that of another axis. */
 static bool was_sent_blind(const struct station *station)
 {
 	if (station->blind_stop_sent || standing_next(&station->standing) == DB_CMD_DISABLE)

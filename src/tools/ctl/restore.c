@@ -156,7 +156,9 @@ static enum db_ctl_status ask_for_port(const struct restore *restore, const char
 		                       "%s is not on this machine: say --ports %s=DEVICE, with the "
 		                       "device that it is here",
 		                       port, port);
-	(void)glob("/dev/serial/by-id/*", 0, NULL, &here);
+	(void)glob("/dev/serial/by-id/"
+	           "*",
+	           0, NULL, &here);
 	db_ctl_say_line(stdout, "%s is not on this machine, which has", port);
 	for (size_t i = 0; i < here.gl_pathc; i++)
 		printf("  %zu  %s\n", i + 1, here.gl_pathv[i]);
