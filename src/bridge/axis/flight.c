@@ -167,8 +167,11 @@ struct db_request *db_flight_join_stop(struct db_commander *commander, enum db_c
 	struct db_request *newest = db_flight_find(commander, commander->newest);
 	struct db_request *youngest;
 	unsigned count;
+	/* A controller's stop is for all of its axes, and another one may have been set going since
+	 * the controller has answered. */
+	bool answered_before = newest && !newest->again && commander->config.driver->axes > 1;
 
-	if (newest && db_request_stop(newest) == command)
+	if (newest && db_request_stop(newest) == command && !answered_before)
 		return newest;
 	youngest = youngest_stop(commander, command, NULL, &count);
 	if (count < DB_COMMANDER_STOPS_OF_A_KIND && !(youngest && youngest->again))

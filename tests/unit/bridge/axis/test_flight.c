@@ -348,6 +348,37 @@ static void a_stop_without_a_place_is_said_again(void **state)
 	drop(&fake);
 }
 
+/* The controller may have answered the first one, and another axis may have begun to move since. */
+static void a_second_stop_of_a_controller_is_sent(void **state)
+{
+	struct db_driver controller = driver;
+	struct db_commander_config config;
+	struct db_commander *other;
+
+	FAKE(false);
+	controller.axes = 4;
+	config = config_of(&fake);
+	config.driver = &controller;
+	assert_int_equal(db_commander_new(&config, &ops, &fake, &other), 0);
+	swap(&fake, &other);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 2);
+	/* A third one follows when the second has ended, and a fourth one with it. */
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(put(&fake, 0, DB_CMD_STOP, 0), DB_WRITE_LATER);
+	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 2);
+	finish(&fake, 0, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 0);
+	finish(&fake, 1, DB_RESULT_OK);
+	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 3);
+	finish(&fake, fake.submitted - 1, DB_RESULT_OK);
+	assert_int_equal(fake.answered, 4);
+	swap(&fake, &other);
+	db_commander_free(other);
+	drop(&fake);
+}
+
 /* ... and, should the bus not take it, until it does. */
 static void a_stop_said_again_is_not_lost(void **state)
 {
@@ -428,6 +459,7 @@ int main(void)
 		cmocka_unit_test(a_stop_is_never_answered_busy),
 		cmocka_unit_test(a_younger_stop_takes_the_place_of_the_older_one),
 		cmocka_unit_test(a_stop_without_a_place_is_said_again),
+		cmocka_unit_test(a_second_stop_of_a_controller_is_sent),
 		cmocka_unit_test(a_stop_said_again_is_not_lost),
 		cmocka_unit_test(a_write_ends_as_the_stop_said_again),
 		cmocka_unit_test(a_refused_reaction_is_handed_over_once),
