@@ -49,12 +49,14 @@ export function createSpeedStep({ path, readSpeed, onBegin, onCurve, onEnd }) {
 	function take(mine, { samples }) {
 		for (const sample of samples)
 			mine.samples.push(sample);
-		/* Its speed of before is known now; a button that is up by now has moved nothing. */
-		if (!mine.begun && mine.samples.length > 0) {
+		const speeds = listSpeeds(mine.samples, isComputed);
+
+		/* Its speed of before is known now, also where it is computed from some time; a button that is up by now has
+		 * moved nothing. */
+		if (!mine.begun && speeds.length > 0) {
 			mine.begun = true;
 			grips.press(mine.wanted);
 		}
-		const speeds = listSpeeds(mine.samples, isComputed);
 		const band = findSteady(speeds, mine.wanted);
 
 		if (band > 0) {
