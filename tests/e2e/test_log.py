@@ -101,10 +101,11 @@ def test_a_thousand_times_are_a_few_lines_and_a_count(bridge):
     for _ in range(40):
         bridge.raw().close()
     eventually(lambda: bridge.gateway().read("accepted") >= 40)
-    before = len(lines(bridge, f"client {ME}: "))
-    assert before <= 4
+    # Of a connection that has ended before the kernel is asked nobody knows the user: those are another kind of line.
+    anybody = "client 127.0.0.1, user "
+    assert len(lines(bridge, anybody)) <= 8
     assert bridge.stop_bridge() == 0
-    assert len(lines(bridge, f"client {ME}: ", "times more in the last ")) == 1
+    assert len(lines(bridge, anybody, "times more in the last ")) in (1, 2)
 
 
 @pytest.mark.parametrize(("level", "present", "absent"), [
