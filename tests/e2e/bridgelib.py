@@ -666,7 +666,7 @@ class Bridge:
             else:
                 self.port = int(port)
 
-    def wait_ready(self, number=1, timeout=20.0):
+    def wait_ready(self, number=1, timeout=10.0):
         drive = self.drive(number)
         eventually(
             lambda: drive.read("status") & PARAMS_VALID_BIT, timeout,
