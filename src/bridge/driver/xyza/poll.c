@@ -7,6 +7,7 @@
 #include "driver/xyza/xyza_private.h"
 
 #include <math.h>
+#include <string.h>
 
 /* Number of times the sign is read again when it changes during the reading. */
 #define SIGN_TRIES 3
@@ -99,17 +100,24 @@ static bool is_silent(const struct db_device *first, unsigned axis, enum xyza_it
 }
 
 /* True when such an item is asked for now. */
-static bool try_silent(struct xyza_turn *turn, db_time now)
+static bool try_silent(struct xyza_silence *silent, unsigned axis, enum xyza_item item, db_time now)
 {
-	bool due = turn->silent_pause != 0 && now >= turn->silent_at;
+	uint32_t bit = UINT32_C(1) << item;
 
-	if (turn->silent_pause == 0)
-		turn->silent_pause = SILENT_PAUSE_MIN;
-	else if (due && turn->silent_pause < SILENT_PAUSE_MAX)
-		turn->silent_pause *= 2;
-	if (due || turn->silent_at == 0)
-		turn->silent_at = now + turn->silent_pause;
-	return due;
+	if (silent->pause == 0)
+		*silent = (struct xyza_silence){ .pause = SILENT_PAUSE_MIN,
+			                         .at = now + SILENT_PAUSE_MIN };
+	/* Its second turn: the round is through. */
+	if (silent->tried[axis] & bit) {
+		memset(silent->tried, 0, sizeof(silent->tried));
+		if (silent->pause < SILENT_PAUSE_MAX)
+			silent->pause *= 2;
+		silent->at = now + silent->pause;
+	}
+	if (now < silent->at)
+		return false;
+	silent->tried[axis] |= bit;
+	return true;
 }
 
 static bool is_in_turn(struct db_device *first, unsigned axis, enum xyza_item item, db_time now)
@@ -128,7 +136,7 @@ static bool is_in_turn(struct db_device *first, unsigned axis, enum xyza_item it
 	if (!xyza_item_of_axis(item) && axis != XYZA_X)
 		return false;
 	return is_known(first, axis, item) ||
-	       (is_silent(first, axis, item) && try_silent(&first->turn, now));
+	       (is_silent(first, axis, item) && try_silent(&first->turn.silent, axis, item, now));
 }
 
 /* It was refused, or is not answered: it is read again with all others. All axes know a common item
@@ -162,7 +170,8 @@ static bool choose_item(struct db_device *first, db_time now)
 	turn->asked = XYZA_ITEM_ENABLE;
 	if (phase == 0)
 		return is_known(first, XYZA_X, turn->asked) ||
-		       (is_silent(first, XYZA_X, turn->asked) && try_silent(turn, now));
+		       (is_silent(first, XYZA_X, turn->asked) &&
+		        try_silent(&turn->silent_power, XYZA_X, turn->asked, now));
 	if (now - turn->at < ITEM_PAUSE)
 		return false;
 	turn->at = now;
@@ -407,7 +416,7 @@ static enum db_step answer_controller(struct db_conversation *talk)
 			*item_losses(turn) = 0;
 		/* What the line lost may not have been lost alone. */
 		if (!refused && is_silent(first, turn->axis, turn->asked))
-			turn->silent_pause = turn->silent_at = 0;
+			turn->silent.pause = turn->silent_power.pause = 0;
 		if (!refused && owner)
 			xyza_learn_item(owner, turn->asked, reply->value, talk->now);
 		first->polling = false;

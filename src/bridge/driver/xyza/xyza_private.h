@@ -94,19 +94,24 @@ struct xyza_part {
 	db_time again_at; /* when it is read again */
 };
 
+/* When items without an answer are asked for again: each of them once in a round. */
+struct xyza_silence {
+	db_time at;                      /* when the next round begins */
+	db_time pause;                   /* after the next round; 0: there was no such item yet */
+	uint32_t tried[XYZA_AXIS_COUNT]; /* a bit for each item that was asked for in this round */
+};
+
 /* Items may be changed at the controller: they are read again one after the other. */
 struct xyza_turn {
-	unsigned polls;         /* number of complete readings of all axes */
-	unsigned axis;          /* the axis whose item is read next, or was */
-	enum xyza_item item;    /* the previous item in turn */
-	enum xyza_item asked;   /* the item that is read: that one, or the power */
-	db_time at;             /* when an item was last read */
-	unsigned losses;        /* lost answers in a row */
-	unsigned enable_losses; /* lost answers of the power in a row */
-	/* Items that were not answered when all were read: when one is asked for again, and the
-	 * pause after that. 0: there was none yet. */
-	db_time silent_at;
-	db_time silent_pause;
+	unsigned polls;                   /* number of complete readings of all axes */
+	unsigned axis;                    /* the axis whose item is read next, or was */
+	enum xyza_item item;              /* the previous item in turn */
+	enum xyza_item asked;             /* the item that is read: that one, or the power */
+	db_time at;                       /* when an item was last read */
+	unsigned losses;                  /* lost answers in a row */
+	unsigned enable_losses;           /* lost answers of the power in a row */
+	struct xyza_silence silent;       /* items that were not answered when all were read */
+	struct xyza_silence silent_power; /* the power, which has turns of its own */
 };
 
 struct db_device {

@@ -2186,6 +2186,39 @@ static void what_one_axis_lost_another_has_read(void **state)
 	drop(f);
 }
 
+static bool is_lacking(const char *question)
+{
+	static const char *const lacks[] = { "0AF10103E2A1", "0AF10103E2A2", "0AF10103E2A3",
+		                             "0AF10103E2A4" };
+	bool found = false;
+
+	for (size_t i = 0; i < sizeof(lacks) / sizeof(lacks[0]); i++)
+		found = found || strcmp(question, lacks[i]) == 0;
+	return found;
+}
+
+/* One that the line lost is asked for soon, however many the controller does not have. */
+static void what_a_controller_lacks_keeps_nothing_else(void **state)
+{
+	struct fixture *f = make(1);
+	const char *said = begin(f, 0, DB_JOB_IDENTIFY);
+	unsigned asked = 0;
+
+	(void)state;
+	while (said[0] != '=')
+		said = is_lacking(said) || strcmp(said, "0AF10103E5C9") == 0 ? lost(f) : obey(f);
+	for (unsigned i = 0; i < 450; i++) {
+		for (said = begin(f, 0, DB_JOB_POLL); said[0] != '=';) {
+			asked += is_lacking(said);
+			said = is_lacking(said) ? lost(f) : obey(f);
+		}
+		f->now += 100 * MS;
+	}
+	assert_true(plate(f, 0)->valid[0] >> XYZA_PULSE_MODE & 1);
+	assert_in_range(asked, 4, 8);
+	drop(f);
+}
+
 /* Each time is a lost answer, for which all axes wait. */
 static void what_a_controller_lacks_is_asked_for_seldom(void **state)
 {
@@ -2594,6 +2627,7 @@ int main(void)
 		cmocka_unit_test(an_item_that_falls_silent_is_doubtful),
 		cmocka_unit_test(what_was_lost_is_asked_for_again),
 		cmocka_unit_test(what_one_axis_lost_another_has_read),
+		cmocka_unit_test(what_a_controller_lacks_keeps_nothing_else),
 		cmocka_unit_test(what_a_controller_lacks_is_asked_for_seldom),
 		cmocka_unit_test(a_jog_with_limits_looks_at_its_brakes),
 		cmocka_unit_test(one_key_is_changed_and_the_others_kept),
