@@ -81,8 +81,8 @@ struct db_control_socket_ops {
 /* And so many of a user who may only read: none leaves others without. */
 #define DB_SESSIONS_OF_READER 8
 
-/* And this number that are kept for stops, when there are no others. Who has one and says nothing
- * keeps it for 0.1 s: the more there are, the less a stop waits behind a crowd of those. */
+/* When all these are taken, this number of further sessions is accepted for stops only. One that sends
+ * nothing for 0.1 s is closed; the more there are, the shorter a stop waits behind silent ones. */
 #define DB_SESSIONS_FOR_STOPS 8
 
 /* Sessions accepted in one turn may replace others, which are still to be freed. */

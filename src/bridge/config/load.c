@@ -21,7 +21,7 @@ static void read_sources(struct db_load *load)
 
 	if (!db_reader_read(&load->reader, &rules, &load->messages))
 		return;
-	/* Who edits that file may change buses and drives, and not who may do that. */
+	/* Users who may edit this file may change buses and drives, but not the rights of users. */
 	for (size_t i = 0; i < load->reader.section_count; i++) {
 		const struct db_reader_section *section = &load->reader.sections[i];
 		const struct db_source *source = db_messages_find_source(&load->messages,

@@ -230,7 +230,7 @@ enum slcan_error slcan_decode_command(const char *line, size_t length,
 		if (VERBS[verb] == *text)
 			command->verb = (enum slcan_verb)verb;
 	}
-	/* What is behind the letter. */
+	/* Then the arguments, which follow the letter of the command. */
 	switch (command->verb) {
 	case SLCAN_VERB_COUNT:
 		return SLCAN_ERR_SYNTAX;

@@ -36,8 +36,8 @@ bool db_authority_make(const struct db_authority_request *request);
 bool db_authority_make_server(const struct db_authority_request *request);
 bool db_authority_make_client(const struct db_authority_request *request);
 
-/* Adds the client's certificate to the list, which is made anew. Of the request the folder, the
- * name and `begins`, the moment of now, are used. */
+/* Adds the client's certificate to the list of revoked ones, and signs that list again. Uses these
+ * members of the request: the folder, the name, and `begins`, which is the present time. */
 bool db_authority_revoke(const struct db_authority_request *request);
 
 /* True if it can be the name of a client, and of its files: 1 to 64 of A-Z a-z 0-9 . _ - and none

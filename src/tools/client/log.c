@@ -1,12 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "client/log.h"
 
+#include "drivebridge/hash.h"
+
 #include <arpa/inet.h>
 #include <errno.h>
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 __attribute__((format(printf, 2, 0))) static void write_line(enum db_client_level level,
                                                              const char *format, va_list arguments)
@@ -78,15 +81,10 @@ bool db_client_log_is_due(const struct db_client_log_ration *ration, db_time now
 static uint64_t key_of(const char *address)
 {
 	unsigned char bytes[16];
-	uint64_t key = UINT64_C(0xCBF29CE484222325);
+	uint64_t key = inet_pton(AF_INET6, address, bytes) == 1 ?
+	                       db_hash_add(DB_HASH_BEGIN, bytes, 8) :
+	                       db_hash_add(DB_HASH_BEGIN, address, strlen(address));
 
-	if (inet_pton(AF_INET6, address, bytes) == 1) {
-		for (size_t i = 0; i < 8; i++)
-			key = (key ^ bytes[i]) * UINT64_C(0x100000001B3);
-	} else {
-		for (; *address; address++)
-			key = (key ^ (unsigned char)*address) * UINT64_C(0x100000001B3);
-	}
 	return key ? key : 1;
 }
 

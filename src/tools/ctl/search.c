@@ -73,7 +73,7 @@ enum db_ctl_status db_ctl_search(struct db_ctl *ctl, json_t *parameters,
 	db_ctl_signals_close(signals);
 	if (stream.progress)
 		fputs("\r\033[K", stderr);
-	/* Closing the connection ends the scan. What was found until then is there. */
+	/* Takes the finds that have already arrived; closing the connection then ends the scan. */
 	if (search->interrupted) {
 		(void)db_client_handle(ctl->client);
 		db_client_close(ctl->client);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The primary host application of Sparkplug: whether it is there, at the broker that this gateway
- * is connected to. Pure; time is passed in. */
+/* Whether Sparkplug's primary host application is online at the broker to which this gateway is
+ * connected. Pure; time is passed in. */
 #ifndef DRIVEBRIDGE_MQTT_HOST_H
 #define DRIVEBRIDGE_MQTT_HOST_H
 

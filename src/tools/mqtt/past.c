@@ -1,18 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/past.h"
 
-/* FNV-1a, with the zero behind each text. */
+#include "drivebridge/hash.h"
+
+#include <string.h>
+
+/* The zero at the end of the text counts, so that "ab", "c" and "a", "bc" differ. */
 static uint64_t add_text(uint64_t key, const char *text)
 {
-	do {
-		key = (key ^ (unsigned char)*text) * UINT64_C(0x100000001B3);
-	} while (*text++);
-	return key;
+	return db_hash_add(key, text, strlen(text) + 1);
 }
 
 uint64_t db_mqtt_past_key(const char *drive, const char *user, const char *id)
 {
-	uint64_t key = add_text(add_text(add_text(UINT64_C(0xCBF29CE484222325), drive), user), id);
+	uint64_t key = add_text(add_text(add_text(DB_HASH_BEGIN, drive), user), id);
 
 	return key != 0 ? key : 1;
 }

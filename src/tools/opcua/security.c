@@ -5,6 +5,7 @@
 #include "certificates/own.h"
 #include "client/clock.h"
 #include "client/log.h"
+#include "drivebridge/hash.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -188,11 +189,7 @@ struct guard {
 /* Part of a file's name: the same for the same certificate. */
 static uint64_t number_of(const UA_ByteString *bytes)
 {
-	uint64_t number = UINT64_C(0xcbf29ce484222325);
-
-	for (size_t i = 0; i < bytes->length; i++)
-		number = (number ^ bytes->data[i]) * UINT64_C(0x100000001b3);
-	return number;
+	return db_hash_add(DB_HASH_BEGIN, bytes->data, bytes->length);
 }
 
 /* Removes the oldest one when there are too many. */

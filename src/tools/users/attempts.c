@@ -1,22 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "users/attempts.h"
 
-/* FNV-1a. */
-static uint64_t mix(uint64_t hash, const void *bytes, size_t count)
-{
-	const unsigned char *at = bytes;
-
-	for (size_t i = 0; i < count; i++)
-		hash = (hash ^ at[i]) * UINT64_C(0x100000001B3);
-	return hash;
-}
+#include "drivebridge/hash.h"
 
 uint64_t db_attempts_key(const struct db_attempts *attempts, char kind, const void *bytes,
                          size_t count)
 {
-	uint64_t hash = mix(UINT64_C(0xCBF29CE484222325), &attempts->seed, sizeof(attempts->seed));
+	uint64_t hash = db_hash_add(DB_HASH_BEGIN, &attempts->seed, sizeof(attempts->seed));
 
-	hash = mix(mix(hash, &kind, 1), bytes, count);
+	hash = db_hash_add(db_hash_add(hash, &kind, 1), bytes, count);
 	return hash ? hash : 1;
 }
 

@@ -2,6 +2,8 @@
 #include "web/page.h"
 #include "client/log.h"
 
+#include "drivebridge/hash.h"
+
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -91,7 +93,6 @@ static bool add_file(struct db_web_page *page, int folder, const char *name)
 {
 	struct db_web_file *file = &page->files[page->count];
 	const char *type = find_type(name);
-	uint64_t hash = UINT64_C(0xCBF29CE484222325);
 	char packed[NAME_MAX + sizeof(PACKED)];
 
 	if (!type)
@@ -108,9 +109,8 @@ static bool add_file(struct db_web_page *page, int folder, const char *name)
 	file->name = strdup(name);
 	if (!file->name)
 		return false;
-	for (size_t i = 0; i < file->size; i++)
-		hash = (hash ^ ((unsigned char *)file->bytes)[i]) * UINT64_C(0x100000001B3);
-	snprintf(file->etag, sizeof(file->etag), "\"%016llx\"", (unsigned long long)hash);
+	snprintf(file->etag, sizeof(file->etag), "\"%016llx\"",
+	         (unsigned long long)db_hash_add(DB_HASH_BEGIN, file->bytes, file->size));
 	snprintf(packed, sizeof(packed), "%s" PACKED, name);
 	file->packed = read_file(folder, packed, &file->packed_size);
 	return file->packed || errno == ENOENT;
