@@ -13,9 +13,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* As long and as many as the service remembers them itself: a sender may then count anew. */
+/* As long as the service remembers ids itself: a sender may then count anew. And as many as it
+ * remembers of 16 drives; of more the oldest is forgotten. */
 #define DB_MQTT_PAST_LASTS (120 * DB_NS_PER_S)
-#define DB_MQTT_PAST_PLACES 64
+#define DB_MQTT_PAST_PLACES 1024
 
 struct db_mqtt_past {
 	struct db_mqtt_past_place {

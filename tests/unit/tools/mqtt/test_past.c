@@ -69,13 +69,13 @@ static void the_oldest_gives_its_place(void **state)
 
 	for (unsigned i = 0; i < DB_MQTT_PAST_PLACES; i++)
 		db_mqtt_past_note(past, 1 + i, 10 + i);
-	db_mqtt_past_note(past, 1, 200);
-	db_mqtt_past_note(past, 1000, 201);
+	db_mqtt_past_note(past, 1, 20000);
+	db_mqtt_past_note(past, 100000, 20001);
 	db_mqtt_past_end_run(past);
-	assert_false(db_mqtt_past_had(past, 2, 300));
+	assert_false(db_mqtt_past_had(past, 2, 20002));
 	for (unsigned i = 0; i < DB_MQTT_PAST_PLACES; i++)
-		assert_true(i == 1 || db_mqtt_past_had(past, 1 + i, 300));
-	assert_true(db_mqtt_past_had(past, 1000, 300));
+		assert_true(i == 1 || db_mqtt_past_had(past, 1 + i, 20002));
+	assert_true(db_mqtt_past_had(past, 100000, 20002));
 }
 
 int main(void)
