@@ -325,20 +325,35 @@ class Commander:
         return self.result(self.number)["result"]
 
 
-@pytest.fixture
-def commander(plant):
-    """A drive with a watchdog of half a second, all commands allowed."""
-    bridge = plant.make_bridge(drive={"watchdog-ms": 500})
+def commanding(plant, drive=None, **may):
+    """Somebody who may send all commands, and whose drive is enabled."""
+    bridge = plant.make_bridge(drive=drive or {})
     broker = plant.broker()
     watcher = plant.watcher(broker)
-    publisher = plant.publisher(bridge, broker,
-                                command={"allow": "all", "parameters": "on", "age-ms": 1000}).start()
+    publisher = plant.publisher(bridge, broker, command={"allow": "all", **may}).start()
     watcher.wait_for_text("status", "online")
     made = Commander(watcher)
     made.publisher = publisher
     made.bridge, made.broker, made.plant = bridge, broker, plant
     eventually(lambda: made.run("enable") == "ok")
     return made
+
+
+def kill_service(commander):
+    """And begin it again; gives the place from which on messages are new."""
+    bridge, seen = commander.bridge, commander.watcher.count()
+    bridge.process.kill()
+    bridge.process.wait()
+    bridge.units.clear()
+    bridge.start_bridge()
+    commander.watcher.wait_for_text("status", "online", seen, timeout=15)
+    return commander.watcher.count()
+
+
+@pytest.fixture
+def commander(plant):
+    """A drive with a watchdog of half a second."""
+    return commanding(plant, {"watchdog-ms": 500}, **{"parameters": "on", "age-ms": 1000})
 
 
 def test_commands_and_their_results(commander):
@@ -435,14 +450,8 @@ def test_what_is_not_carried_out(commander):
 def test_an_id_outlives_the_program(plant, ahead, result, repeated):
     """Killed and started anew while the same message comes again, well within its age. What it was sent before is late,
     by whatever clock; of one whose sender's clock is ahead the service knows that it was carried out."""
-    bridge = plant.make_bridge()
-    broker = plant.broker()
-    watcher = plant.watcher(broker)
-    publisher = plant.publisher(bridge, broker, command={"allow": "all", "age-ms": 30000}).start()
-    watcher.wait_for_text("status", "online")
-    commander = Commander(watcher)
-    unit = bridge.drive(1)
-    eventually(lambda: commander.run("enable") == "ok")
+    commander = commanding(plant, **{"age-ms": 30000})
+    publisher, watcher, unit = commander.publisher, commander.watcher, commander.bridge.drive(1)
     message = command("move_relative", "again", ahead, target_position=100)
     commander.send(message)
     assert commander.result("again")["result"] == "ok"
@@ -461,13 +470,8 @@ def test_an_id_outlives_the_program(plant, ahead, result, repeated):
 
 def test_what_was_sent_to_another_run_of_the_service(plant):
     """It has forgotten the ids: what was sent before it began may have been carried out."""
-    bridge = plant.make_bridge()
-    broker = plant.broker()
-    watcher = plant.watcher(broker)
-    plant.publisher(bridge, broker, command={"allow": "all", "age-ms": 30000}).start()
-    watcher.wait_for_text("status", "online")
-    commander = Commander(watcher)
-    eventually(lambda: commander.run("enable") == "ok")
+    commander = commanding(plant, **{"age-ms": 30000})
+    bridge, watcher = commander.bridge, commander.watcher
     message = command("move_relative", "again", target_position=100)
     commander.send(message)
     assert commander.result("again")["result"] == "ok"
@@ -491,23 +495,13 @@ def test_what_was_sent_to_another_run_of_the_service(plant):
 
 def test_what_another_run_got_without_a_time(plant):
     """A sender that repeats its command for longer than nothing but stops is taken."""
-    bridge = plant.make_bridge()
-    broker = plant.broker()
-    watcher = plant.watcher(broker)
-    plant.publisher(bridge, broker, command={"allow": "all", "time": "optional", "age-ms": 300}).start()
-    watcher.wait_for_text("status", "online")
-    commander = Commander(watcher)
-    eventually(lambda: commander.run("enable") == "ok")
+    commander = commanding(plant, **{"time": "optional", "age-ms": 300})
+    bridge, watcher = commander.bridge, commander.watcher
     message = {"id": "again", "command": "move_relative", "arguments": {"target_position": 100}}
     # In the first age-ms it is refused.
     eventually(lambda: commander.send(message) or any(one.json["id"] == "again" and one.json["result"] == "ok"
                                                       for one in watcher.all("drive/drive1/result")), what="the first one")
-    seen = watcher.count()
-    bridge.process.kill()
-    bridge.process.wait()
-    bridge.units.clear()
-    bridge.start_bridge()
-    watcher.wait_for_text("status", "online", seen, timeout=15)
+    seen = kill_service(commander)
     new = {"id": "new", "command": "enable"}
 
     def results(name):
@@ -525,23 +519,12 @@ def test_what_another_run_got_without_a_time(plant):
 
 def test_what_another_run_got_from_a_clock_that_is_ahead(plant):
     """By its time it is sent after the service began again."""
-    bridge = plant.make_bridge()
-    broker = plant.broker()
-    watcher = plant.watcher(broker)
-    plant.publisher(bridge, broker, command={"allow": "all", "age-ms": 30000}).start()
-    watcher.wait_for_text("status", "online")
-    commander = Commander(watcher)
-    eventually(lambda: commander.run("enable") == "ok")
+    commander = commanding(plant, **{"age-ms": 30000})
+    bridge, watcher = commander.bridge, commander.watcher
     message = command("move_relative", "again", 20.0, target_position=100)
     commander.send(message)
     assert commander.result("again")["result"] == "ok"
-    seen = watcher.count()
-    bridge.process.kill()
-    bridge.process.wait()
-    bridge.units.clear()
-    bridge.start_bridge()
-    watcher.wait_for_text("status", "online", seen, timeout=15)
-    seen = watcher.count()
+    seen = kill_service(commander)
     commander.send(message)
     answer = commander.result("again", seen)
     assert answer["result"] == "late" and "both clocks" in answer["reason"]

@@ -369,6 +369,14 @@ static void a_disable_ends_when_the_power_is_known_to_be_off(void **state)
 	assert_int_equal(judge(&standing, 0, false, T + 30 * MS), STANDING_DONE);
 }
 
+/* A stop of a controller with several axes has joined. */
+static void owe(struct standing *standing, enum db_command kind, const struct db_feedback *known,
+                db_time now)
+{
+	standing_enter(standing, kind, DB_STAND_CLIENT, known, now);
+	standing_owe(standing, kind);
+}
+
 /* Of a controller with several axes: its disable is for one of them, its stop for all. */
 static void a_stop_of_all_axes_is_not_left_out_for_a_disable(void **state)
 {
@@ -378,8 +386,7 @@ static void a_stop_of_all_axes_is_not_left_out_for_a_disable(void **state)
 	(void)state;
 	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, &still, T);
 	standing_stop_sent(&standing, true, 0, T);
-	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, &still, T + 1 * MS);
-	standing_owe(&standing, DB_CMD_STOP);
+	owe(&standing, DB_CMD_STOP, &still, T + 1 * MS);
 	standing_stop_answered(&standing, DB_CMD_DISABLE, true, true, T + 2 * MS);
 	assert_int_equal(standing_next(&standing), DB_CMD_STOP);
 	assert_true(standing_send_at(&standing) <= T + 2 * MS);
@@ -402,8 +409,7 @@ static void a_disable_and_an_owed_stop_take_turns(void **state)
 	unsigned disables = 0;
 
 	(void)state;
-	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
-	standing_owe(&standing, DB_CMD_STOP);
+	owe(&standing, DB_CMD_STOP, NULL, T);
 	standing_stop_sent(&standing, true, 0, T);
 	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T + 1 * MS);
 	for (unsigned i = 0; i < 8; i++) {
@@ -423,8 +429,7 @@ static void an_owed_stop_that_is_never_answered_ends_by_time(void **state)
 	struct standing standing = { .kind = DB_CMD_NONE };
 
 	(void)state;
-	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, &still, T);
-	standing_owe(&standing, DB_CMD_STOP);
+	owe(&standing, DB_CMD_STOP, &still, T);
 	standing_stop_sent(&standing, true, 0, T);
 	(void)standing_stop_lost(&standing, true, 2, MS, T + 10 * MS);
 	assert_int_equal(judge(&standing, 0, false, T + 20 * MS), STANDING_UNSEEN);
@@ -445,8 +450,7 @@ static void an_owed_stop_that_is_refused_keeps_no_axis_that_stands(void **state)
 	struct standing standing = { .kind = DB_CMD_NONE };
 
 	(void)state;
-	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, &still, T);
-	standing_owe(&standing, DB_CMD_STOP);
+	owe(&standing, DB_CMD_STOP, &still, T);
 	standing_stop_sent(&standing, true, 0, T);
 	standing_stop_answered(&standing, DB_CMD_STOP, false, true, T + 5 * MS);
 	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_DONE);
@@ -459,8 +463,7 @@ static void a_disable_has_its_turn_though_the_controller_comes_and_goes(void **s
 	unsigned disables = 0;
 
 	(void)state;
-	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
-	standing_owe(&standing, DB_CMD_STOP);
+	owe(&standing, DB_CMD_STOP, NULL, T);
 	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T);
 	for (unsigned i = 0; i < 10; i++) {
 		disables += standing_next(&standing) == DB_CMD_DISABLE;
@@ -478,8 +481,7 @@ static void a_blind_disable_has_not_had_its_turn(void **state)
 	struct standing standing = { .kind = DB_CMD_NONE };
 
 	(void)state;
-	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
-	standing_owe(&standing, DB_CMD_STOP);
+	owe(&standing, DB_CMD_STOP, NULL, T);
 	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T);
 	standing_stop_sent(&standing, false, 0, T);
 	assert_int_equal(standing_next(&standing), DB_CMD_DISABLE);
@@ -494,10 +496,8 @@ static void a_refused_quick_stop_does_not_serve_for_a_stop(void **state)
 	struct standing standing = { .kind = DB_CMD_NONE };
 
 	(void)state;
-	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
-	standing_owe(&standing, DB_CMD_STOP);
-	standing_enter(&standing, DB_CMD_QUICK_STOP, DB_STAND_CLIENT, NULL, T);
-	standing_owe(&standing, DB_CMD_QUICK_STOP);
+	owe(&standing, DB_CMD_STOP, NULL, T);
+	owe(&standing, DB_CMD_QUICK_STOP, NULL, T);
 	assert_int_equal(standing_next(&standing), DB_CMD_QUICK_STOP);
 	standing_stop_sent(&standing, true, 0, T);
 	standing_stop_answered(&standing, DB_CMD_QUICK_STOP, false, true, T + 5 * MS);
@@ -513,8 +513,7 @@ static void a_confirmed_disable_is_not_repeated_for_an_owed_stop(void **state)
 	struct standing standing = { .kind = DB_CMD_NONE };
 
 	(void)state;
-	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
-	standing_owe(&standing, DB_CMD_STOP);
+	owe(&standing, DB_CMD_STOP, NULL, T);
 	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, NULL, T);
 	standing_stop_sent(&standing, true, 0, T);
 	(void)standing_stop_lost(&standing, true, 2, MS, T + 5 * MS);
@@ -535,8 +534,7 @@ static void an_owed_stop_is_owed_again_by_a_controller_that_comes_back(void **st
 	struct standing standing = { .kind = DB_CMD_NONE };
 
 	(void)state;
-	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
-	standing_owe(&standing, DB_CMD_STOP);
+	owe(&standing, DB_CMD_STOP, NULL, T);
 	standing_stop_sent(&standing, true, 0, T);
 	standing_stop_answered(&standing, DB_CMD_STOP, true, true, T + 5 * MS);
 	standing_enter(&standing, DB_CMD_DISABLE, DB_STAND_CLIENT, &still, T + 10 * MS);
