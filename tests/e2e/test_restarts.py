@@ -102,3 +102,18 @@ def test_a_servo_that_begins_to_count_anew_without_power_is_one_sign(make_bridge
     assert drive.command("clear_fault") == 0
     eventually(lambda: drive.read("quality") == QUALITY_GOOD)
     assert drive.read("trouble") == code("trouble", "none")
+
+
+def test_clear_fault_ends_the_doubt_about_a_drive_without_encoder(make_bridge):
+    """Such a drive refuses eclr, and has no part in what clear_fault says then: that the position is right."""
+    bridge = make_bridge(sim_drive={"handshake-kept": True})
+    drive = bridge.drive()
+    assert drive.command("set_position", target_position=PLACE) == 0
+    eventually(lambda: drive.read("position") == PLACE)
+    bridge.sim.control("power drive1 cycle")
+    bridge.told("shows one sign of a restart and may have been restarted: ")
+    assert drive.read("quality") == QUALITY_UNCERTAIN
+    assert drive.command("clear_fault") == 0
+    eventually(lambda: drive.read("quality") == QUALITY_GOOD)
+    # With power nobody can have pushed it to where counters begin.
+    assert drive.read("trouble") == code("trouble", "origin_lost")

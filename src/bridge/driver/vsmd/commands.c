@@ -597,6 +597,11 @@ enum db_step vsmd_begin_command(struct db_conversation *talk)
 		return send_step(talk, vsmd_command_steps, VSMD_STEP_POSITION);
 	case DB_CMD_HOME:
 		return send_step(talk, vsmd_command_steps, VSMD_STEP_CLEAR_HOMED);
+	case DB_CMD_CLEAR_FAULT:
+		/* It says that the position is right. A drive without an encoder refuses eclr. */
+		if (axis->doubt.kind != DB_DOUBT_NONE && !(axis->last.status & VSMD_ST_ENC_ERR))
+			return confirm_command(talk);
+		return send_step(talk, vsmd_command_steps, VSMD_STEP_ORDER);
 	case DB_CMD_MOVE_ABSOLUTE:
 		axis->wanted = request->args->target_position;
 		/* fall through */
