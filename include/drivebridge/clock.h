@@ -31,4 +31,25 @@ static inline uint64_t db_clock_wall_us(void)
 	return (uint64_t)(db_clock_read(CLOCK_REALTIME) / DB_NS_PER_US);
 }
 
+/* CLOCK_REALTIME minus CLOCK_MONOTONIC, nanoseconds, as `read` (db_clock_read) reads them. A thread
+ * that has to wait for the processor between two readings would be wrong by that time, and the
+ * times of its data would go back: the quickest of some readings counts. */
+static inline db_time db_clock_wall_offset(db_time (*read)(clockid_t))
+{
+	db_time least = DB_TIME_NEVER;
+	db_time offset = 0;
+
+	for (unsigned i = 0; i < 5 && least > 10 * DB_NS_PER_US; i++) {
+		db_time before = read(CLOCK_MONOTONIC);
+		db_time wall = read(CLOCK_REALTIME);
+		db_time took = read(CLOCK_MONOTONIC) - before;
+
+		if (took < least) {
+			least = took;
+			offset = wall - before - took / 2;
+		}
+	}
+	return offset;
+}
+
 #endif

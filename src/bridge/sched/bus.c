@@ -235,8 +235,7 @@ static db_time run_turn(struct db_bus *bus)
 	 * again. */
 	if (now >= bus->wall_at) {
 		bus->wall_at = now + BEAT_TIME;
-		bus->engine->wall_offset_us = (db_clock_read(CLOCK_REALTIME) - db_clock_now()) /
-		                              DB_NS_PER_US;
+		bus->engine->wall_offset_us = db_clock_wall_offset(db_clock_read) / DB_NS_PER_US;
 	}
 	line_next = bus_line_run(&bus->line, now);
 	next = db_engine_run(bus->engine, now);
