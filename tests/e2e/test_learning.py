@@ -39,7 +39,9 @@ def test_a_deaf_drive_works_with_defaults(make_bridge, deaf):
         status = ctl(bridge, "status")
         gap = re.search(r"^drive1: learnt: is left alone for (\d+) us after its answers, turnaround-us is 1000$", status, re.M)
         assert gap and int(gap.group(1)) >= deaf
-        assert f"  to keep that over a restart, in the section of bus line: turnaround-us = {gap.group(1)}\n" in status
+        # A busy machine may have been late with an answer: the time for those is learnt, too.
+        assert re.search(rf"^  to keep that over a restart, in the section of bus line: turnaround-us = {gap.group(1)}(, drive-latency-ms = \d+)?$",
+                         status, re.M)
     else:
         assert drive.read("learnt_gap_us") <= 1000
         assert not lines_of(bridge, "does not receive requests sent")
