@@ -30,8 +30,6 @@ void engine_add_stop(struct db_engine *engine, struct station *station, enum db_
 {
 	engine->drives_active = true;
 	station_add_stop(station, command, cause, request, now);
-	if (engine->driver->axes > 1)
-		standing_owe(&station->standing, command);
 	engine_publish(engine, station);
 }
 

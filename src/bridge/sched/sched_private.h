@@ -158,6 +158,7 @@ struct last_logged {
 struct station {
 	uint16_t number;     /* as requests name it */
 	bool leaving;        /* to be removed as soon as possible */
+	bool stops_others;   /* its controller's stop is for all axes, see standing_owe() */
 	bool starts_alone;   /* its command no longer waits for a common start */
 	unsigned stop_count; /* of `stops` */
 	struct node *node;

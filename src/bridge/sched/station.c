@@ -13,6 +13,7 @@ struct station *station_new(const struct db_bus_config *bus, const struct db_bus
 	station->number = drive->drive;
 	station->config = drive->config;
 	station->axis = drive->axis;
+	station->stops_others = bus->driver->axes > 1;
 	station->device = calloc(1, bus->driver->device_size);
 	station->spare = node_new(bus, drive->config->address);
 	if (!station->device || !station->spare) {
@@ -222,6 +223,14 @@ void station_count_answer(struct station *station, db_time round_trip, bool in_t
 
 /* --- stops ------------------------------------------------------------------------------------ */
 
+static void must_stand(struct station *station, enum db_command command, enum db_stand_cause cause,
+                       const struct db_feedback *known, db_time now)
+{
+	standing_enter(&station->standing, command, cause, known, now);
+	if (station->stops_others)
+		standing_owe(&station->standing, command);
+}
+
 void station_add_stop(struct station *station, enum db_command command, enum db_stand_cause cause,
                       struct db_request *request, db_time now)
 {
@@ -230,7 +239,7 @@ void station_add_stop(struct station *station, enum db_command command, enum db_
 	             !station->lanes[LANE_COMMAND].active &&
 	             feedback->taken > station->command_ended;
 
-	standing_enter(&station->standing, command, cause, known ? feedback : NULL, now);
+	must_stand(station, command, cause, known ? feedback : NULL, now);
 	if (!request)
 		return;
 	/* The number of requests is limited where they are posted. */
@@ -361,14 +370,15 @@ void station_finish_command(struct station *station, enum db_result result, db_t
 	if (!lane->active)
 		return;
 	/* A motion that the drive accepted ends its record of having to stand. A motion answered as
-	 * failed might begin all the same, and must not. */
+	 * failed might begin all the same, and must not; a program of a controller moves other axes
+	 * than the one that it was started at. */
 	if (standing_gives_way_to(&station->standing, command))
 		standing_motion_ended(&station->standing, db_result_is_success(result), now);
 	else if (command == DB_CMD_ENABLE && db_result_is_success(result) &&
 	         !station->command_cancelled)
 		standing_drive_enabled(&station->standing);
 	if (result == DB_RESULT_FAILED && lane->sent && db_command_is_motion(command))
-		standing_enter(&station->standing, DB_CMD_STOP, DB_STAND_MOTION, NULL, now);
+		must_stand(station, DB_CMD_STOP, DB_STAND_MOTION, NULL, now);
 	if (result == DB_RESULT_REFUSED)
 		station->snapshot.stats.refusals++;
 	db_queue_finish(station->request, result, now);

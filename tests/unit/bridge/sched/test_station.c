@@ -25,6 +25,8 @@ struct world {
 
 /* --- a family with a command of two exchanges, and a question when the second one is lost ----- */
 
+static enum db_result ending; /* of commands */
+
 static enum db_step begin(struct db_conversation *talk)
 {
 	enum db_step step = fake_family.begin(talk);
@@ -40,7 +42,7 @@ static enum db_step answer(struct db_conversation *talk, const uint8_t *bytes, s
 	if (fake_kind_of(talk->job) == FAKE_COMMAND) {
 		if (frame.kind == FAKE_PREPARE)
 			return fake_say(talk, FAKE_BEGIN);
-		talk->result = DB_RESULT_OK;
+		talk->result = ending;
 		return frame.kind == FAKE_BEGIN || frame.kind == FAKE_LOOK ? DB_STEP_DONE :
 		                                                             DB_STEP_IGNORE;
 	}
@@ -76,6 +78,7 @@ static struct world *open_world(bool has_no_parameters)
 	assert_non_null(world);
 	world->has_no_parameters = has_no_parameters;
 	world->answer_time = FAKE_ANSWER_TIME;
+	ending = DB_RESULT_OK;
 	world->driver = fake_family;
 	world->driver.begin = begin;
 	world->driver.answer = answer;
@@ -316,6 +319,26 @@ static void a_motion_just_before_a_stop_makes_it_doubtful(void **state)
 	assert_int_equal(station_rules(&station, &silent, now).doubt, span);
 }
 
+/* A program of a controller moves other axes than the one that it was started at: that this one stands
+ * does not show that the program will not begin late. */
+static void a_motion_that_failed_is_stopped_until_the_controller_answers(void **state)
+{
+	struct world *world = open_world(false);
+
+	(void)state;
+	ending = DB_RESULT_FAILED;
+	world->lose[FAKE_STOP] = 12;
+	assert_int_equal(run_command(world), DB_RESULT_FAILED);
+	while (world->lose[FAKE_STOP] > 0) {
+		assert_true(fake_feedback(world->bus, 0).status & DB_STATUS_MUST_STAND);
+		fake_pass(world->bus, 100 * MS);
+	}
+	fake_pass(world->bus, 1000 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 13);
+	assert_false(fake_feedback(world->bus, 0).status & DB_STATUS_MUST_STAND);
+	close_world(world);
+}
+
 /* --- figures ---------------------------------------------------------------------------------- */
 
 static void round_trips_are_measured(void **state)
@@ -370,6 +393,7 @@ int main(void)
 		cmocka_unit_test(parameters_that_are_not_answered_are_left_out),
 		cmocka_unit_test(what_is_to_stand_is_shown_as_stopping),
 		cmocka_unit_test(a_motion_just_before_a_stop_makes_it_doubtful),
+		cmocka_unit_test(a_motion_that_failed_is_stopped_until_the_controller_answers),
 		cmocka_unit_test(round_trips_are_measured),
 		cmocka_unit_test(round_trips_that_vary_are_measured),
 	};
