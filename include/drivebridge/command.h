@@ -170,7 +170,9 @@ struct db_request {
 	/* What has become of it. */
 	uint8_t result;           /* enum db_result, once it has ended */
 	atomic_bool acknowledged; /* a parameter write that is not proved yet; for both threads */
-	db_time sent;             /* when the command itself was first sent; 0: it was not */
+	/* `again`, for both threads: what waits behind this stop was asked for before the next one */
+	atomic_bool stop_follows;
+	db_time sent; /* when the command itself was first sent; 0: it was not */
 	db_time finished;
 	struct db_block *block; /* of its place; the queue's own */
 

@@ -160,6 +160,7 @@ void db_flight_stop_again(struct db_request *stop, enum db_command command,
 {
 	stop->again = command & 7;
 	stop->again_cause = cause & 15;
+	atomic_store_explicit(&stop->stop_follows, true, memory_order_release);
 }
 
 struct db_request *db_flight_join_stop(struct db_commander *commander, enum db_command command)

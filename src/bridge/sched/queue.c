@@ -197,6 +197,7 @@ struct db_request *db_queue_post(struct db_queue *queue, const struct db_request
 	posted->result = DB_RESULT_PENDING;
 	posted->sent = posted->finished = 0;
 	atomic_store_explicit(&posted->acknowledged, false, memory_order_relaxed);
+	atomic_store_explicit(&posted->stop_follows, false, memory_order_relaxed);
 	room = room_of(posted);
 	if (room) {
 		room->part = (struct db_write_part){ .request = posted,

@@ -159,6 +159,7 @@ struct station {
 	uint16_t number;     /* as requests name it */
 	bool leaving;        /* to be removed as soon as possible */
 	bool stops_others;   /* its controller's stop is for all axes, see standing_owe() */
+	bool stop_follows;   /* a stop has ended, and the network thread posts the next one */
 	bool starts_alone;   /* its command no longer waits for a common start */
 	unsigned stop_count; /* of `stops` */
 	struct node *node;

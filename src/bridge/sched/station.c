@@ -242,6 +242,7 @@ void station_add_stop(struct station *station, enum db_command command, enum db_
 	must_stand(station, command, cause, known ? feedback : NULL, now);
 	if (!request)
 		return;
+	station->stop_follows = false;
 	/* The number of requests is limited where they are posted. */
 	if (station->stop_count == DB_QUEUE_STOPS_EACH) {
 		db_queue_finish(request, DB_RESULT_FAILED, now);
@@ -262,6 +263,13 @@ void station_stop_sent(struct station *station, bool trusted, db_time now)
 		db_queue_note_sent(station->stops[i].request, now);
 }
 
+static void finish_stop(struct station *station, struct db_request *request, enum db_result result,
+                        db_time now)
+{
+	station->stop_follows |= atomic_load_explicit(&request->stop_follows, memory_order_acquire);
+	db_queue_finish(request, result, now);
+}
+
 void station_finish_stops(struct station *station, enum db_command command, enum db_result result,
                           db_time now)
 {
@@ -273,7 +281,7 @@ void station_finish_stops(struct station *station, enum db_command command, enum
 		                                     stop->command == command;
 
 		if (ends)
-			db_queue_finish(stop->request, result, now);
+			finish_stop(station, stop->request, result, now);
 		else
 			station->stops[kept++] = *stop;
 	}
@@ -287,7 +295,7 @@ bool station_has_open_stop(const struct station *station)
 
 bool station_awaits_stop(const struct station *station)
 {
-	return station->stop_count > 0 ||
+	return station->stop_count > 0 || station->stop_follows ||
 	       (standing_is_open(&station->standing) && !station->standing.overdue);
 }
 
@@ -315,7 +323,7 @@ void station_drop_stops(struct station *station, db_time now)
 	enum db_result result = sent ? DB_RESULT_INDETERMINATE : DB_RESULT_CANCELLED;
 
 	for (unsigned i = 0; i < station->stop_count; i++)
-		db_queue_finish(station->stops[i].request, result, now);
+		finish_stop(station, station->stops[i].request, result, now);
 	station->stop_count = 0;
 }
 

@@ -339,6 +339,38 @@ static void a_motion_that_failed_is_stopped_until_the_controller_answers(void **
 	close_world(world);
 }
 
+/* The network thread posts a stop when it hears that another one has ended. What waited there was asked for
+ * before that stop, and must not begin meanwhile. */
+static void nothing_begins_between_a_stop_and_the_one_that_follows(void **state)
+{
+	struct world *world = open_world(false);
+	struct db_request stop = { .command = DB_CMD_STOP };
+	struct db_request *posted;
+
+	(void)state;
+	fake_pass(world->bus, 300 * MS);
+	stop.submitted = world->bus->now;
+	posted = db_queue_post(world->bus->queue, &stop);
+	assert_non_null(posted);
+	fake_post(world->bus, 0, DB_CMD_MOVE_ABSOLUTE);
+	atomic_store(&posted->stop_follows, true);
+	fake_pass(world->bus, 500 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_PREPARE), 0);
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 500 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_PREPARE), 0);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 2);
+	while (fake_result(world->bus) != DB_RESULT_NONE)
+		;
+	/* What comes behind that one begins. */
+	fake_post(world->bus, 0, DB_CMD_MOVE_ABSOLUTE);
+	fake_pass(world->bus, 300 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_PREPARE), 1);
+	close_world(world);
+}
+
 /* --- figures ---------------------------------------------------------------------------------- */
 
 static void round_trips_are_measured(void **state)
@@ -394,6 +426,7 @@ int main(void)
 		cmocka_unit_test(what_is_to_stand_is_shown_as_stopping),
 		cmocka_unit_test(a_motion_just_before_a_stop_makes_it_doubtful),
 		cmocka_unit_test(a_motion_that_failed_is_stopped_until_the_controller_answers),
+		cmocka_unit_test(nothing_begins_between_a_stop_and_the_one_that_follows),
 		cmocka_unit_test(round_trips_are_measured),
 		cmocka_unit_test(round_trips_that_vary_are_measured),
 	};
