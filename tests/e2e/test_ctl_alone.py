@@ -289,7 +289,16 @@ def test_without_waiting_pending_is_well(fake):
     fake.answers["Run"] = {"result": "pending"}
     ctl(fake, "run", "--no-wait", "feeder", "move_velocity", "target_velocity=-3.5")
     assert fake.called("Run")[-1] == {"drive": "feeder", "command": "move_velocity",
-                                      "arguments": {"target_velocity": -3.5}, "until_end": False}
+                                      "arguments": {"target_velocity": -3.5}, "until_end": False,
+                                      "token": "8f3a2c71-123456"}
+
+
+@pytest.mark.parametrize("words", [["run", "feeder", "move_absolute", "target_position=5"], ["move", "feeder", "5"],
+                                   ["position", "feeder", "go", "pick"]])
+def test_what_moves_carries_proof_of_its_age(fake, words):
+    """A service that hangs and goes on when this program has said that it does not answer moves nothing then."""
+    ctl(fake, *words)
+    assert fake.called("Run")[-1]["token"] == "8f3a2c71-123456"
 
 
 def test_a_refusal_says_why(fake):

@@ -186,6 +186,18 @@ static bool stop_first(struct db_ctl *ctl, const char *drive, const char *name,
 	return !running.unknown;
 }
 
+/* Shows the service how old the command is: one that hangs, and continues after this program has
+ * given up, starts no motion any more. Null: there is none, and `status` says why. */
+static json_t *ask_moment(struct db_ctl *ctl, enum db_ctl_status *status)
+{
+	json_t *answer = db_ctl_call(ctl, "Clock", NULL, DB_CTL_TIMEOUT_MS, status);
+	json_t *token = json_object_get(answer, "token");
+
+	token = answer && !token ? json_null() : json_incref(token);
+	json_decref(answer);
+	return token;
+}
+
 /* Runs the command of that name with the arguments after it. */
 static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, const char *name,
                                       int count, char **arguments)
@@ -196,6 +208,7 @@ static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, con
 	json_t *registers = NULL;
 	json_t *taken = NULL;
 	json_t *values = NULL;
+	json_t *token = NULL;
 	const json_t *command = NULL;
 	char unknown[128];
 
@@ -228,17 +241,20 @@ static enum db_ctl_status run_command(struct db_ctl *ctl, const char *drive, con
 		                                     .in_order = true },
 			count, arguments, &status);
 	}
-	if (values &&
-	    db_client_send(ctl->client, "Run",
-	                   json_pack("{s:s, s:s, s:O, s:b}", "drive", drive, "command", name,
-	                             "arguments", values, "until_end", !ctl->no_wait),
-	                   true, take_result, &running) == 0)
+	if (values)
+		token = ask_moment(ctl, &status);
+	if (token && db_client_send(ctl->client, "Run",
+	                            json_pack("{s:s, s:s, s:O, s:b, s:O}", "drive", drive,
+	                                      "command", name, "arguments", values, "until_end",
+	                                      !ctl->no_wait, "token", token),
+	                            true, take_result, &running) == 0)
 		status = wait_for_end(ctl, &running, false);
-	else if (values)
+	else if (token)
 		status = db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
 		                         "the service has closed the connection");
 	if (running.refused)
 		say_that_it_is_disabled(ctl, &running, registers);
+	json_decref(token);
 	json_decref(values);
 	json_decref(taken);
 	json_decref(registers);
@@ -250,12 +266,15 @@ enum db_ctl_status db_ctl_go(struct db_ctl *ctl, const char *drive, const char *
 {
 	struct running running = { .ctl = ctl, .drive = drive, .command = position };
 	enum db_ctl_status status = DB_CTL_OK;
+	json_t *token = ask_moment(ctl, &status);
 	json_t *registers;
 
+	if (!token)
+		return status;
 	if (db_client_send(ctl->client, "Run",
-	                   json_pack("{s:s, s:s, s:s, s:b}", "drive", drive, "command",
+	                   json_pack("{s:s, s:s, s:s, s:b, s:o}", "drive", drive, "command",
 	                             "move_absolute", "position", position, "until_end",
-	                             !ctl->no_wait),
+	                             !ctl->no_wait, "token", token),
 	                   true, take_result, &running) != 0)
 		return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_LOST,
 		                       "the service has closed the connection");
