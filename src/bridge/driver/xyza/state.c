@@ -285,5 +285,6 @@ void xyza_forget_state(struct db_device *device)
 	/* A different controller may come back, with items that this one lacked. */
 	device->unread = 0;
 	device->plate.missing[0] = 0;
+	device->first->turn.silent.pause = device->first->turn.silent_power.pause = 0;
 	restart_note_away(&device->restart);
 }

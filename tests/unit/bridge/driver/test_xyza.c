@@ -2219,6 +2219,33 @@ static void what_a_controller_lacks_keeps_nothing_else(void **state)
 	drop(f);
 }
 
+/* What it lacks is asked for once in 16 minutes by then, what the line lost when all were read anew is not. */
+static void what_is_lost_when_a_controller_returns_is_asked_for_soon(void **state)
+{
+	struct fixture *f = make(1);
+	const char *said = begin(f, 0, DB_JOB_IDENTIFY);
+
+	(void)state;
+	while (said[0] != '=')
+		said = is_lacking(said) ? lost(f) : obey(f);
+	for (unsigned i = 0; i < 36000; i++) {
+		for (said = begin(f, 0, DB_JOB_POLL); said[0] != '=';)
+			said = is_lacking(said) ? lost(f) : obey(f);
+		f->now += 100 * MS;
+	}
+	db_driver_xyza.gone(f->axes[0]);
+	said = begin(f, 0, DB_JOB_IDENTIFY);
+	while (said[0] != '=')
+		said = is_lacking(said) || strcmp(said, "0AF10103E5C9") == 0 ? lost(f) : obey(f);
+	for (unsigned i = 0; i < 450; i++) {
+		for (said = begin(f, 0, DB_JOB_POLL); said[0] != '=';)
+			said = is_lacking(said) ? lost(f) : obey(f);
+		f->now += 100 * MS;
+	}
+	assert_true(plate(f, 0)->valid[0] >> XYZA_PULSE_MODE & 1);
+	drop(f);
+}
+
 /* Each time is a lost answer, for which all axes wait. */
 static void what_a_controller_lacks_is_asked_for_seldom(void **state)
 {
@@ -2628,6 +2655,7 @@ int main(void)
 		cmocka_unit_test(what_was_lost_is_asked_for_again),
 		cmocka_unit_test(what_one_axis_lost_another_has_read),
 		cmocka_unit_test(what_a_controller_lacks_keeps_nothing_else),
+		cmocka_unit_test(what_is_lost_when_a_controller_returns_is_asked_for_soon),
 		cmocka_unit_test(what_a_controller_lacks_is_asked_for_seldom),
 		cmocka_unit_test(a_jog_with_limits_looks_at_its_brakes),
 		cmocka_unit_test(one_key_is_changed_and_the_others_kept),
