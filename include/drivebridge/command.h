@@ -160,7 +160,7 @@ struct db_request {
 	uint32_t group;
 	enum db_command command; /* NONE: a parameter write */
 	uint16_t drive;          /* see struct db_bus_drive */
-	uint16_t setting_count;
+	uint8_t setting_count;
 	uint8_t cause; /* enum db_stand_cause, of a stop */
 
 	/* Notes of the network thread, where there is room for them; see below. */

@@ -356,7 +356,7 @@ static struct db_write_answer write_params(struct db_view_drive *drive, const st
 	struct db_request request = {
 		.client = *plan->client,
 		.settings = plan->settings,
-		.setting_count = (uint16_t)plan->setting_count,
+		.setting_count = (uint8_t)plan->setting_count,
 	};
 
 	return db_commander_ask(drive->commander, &request, token, now);

@@ -247,7 +247,7 @@ static int write_params(const struct write *write)
 	request = (struct db_request){
 		.client = *write->client,
 		.settings = settings,
-		.setting_count = (uint16_t)count,
+		.setting_count = (uint8_t)count,
 	};
 	return db_exception_of_answer(
 		db_commander_ask(drive->commander, &request, write->token, write->now));

@@ -306,7 +306,7 @@ static inline struct db_write_answer set(struct db_commander *commander,
                                          const struct db_setting *settings, size_t count,
                                          struct db_write_token token, db_time now)
 {
-	struct db_request request = { .settings = settings, .setting_count = (uint16_t)count };
+	struct db_request request = { .settings = settings, .setting_count = (uint8_t)count };
 
 	if (client)
 		request.client = *client;
