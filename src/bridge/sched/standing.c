@@ -7,8 +7,19 @@
 /* Fraction of the highest speed: the loss at which a drive counts as slowing down, more than
  * measured speeds fluctuate; and the further loss each time for it to count as still slowing
  * down. */
-#define SLOWER_SHARE 0.05f
-#define PROGRESS_SHARE 0.01f
+struct shares {
+	float slower;
+	float progress;
+};
+
+static const struct shares measured = { .slower = 0.05f, .progress = 0.01f };
+
+/* A speed that is computed from two positions is wrong by as much of it as their times are of the
+ * time between them, and an adapter alone delivers answers up to 16 ms late. So it is computed over
+ * this long, and only the loss of two windows in a row counts: what makes one of them slow makes
+ * the next one fast. */
+#define WINDOW (STANDING_PATIENCE_COMPUTED / 4)
+static const struct shares computed = { .slower = 0.25f, .progress = 0.03f };
 
 /* How long a drive that moved must be seen standing, and how far it may drift meanwhile, in counts:
  * a closed loop dithers, and some drives report no speed while they move. */
@@ -94,12 +105,13 @@ void standing_enter(struct standing *standing, enum db_command kind, enum db_sta
 	standing->send_at = now;
 	standing->losses = 0;
 	standing->backoff = BACKOFF_MIN;
-	standing->gives_way = standing->obeys = standing->read_since = standing->acknowledged =
-		false;
+	standing->gives_way = standing->obeys = standing->slows = standing->read_since =
+		standing->acknowledged = false;
 	standing->confirmed &= kind != DB_CMD_DISABLE;
 	standing->may_move |= !known || (known->status & DB_STATUS_MOVING) || speed > 0.0f;
 	/* Earlier speeds do not count: a motion in between may just have begun. */
-	standing->top_speed = standing->least_speed = speed;
+	standing->speed = (struct standing_speed){ .top = speed, .least = speed };
+	standing->window.since = 0;
 	standing->still_since = 0;
 	standing->read_at = DB_TIME_NEVER;
 }
@@ -129,7 +141,8 @@ void standing_withdraw(struct standing *standing, enum db_stand_cause cause)
 
 db_time standing_send_at(const struct standing *standing)
 {
-	bool obeyed = standing->obeys && (standing->kind != DB_CMD_DISABLE || standing->confirmed);
+	bool obeyed = (standing->obeys || standing->slows) &&
+	              (standing->kind != DB_CMD_DISABLE || standing->confirmed);
 
 	if (standing_is_free(standing) || standing->gives_way)
 		return DB_TIME_NEVER;
@@ -241,14 +254,16 @@ void standing_resume(struct standing *standing, db_time now)
 	standing->read_at = DB_TIME_NEVER;
 	standing->losses = 0;
 	standing->backoff = BACKOFF_MIN;
-	standing->gives_way = standing->obeys = standing->read_since = standing->confirmed = false;
+	standing->gives_way = standing->obeys = standing->slows = standing->read_since =
+		standing->confirmed = false;
 	/* A controller that answers everything but stops comes back again and again: whose turn it
 	 * is stays, or the disable would never have one. */
 	if (standing->owed == 0)
 		standing->wide_was_last = false;
 	standing->owed = standing->wide;
 	standing->may_move = true;
-	standing->top_speed = standing->least_speed = 0.0f;
+	standing->speed = (struct standing_speed){ .top = 0.0f };
+	standing->window.since = 0;
 	standing->still_since = 0;
 }
 
@@ -325,7 +340,7 @@ static enum standing_verdict judge_standing(struct standing *standing,
 	/* A drive that moved may have been seen at the turning point of a reversal. */
 	if ((standing->may_move && still < STILL_TIME) || standing->owed != 0 ||
 	    (standing->kind == DB_CMD_DISABLE && !standing->confirmed)) {
-		standing->least_speed = 0.0f;
+		standing->speed.least = 0.0f;
 		standing->obeys = true;
 		return STANDING_OBEYS;
 	}
@@ -333,32 +348,87 @@ static enum standing_verdict judge_standing(struct standing *standing,
 	return STANDING_DONE;
 }
 
-static enum standing_verdict judge_moving(struct standing *standing,
-                                          const struct standing_rules *rules, float speed,
-                                          db_time now)
+/* Follows the speed, which is between `low` and `high`. *slower: it has lost its share of the
+ * highest, and has not become faster again. True if the drive is still slowing down, or has begun
+ * anew. */
+static bool follow_speed(struct standing_speed *seen, float low, float high,
+                         const struct shares *shares, bool *slower)
 {
+	float speed = 0.5f * low + 0.5f * high;
+	bool progress = false;
 	float margin;
 
+	if (low > seen->top) {
+		seen->top = low;
+		if (low - seen->least > shares->slower * low)
+			seen->least = speed;
+	}
+	margin = shares->slower * seen->top;
+	if (speed < seen->least && speed <= seen->least - shares->progress * seen->top) {
+		seen->least = speed;
+		progress = true;
+	}
+	if (low > seen->least + margin) {
+		/* Slower and then faster again was a reversal that continued, not a stop. */
+		*slower = false;
+		seen->top = low;
+		seen->least = speed;
+		return true;
+	}
+	if (high < seen->top - margin)
+		*slower = true;
+	return progress;
+}
+
+static void judge_window(struct standing *standing, const struct db_feedback *feedback, db_time now)
+{
+	struct standing_window *window = &standing->window;
+	db_time took = feedback->taken - window->since;
+	float way = (float)fabs((double)feedback->position - (double)window->position);
+	float speed;
+
+	if (window->since == 0) {
+		*window = (struct standing_window){ .before = -1.0f };
+	} else if (took < WINDOW) {
+		return;
+	} else {
+		speed = way * (float)DB_NS_PER_S / (float)took;
+		if (window->before >= 0.0f &&
+		    follow_speed(&window->speed, fminf(speed, window->before),
+		                 fmaxf(speed, window->before), &computed, &standing->obeys))
+			standing->progress = now;
+		/* Before the first two windows it is not known how fast it is: that time is not
+		 * its. */
+		if (window->before >= 0.0f && !standing->speed_known) {
+			standing->speed_known = true;
+			standing->progress = now;
+		}
+		window->before = speed;
+	}
+	window->since = feedback->taken;
+	window->position = feedback->position;
+}
+
+static enum standing_verdict judge_moving(struct standing *standing,
+                                          const struct standing_rules *rules,
+                                          const struct db_feedback *feedback, db_time now)
+{
+	float speed = fabsf(feedback->velocity);
+	bool progress = follow_speed(&standing->speed, speed, speed, &measured,
+	                             rules->computed ? &standing->slows : &standing->obeys);
+
+	if (rules->computed && standing->still_since != 0) {
+		standing->obeys = false;
+		standing->window.since = 0;
+	}
 	standing->still_since = 0;
 	standing->may_move = true;
-	if (speed > standing->top_speed)
-		standing->top_speed = standing->least_speed = speed;
-	if (speed < standing->least_speed &&
-	    speed <= standing->least_speed - PROGRESS_SHARE * standing->top_speed) {
-		standing->least_speed = speed;
+	if (rules->computed)
+		judge_window(standing, feedback, now);
+	else if (progress)
 		standing->progress = now;
-	}
-	margin = SLOWER_SHARE * standing->top_speed;
-	if (speed > standing->least_speed + margin) {
-		/* Slower and then faster again was a reversal that continued, not a stop. */
-		standing->obeys = false;
-		standing->top_speed = standing->least_speed = speed;
-		standing->progress = now;
-	} else if (standing->least_speed < standing->top_speed - margin) {
-		standing->obeys = true;
-	}
 	if (is_expired(standing, rules, now)) {
-		standing->obeys = false;
+		standing->obeys = standing->slows = false;
 		return STANDING_RUNS_ON;
 	}
 	return standing->obeys ? STANDING_OBEYS : STANDING_UNSEEN;
@@ -374,9 +444,12 @@ enum standing_verdict standing_judge(struct standing *standing, const struct sta
 		return STANDING_UNSEEN;
 	standing->read_since = true;
 	verdict = feedback->status & DB_STATUS_MOVING ?
-	                  judge_moving(standing, rules, fabsf(feedback->velocity), now) :
+	                  judge_moving(standing, rules, feedback, now) :
 	                  judge_standing(standing, rules, feedback, now);
-	if (standing->owed == 0 || verdict != STANDING_OBEYS)
+	if (standing->owed == 0)
+		return verdict;
+	standing->slows = false;
+	if (verdict != STANDING_OBEYS)
 		return verdict;
 	standing->obeys = false;
 	return is_expired(standing, rules, now) ? STANDING_RUNS_ON : STANDING_UNSEEN;

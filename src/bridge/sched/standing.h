@@ -28,6 +28,20 @@
 
 #include <stdbool.h>
 
+/* Drive units per second, without direction. */
+struct standing_speed {
+	float top;   /* the fastest since the record was opened */
+	float least; /* the slowest since the fastest */
+};
+
+/* Over some time, because it is computed from positions. */
+struct standing_window {
+	db_time since; /* when its first position was read; 0: there is no window */
+	int32_t position;
+	float before;                /* speed in the window before; negative: there was none */
+	struct standing_speed speed; /* of each two windows in a row */
+};
+
 struct standing {
 	enum db_command kind; /* the strongest stop requested; NONE: the drive is free */
 	unsigned kinds;       /* one bit per command: all stops requested */
@@ -57,16 +71,19 @@ struct standing {
 
 	/* the drive was not known to stand when the record was opened, or has moved since */
 	bool may_move;
-	bool obeys;       /* seen to slow down or to stand since the last cause joined */
+	bool obeys; /* seen to slow down or to stand since the last cause joined */
+	/* a speed that is computed from two positions has fallen: no second stop is sent into what
+	 * may be a ramp, but that proves nothing */
+	bool slows;
 	bool overdue;     /* the drive does not stop */
 	bool read_since;  /* the drive was read since the last stop was sent */
 	db_time read_at;  /* when to read it, without waiting for the cycle */
 	db_time read_by;  /* wait until then for a sample before the stop is sent again */
 	db_time progress; /* when it was last seen slower than before; 0: time does not count yet */
-	/* fastest speed since the record was opened; drive units per second, without direction */
-	float top_speed;
-	float least_speed;      /* slowest speed since the fastest one */
-	int32_t still_position; /* its position at still_since */
+	struct standing_speed speed;   /* of each sample */
+	struct standing_window window; /* where a speed is computed */
+	bool speed_known;              /* since the record was opened, two windows were seen */
+	int32_t still_position;        /* its position at still_since */
 	/* when it was first seen standing, in a row; 0: it moves, or was not seen */
 	db_time still_since;
 };
@@ -81,9 +98,15 @@ enum standing_verdict {
 	STANDING_RUNS_ON, /* the drive does not stop although it should */
 };
 
+/* The least patience with a speed that is computed from two positions: two windows are needed to
+ * begin with, and two to see that it slows down. */
+#define STANDING_PATIENCE_COMPUTED (800 * DB_NS_PER_MS)
+
 /* Parameters for judging a sample. */
 struct standing_rules {
 	db_time patience; /* how long a drive may take to slow down */
+	/* its velocity is computed from two positions, and is as wrong as their times are */
+	bool computed;
 	/* how long it must be seen standing, where a motion may begin late; 0: it cannot */
 	db_time doubt;
 };

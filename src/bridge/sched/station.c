@@ -310,9 +310,13 @@ struct standing_rules station_rules(const struct station *station, const struct 
 	bool acknowledged = driver->acknowledges && station->standing.acknowledged;
 	bool doubtful = !acknowledged && (now - station->motion_sent < DOUBT_TIME ||
 	                                  (station->snapshot.feedback.status & DB_STATUS_HOMING));
+	db_time patience = (db_time)station->config->stop_reaction_ms * DB_NS_PER_MS;
 
 	return (struct standing_rules){
-		.patience = (db_time)station->config->stop_reaction_ms * DB_NS_PER_MS,
+		.patience = driver->computes_velocity ?
+		                    db_time_max(patience, STANDING_PATIENCE_COMPUTED) :
+		                    patience,
+		.computed = driver->computes_velocity,
 		.doubt = doubtful ? DOUBT_TIME : 0,
 	};
 }

@@ -160,8 +160,8 @@ static db_time read_at(const struct station *station)
 	const struct lane *poll = &station->node->first->lanes[LANE_POLL];
 
 	if (standing_is_free(standing) || standing->gives_way || standing->obeys ||
-	    !station->node->online || !station->node->in_step || standing->sent_at == 0 ||
-	    station->lanes[LANE_STOP].active)
+	    standing->slows || !station->node->online || !station->node->in_step ||
+	    standing->sent_at == 0 || station->lanes[LANE_STOP].active)
 		return DB_TIME_NEVER;
 	/* A reading in progress continues at once. */
 	return poll->active && poll->ready ? standing->since : standing->read_at;

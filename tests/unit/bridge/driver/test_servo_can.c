@@ -1420,7 +1420,7 @@ static void staged_speeds_begin_together(void **unused)
 
 static const char *set(struct fixture *f, size_t count, const struct db_setting *settings)
 {
-	f->request = (struct db_request){ .setting_count = (uint16_t)count,
+	f->request = (struct db_request){ .setting_count = (uint8_t)count,
 		                          .settings = f->settings };
 	memcpy(f->settings, settings, count * sizeof settings[0]);
 	return begin(f, DB_JOB_SETTINGS);

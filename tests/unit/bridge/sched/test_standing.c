@@ -686,6 +686,218 @@ static void a_withdrawn_cause_leaves_the_others(void **state)
 	assert_true(standing_is_free(&standing));
 }
 
+/* --- a velocity that is computed from two positions ------------------------------------------------ */
+
+static const struct standing_rules computed_rules = { .patience = 1000 * MS, .computed = true };
+
+/* An axis that is read every 40 ms, whose answers come up to `late` later than it was there. */
+struct computed {
+	struct standing standing;
+	struct db_feedback last;
+	db_time late;
+	unsigned seed;
+	double (*place)(double s); /* where it is, s seconds after the stop, in counts */
+};
+
+static enum standing_verdict read_computed(struct computed *axis, db_time at, bool moving)
+{
+	double place = axis->place((double)(at - T) / 1e9);
+	struct db_feedback now = sample(0, moving);
+	db_time taken;
+
+	axis->seed = axis->seed * 1103515245u + 12345u;
+	taken = at + (axis->late ? (db_time)(axis->seed >> 8) % axis->late : 0);
+	now.taken = taken;
+	now.position = (int32_t)place;
+	if (axis->last.taken != 0)
+		now.velocity = (float)((now.position - axis->last.position) * 1e9 /
+		                       (double)(taken - axis->last.taken));
+	axis->last = now;
+	return standing_judge(&axis->standing, &computed_rules, &now, at, taken);
+}
+
+/* When it was first seen to obey, or to run on; in `verdict` which of them. */
+static db_time judge_computed(struct computed *axis, double moves_for,
+                              enum standing_verdict *verdict)
+{
+	db_time at = T - 80 * MS;
+
+	(void)read_computed(axis, at, true);
+	(void)read_computed(axis, at + 40 * MS, true);
+	standing_enter(&axis->standing, DB_CMD_STOP, DB_STAND_CLIENT, &axis->last, T);
+	standing_stop_sent(&axis->standing, true, 2 * MS, T);
+	standing_stop_answered(&axis->standing, DB_CMD_STOP, true, true, T + 2 * MS);
+	for (at = T + 3 * MS; at < T + 20 * DB_NS_PER_S; at += 40 * MS) {
+		*verdict = read_computed(axis, at, (double)(at - T) / 1e9 < moves_for);
+		if (*verdict != STANDING_UNSEEN)
+			return at - T;
+	}
+	return at - T;
+}
+
+static double runs_on(double s)
+{
+	return 1600 * s;
+}
+
+/* At 1600 counts per second, by an even ramp to standing. */
+static double brakes_for(double s, double ramp)
+{
+	double t = s < 0 ? 0 : s > ramp ? ramp : s;
+
+	return (s < 0 ? 1600 * s : 0) + 1600 * (t - t * t / (2 * ramp));
+}
+
+static double brakes_for_100_ms(double s)
+{
+	return brakes_for(s, 0.1);
+}
+
+static double brakes_for_a_second(double s)
+{
+	return brakes_for(s, 1.0);
+}
+
+static double brakes_for_5_s(double s)
+{
+	return brakes_for(s, 5.0);
+}
+
+static double brakes_for_10_s(double s)
+{
+	return brakes_for(s, 10.0);
+}
+
+/* The controller has answered the stop, and the axis does not stop: however late answers come, that is not
+ * taken for a ramp. */
+static void jitter_is_no_slow_down(void **state)
+{
+	static const struct {
+		db_time late;
+		db_time most; /* until it is told that it runs on; the patience is 1000 ms */
+	} cases[] = {
+		{ 0, 1600 * MS },       { 2 * MS, 1600 * MS },  { 5 * MS, 1900 * MS },
+		{ 16 * MS, 2600 * MS }, { 30 * MS, 3500 * MS },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		for (unsigned seed = 1; seed <= 200; seed++) {
+			struct computed axis = { .late = cases[i].late,
+				                 .seed = seed,
+				                 .place = runs_on };
+			enum standing_verdict verdict;
+			db_time after = judge_computed(&axis, 100.0, &verdict);
+
+			assert_int_equal(verdict, STANDING_RUNS_ON);
+			assert_in_range(after, 1000 * MS, cases[i].most);
+		}
+	}
+}
+
+/* One answer alone may be later than that: the window before it is slow, the one after it is fast. */
+static void one_late_answer_is_no_slow_down(void **state)
+{
+	(void)state;
+	for (db_time late = 20 * MS; late <= 120 * MS; late += 20 * MS) {
+		for (unsigned which = 1; which < 25; which++) {
+			struct computed axis = { .place = runs_on };
+			enum standing_verdict verdict = STANDING_UNSEEN;
+			unsigned n = 0;
+
+			standing_enter(&axis.standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+			standing_stop_sent(&axis.standing, true, 2 * MS, T);
+			standing_stop_answered(&axis.standing, DB_CMD_STOP, true, true, T + 2 * MS);
+			for (db_time at = T + 3 * MS; verdict == STANDING_UNSEEN; at += 40 * MS) {
+				bool is_late = ++n == which;
+				struct db_feedback now = sample(1600, true);
+
+				now.position = (int32_t)runs_on((double)(at - T) / 1e9);
+				now.taken = at + (is_late ? late : 0);
+				verdict = standing_judge(&axis.standing, &computed_rules, &now, at,
+				                         now.taken);
+				if (is_late)
+					at += late / (40 * MS) * 40 * MS;
+			}
+			assert_int_equal(verdict, STANDING_RUNS_ON);
+		}
+	}
+}
+
+static void a_ramp_is_seen_over_two_windows(void **state)
+{
+	static const struct {
+		double (*place)(double s);
+		double ramp;
+		db_time least; /* when it is seen to obey */
+		db_time most;
+	} cases[] = {
+		/* it stands before two windows are over */
+		{ brakes_for_100_ms, 0.1, 100 * MS, 200 * MS },
+		{ brakes_for_a_second, 1.0, 600 * MS, 1100 * MS },
+		{ brakes_for_5_s, 5.0, 1200 * MS, 3000 * MS },
+		{ brakes_for_10_s, 10.0, 2000 * MS, 4000 * MS },
+	};
+	static const db_time late[] = { 0, 5 * MS, 16 * MS };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		for (size_t k = 0; k < 3; k++) {
+			for (unsigned seed = 1; seed <= 100; seed++) {
+				struct computed axis = {
+					.late = late[k],
+					.seed = seed,
+					.place = cases[i].place,
+				};
+				enum standing_verdict verdict;
+				db_time after = judge_computed(&axis, cases[i].ramp, &verdict);
+
+				assert_int_equal(verdict, STANDING_OBEYS);
+				assert_in_range(after, cases[i].least, cases[i].most);
+			}
+		}
+	}
+}
+
+/* While a single sample looks slower no second stop is sent into what may be a ramp, but nothing waits less for it. */
+static void one_slower_sample_only_holds_the_next_stop_back(void **state)
+{
+	struct computed axis = { .place = brakes_for_a_second };
+
+	(void)state;
+	standing_enter(&axis.standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+	standing_stop_sent(&axis.standing, true, 2 * MS, T);
+	standing_stop_answered(&axis.standing, DB_CMD_STOP, true, true, T + 2 * MS);
+	for (unsigned i = 0; i < 6; i++)
+		assert_int_equal(read_computed(&axis, T + 3 * MS + i * 40 * MS, true),
+		                 STANDING_UNSEEN);
+	assert_int_equal(standing_send_at(&axis.standing), DB_TIME_NEVER);
+	assert_true(standing_is_open(&axis.standing));
+	/* Where it is not stopped for this axis alone, it is sent on until it is answered. */
+	standing_owe(&axis.standing, DB_CMD_STOP);
+	assert_int_equal(read_computed(&axis, T + 250 * MS, true), STANDING_UNSEEN);
+	assert_true(standing_send_at(&axis.standing) < T + 250 * MS);
+}
+
+/* At the turning point of a reversal: what was seen standing goes on. */
+static void an_axis_that_stood_and_moves_does_not_obey(void **state)
+{
+	struct computed axis = { .place = runs_on };
+	enum standing_verdict verdict;
+
+	(void)state;
+	standing_enter(&axis.standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+	standing_stop_sent(&axis.standing, true, 2 * MS, T);
+	standing_stop_answered(&axis.standing, DB_CMD_STOP, true, true, T + 2 * MS);
+	assert_int_equal(read_computed(&axis, T + 3 * MS, true), STANDING_UNSEEN);
+	assert_int_equal(read_computed(&axis, T + 43 * MS, false), STANDING_OBEYS);
+	for (db_time at = T + 83 * MS; at < T + 900 * MS; at += 40 * MS) {
+		verdict = read_computed(&axis, at, true);
+		assert_int_equal(verdict, STANDING_UNSEEN);
+		assert_true(standing_is_open(&axis.standing));
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -726,6 +938,11 @@ int main(void)
 		cmocka_unit_test(losses_cost_the_drive_its_own_share),
 		cmocka_unit_test(a_later_motion_ends_it_when_the_drive_took_it),
 		cmocka_unit_test(a_withdrawn_cause_leaves_the_others),
+		cmocka_unit_test(jitter_is_no_slow_down),
+		cmocka_unit_test(one_late_answer_is_no_slow_down),
+		cmocka_unit_test(a_ramp_is_seen_over_two_windows),
+		cmocka_unit_test(one_slower_sample_only_holds_the_next_stop_back),
+		cmocka_unit_test(an_axis_that_stood_and_moves_does_not_obey),
 	};
 
 	return cmocka_run_group_tests_name("standing", tests, NULL, NULL);
