@@ -60,26 +60,28 @@ enum db_position_flaw {
 	DB_POSITION_OTHER_ORIGIN, /* it counts from another origin, or may do so */
 	DB_POSITION_FLAWS
 };
-/* "", "offline", "other_drive", "other_scale", "origin_lost", "other_origin". */
-const char *db_position_flaw_name(enum db_position_flaw flaw);
-/* A sentence without its end for people, with what to do; "" for a good one. */
-const char *db_position_flaw_text(enum db_position_flaw flaw);
+struct db_position_flaw_row {
+	/* "", "offline", "other_drive", "other_scale", "origin_lost", "other_origin" */
+	const char *name;
+	/* a sentence without its end for people, with what to do; "" for a good one */
+	const char *text;
+};
+extern const struct db_position_flaw_row db_position_flaws[DB_POSITION_FLAWS];
 
 enum db_position_flaw db_position_judge(const struct db_position *position,
                                         const struct db_position_drive *drive);
 
-struct db_positions;
+/* All zero: empty. What is in the list moves when one is put or removed. */
+struct db_positions {
+	struct db_position *list; /* in the order in which they were first taught */
+	size_t count;
+};
 
-/* Null without memory. */
-struct db_positions *db_positions_new(void);
-void db_positions_free(struct db_positions *positions);
+void db_positions_clear(struct db_positions *positions);
 
-size_t db_positions_count(const struct db_positions *positions);
-/* In the order in which they were first taught; null: there are fewer. Valid until one is put or
- * removed. */
-const struct db_position *db_positions_at(const struct db_positions *positions, size_t place);
-const struct db_position *db_positions_find(const struct db_positions *positions, const char *drive,
-                                            const char *name);
+/* Null: there is none. */
+struct db_position *db_positions_find(const struct db_positions *positions, const char *drive,
+                                      const char *name);
 
 /* Adds a copy, in the place of one with the same drive and name. 0, -ENOSPC (there are as many as
  * there may be) or -ENOMEM. */

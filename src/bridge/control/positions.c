@@ -3,6 +3,7 @@
 
 #include "control/call.h"
 #include "control/values.h"
+#include "drivebridge/clock.h"
 #include "drivebridge/command_table.h"
 #include "drivebridge/positions.h"
 
@@ -10,7 +11,6 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 
 #define ERROR(name) "io.drivebridge.Control." name
 #define AUDIT_TEXT_MAX 160
@@ -58,15 +58,10 @@ static struct db_positions *positions_of(const struct db_call *call)
 	return positions;
 }
 
-static void refuse(const struct db_call *call, const char *why, const char *text)
+static void refuse(const struct db_call *call, const struct db_position_flaw_row *why)
 {
 	db_session_fail(call->session, ERROR("PositionRefused"),
-	                json_pack("{s:s, s:s}", "why", why, "text", text));
-}
-
-static void refuse_flaw(const struct db_call *call, enum db_position_flaw flaw)
-{
-	refuse(call, db_position_flaw_name(flaw), db_position_flaw_text(flaw));
+	                json_pack("{s:s, s:s}", "why", why->name, "text", why->text));
 }
 
 /* The position that the call names. Null: the call was answered. */
@@ -93,7 +88,7 @@ static json_t *describe(const struct db_position *position, const struct db_posi
 	return json_pack("{s:s, s:I, s:f, s:s, s:s, s:s, s:I, s:o}", "name", position->name,
 	                 "counts", (json_int_t)position->counts, "units",
 	                 (double)position->counts / position->counts_per_unit, "unit", unit, "flaw",
-	                 db_position_flaw_name(flaw), "advice", db_position_flaw_text(flaw),
+	                 db_position_flaws[flaw].name, "advice", db_position_flaws[flaw].text,
 	                 "taught_us", (json_int_t)position->taught_us, "taught_by",
 	                 db_values_text(position->by));
 }
@@ -116,8 +111,8 @@ void db_positions_call(const struct db_call *call)
 	if (!positions || !see_drive(call, &drive, &now, &unit))
 		return;
 	list = json_array();
-	for (size_t i = 0; i < db_positions_count(positions); i++) {
-		const struct db_position *position = db_positions_at(positions, i);
+	for (size_t i = 0; i < positions->count; i++) {
+		const struct db_position *position = &positions->list[i];
 
 		if (strcmp(position->drive, name) == 0)
 			json_array_append_new(list, describe(position, &now, unit));
@@ -128,54 +123,46 @@ void db_positions_call(const struct db_call *call)
 	                 false);
 }
 
-static void record(const struct db_call *call, const char *drive, const char *what,
-                   const char *text, enum db_result result)
-{
-	db_session_record(call->session, &(struct db_audit_entry){ .kind = DB_AUDIT_POSITION,
-	                                                           .what = what,
-	                                                           .drive = drive,
-	                                                           .text = text,
-	                                                           .result = result });
-}
-
-static void record_position(const struct db_call *call, const char *what,
-                            const struct db_position *position, const char *unit)
+static void record(const struct db_call *call, const char *what, const struct db_position *position,
+                   const char *unit)
 {
 	char text[AUDIT_TEXT_MAX];
 
 	snprintf(text, sizeof(text), "%s at %.10g%s%s (%" PRId32 ")", position->name,
 	         (double)position->counts / position->counts_per_unit, unit[0] ? " " : "", unit,
 	         position->counts);
-	record(call, position->drive, what, text, DB_RESULT_OK);
+	db_session_record(call->session, &(struct db_audit_entry){ .kind = DB_AUDIT_POSITION,
+	                                                           .what = what,
+	                                                           .drive = position->drive,
+	                                                           .text = text,
+	                                                           .result = DB_RESULT_OK });
 }
 
 /* True if the drive's present place can be taught; if not, the call is answered. */
 static bool may_teach(const struct db_call *call, const struct db_position_drive *now)
 {
+	static const struct db_position_flaw_row moves = {
+		"moves", "the drive moves: teach it when it stands"
+	};
+
 	if (!now->online || !now->identified || !(now->counts_per_unit > 0.0))
-		refuse_flaw(call, DB_POSITION_OFFLINE);
+		refuse(call, &db_position_flaws[DB_POSITION_OFFLINE]);
 	else if (now->lost)
-		refuse_flaw(call, DB_POSITION_ORIGIN_LOST);
+		refuse(call, &db_position_flaws[DB_POSITION_ORIGIN_LOST]);
 	else if (!now->stands)
-		refuse(call, "moves", "the drive moves: teach it when it stands");
+		refuse(call, &moves);
 	else
 		return true;
 	return false;
-}
-
-static void note_teacher(const struct db_call *call, struct db_position *position)
-{
-	struct timespec now;
-
-	clock_gettime(CLOCK_REALTIME, &now);
-	position->taught_us = (uint64_t)now.tv_sec * 1000000 + (uint64_t)now.tv_nsec / 1000;
-	db_session_text(call->session, position->by);
 }
 
 /* Puts it into the list and answers the call. */
 static void put(const struct db_call *call, const struct db_position *position, const char *what,
                 const struct db_position_drive *now, const char *unit)
 {
+	static const struct db_position_flaw_row full = {
+		"full", "there are as many named positions as there may be: forget one"
+	};
 	const struct db_control_socket_setup *setup = &call->session->control->setup;
 	struct db_positions *positions = positions_of(call);
 	int error = positions ? db_positions_put(positions, position) : 0;
@@ -183,15 +170,14 @@ static void put(const struct db_call *call, const struct db_position *position, 
 	if (!positions)
 		return;
 	if (error == -ENOSPC) {
-		refuse(call, "full",
-		       "there are as many named positions as there may be: forget one");
+		refuse(call, &full);
 		return;
 	}
 	if (error != 0) {
 		db_session_fail_result(call->session, DB_RESULT_BUSY, "");
 		return;
 	}
-	record_position(call, what, position, unit);
+	record(call, what, position, unit);
 	setup->ops->positions_changed(setup->context);
 	db_session_reply(call->session,
 	                 json_pack("{s:o}", "position", describe(position, now, unit)), false);
@@ -229,7 +215,7 @@ void db_positions_teach(const struct db_call *call)
 			return;
 		flaw = db_position_judge(former, &now);
 		if (flaw != DB_POSITION_GOOD && flaw != DB_POSITION_OTHER_ORIGIN) {
-			refuse_flaw(call, flaw);
+			refuse(call, &db_position_flaws[flaw]);
 			return;
 		}
 		position = *former;
@@ -242,7 +228,8 @@ void db_positions_teach(const struct db_call *call)
 	}
 	position.homed = now.homed;
 	memcpy(position.origin, now.origin, sizeof(position.origin));
-	note_teacher(call, &position);
+	position.taught_us = db_clock_wall_us();
+	db_session_text(session, position.by);
 	put(call, &position, keeps ? "kept" : "taught", &now, unit);
 }
 
@@ -260,7 +247,7 @@ void db_positions_forget(const struct db_call *call)
 	position = find_position(call, drive_name, name);
 	if (!position)
 		return;
-	record_position(call, "forgotten", position, "");
+	record(call, "forgotten", position, "");
 	/* They are found, so they are there. */
 	(void)db_positions_remove(setup->ops->positions(setup->context), drive_name, name);
 	setup->ops->positions_changed(setup->context);
@@ -327,8 +314,12 @@ bool db_positions_allow(const struct db_call *call, const struct db_command_row 
 	flaw = db_position_judge(position, &now);
 	if (flaw == DB_POSITION_GOOD)
 		return true;
-	snprintf(text, sizeof(text), "%s: %s", name, db_position_flaw_name(flaw));
-	record(call, drive->config->name, "not gone to", text, DB_RESULT_REFUSED);
-	refuse_flaw(call, flaw);
+	snprintf(text, sizeof(text), "%s: %s", name, db_position_flaws[flaw].name);
+	db_session_record(call->session, &(struct db_audit_entry){ .kind = DB_AUDIT_POSITION,
+	                                                           .what = "not gone to",
+	                                                           .drive = drive->config->name,
+	                                                           .text = text,
+	                                                           .result = DB_RESULT_REFUSED });
+	refuse(call, &db_position_flaws[flaw]);
 	return false;
 }

@@ -9,17 +9,9 @@
 
 #define FORM 1
 
-struct db_positions {
-	struct db_position *list;
-	size_t count;
-};
-
 /* --- whether a drive may go there ------------------------------------------------------------- */
 
-static const struct {
-	const char *name;
-	const char *text;
-} flaws[DB_POSITION_FLAWS] = {
+const struct db_position_flaw_row db_position_flaws[DB_POSITION_FLAWS] = {
 	[DB_POSITION_GOOD] = { "", "" },
 	[DB_POSITION_OFFLINE] = { "offline", "the drive does not answer, or is not read yet" },
 	[DB_POSITION_OTHER_DRIVE] = { "other_drive",
@@ -33,16 +25,6 @@ static const struct {
 	                               "the drive may count from another origin than when it was "
 	                               "taught: home it, or teach it again" },
 };
-
-const char *db_position_flaw_name(enum db_position_flaw flaw)
-{
-	return flaws[flaw].name;
-}
-
-const char *db_position_flaw_text(enum db_position_flaw flaw)
-{
-	return flaws[flaw].text;
-}
 
 enum db_position_flaw db_position_judge(const struct db_position *position,
                                         const struct db_position_drive *drive)
@@ -67,31 +49,14 @@ enum db_position_flaw db_position_judge(const struct db_position *position,
 
 /* --- the list --------------------------------------------------------------------------------- */
 
-struct db_positions *db_positions_new(void)
+void db_positions_clear(struct db_positions *positions)
 {
-	return calloc(1, sizeof(struct db_positions));
-}
-
-void db_positions_free(struct db_positions *positions)
-{
-	if (!positions)
-		return;
 	free(positions->list);
-	free(positions);
+	*positions = (struct db_positions){ .count = 0 };
 }
 
-size_t db_positions_count(const struct db_positions *positions)
-{
-	return positions->count;
-}
-
-const struct db_position *db_positions_at(const struct db_positions *positions, size_t place)
-{
-	return place < positions->count ? &positions->list[place] : NULL;
-}
-
-static struct db_position *find(const struct db_positions *positions, const char *drive,
-                                const char *name)
+struct db_position *db_positions_find(const struct db_positions *positions, const char *drive,
+                                      const char *name)
 {
 	for (size_t i = 0; i < positions->count; i++) {
 		struct db_position *position = &positions->list[i];
@@ -102,15 +67,9 @@ static struct db_position *find(const struct db_positions *positions, const char
 	return NULL;
 }
 
-const struct db_position *db_positions_find(const struct db_positions *positions, const char *drive,
-                                            const char *name)
-{
-	return find(positions, drive, name);
-}
-
 int db_positions_put(struct db_positions *positions, const struct db_position *position)
 {
-	struct db_position *former = find(positions, position->drive, position->name);
+	struct db_position *former = db_positions_find(positions, position->drive, position->name);
 	struct db_position *more;
 	size_t beside = 0;
 
@@ -132,7 +91,7 @@ int db_positions_put(struct db_positions *positions, const struct db_position *p
 
 bool db_positions_remove(struct db_positions *positions, const char *drive, const char *name)
 {
-	struct db_position *position = find(positions, drive, name);
+	struct db_position *position = db_positions_find(positions, drive, name);
 	size_t after;
 
 	if (!position)
@@ -234,7 +193,6 @@ int db_positions_read(struct db_positions *positions, const char *text)
 	json_decref(whole);
 	if (error == 0)
 		return 0;
-	free(positions->list);
-	*positions = (struct db_positions){ .count = 0 };
+	db_positions_clear(positions);
 	return error == -ENOMEM ? error : -EINVAL;
 }

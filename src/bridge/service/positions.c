@@ -18,7 +18,7 @@
 #define AGAIN_AFTER_FAILURE_US 10000000
 
 struct positions {
-	struct db_positions *list;
+	struct db_positions list;
 	char *path; /* null: they are kept in memory only */
 	char *written_to;
 	sd_event_source *timer; /* for the next try to write */
@@ -106,7 +106,7 @@ static int on_timer(sd_event_source *source, uint64_t us, void *context)
 			                     .service = service,
 			                     .path = positions->path,
 			                     .written_to = positions->written_to,
-			                     .text = db_positions_write(positions->list) };
+			                     .text = db_positions_write(&positions->list) };
 		if (writing->text && configuration_work(service, &writing->job)) {
 			service->writing = writing;
 			positions->changed = false;
@@ -159,7 +159,7 @@ static int load(struct service *service)
 {
 	struct positions *positions = service->positions;
 	char *text = read_text(positions->path);
-	int error = text ? -db_positions_read(positions->list, text) : errno;
+	int error = text ? -db_positions_read(&positions->list, text) : errno;
 	char *aside = NULL;
 
 	free(text);
@@ -186,8 +186,7 @@ int positions_begin(struct service *service)
 	if (!positions)
 		return -ENOMEM;
 	service->positions = positions;
-	positions->list = db_positions_new();
-	error = positions->list ? service_state_path(FILE_NAME, &positions->path) : -ENOMEM;
+	error = service_state_path(FILE_NAME, &positions->path);
 	if (error == 0 && positions->path &&
 	    asprintf(&positions->written_to, "%s.new", positions->path) < 0) {
 		positions->written_to = NULL;
@@ -205,9 +204,9 @@ int positions_begin(struct service *service)
 
 struct db_positions *positions_list(void *context)
 {
-	const struct service *service = context;
+	struct service *service = context;
 
-	return service->positions ? service->positions->list : NULL;
+	return service->positions ? &service->positions->list : NULL;
 }
 
 const char *positions_trouble(void *context)
@@ -224,8 +223,8 @@ void positions_end(struct service *service)
 	if (!positions)
 		return;
 	/* The disk's thread may have ended before it came to this. */
-	if (positions->path && positions->list && (positions->changed || service->writing)) {
-		char *text = db_positions_write(positions->list);
+	if (positions->path && (positions->changed || service->writing)) {
+		char *text = db_positions_write(&positions->list);
 
 		note_end(service,
 		         text ? disk_replace_file(positions->path, positions->written_to, text) :
@@ -235,7 +234,7 @@ void positions_end(struct service *service)
 	free_writing(service->writing);
 	service->writing = NULL;
 	sd_event_source_disable_unref(positions->timer);
-	db_positions_free(positions->list);
+	db_positions_clear(&positions->list);
 	free(positions->path);
 	free(positions->written_to);
 	free(positions);

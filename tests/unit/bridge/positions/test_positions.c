@@ -103,10 +103,10 @@ static void a_moved_origin_is_not_driven_to(void **state)
 static void each_flaw_has_a_name_and_says_what_to_do(void **state)
 {
 	(void)state;
-	assert_string_equal(db_position_flaw_name(DB_POSITION_GOOD), "");
+	assert_string_equal(db_position_flaws[DB_POSITION_GOOD].name, "");
 	for (int flaw = DB_POSITION_OFFLINE; flaw < DB_POSITION_FLAWS; flaw++) {
-		assert_true(strlen(db_position_flaw_name((enum db_position_flaw)flaw)) > 4);
-		assert_true(strlen(db_position_flaw_text((enum db_position_flaw)flaw)) > 20);
+		assert_true(strlen(db_position_flaws[flaw].name) > 4);
+		assert_true(strlen(db_position_flaws[flaw].text) > 20);
 	}
 }
 
@@ -114,29 +114,28 @@ static void each_flaw_has_a_name_and_says_what_to_do(void **state)
 
 static void one_of_the_same_name_takes_its_place(void **state)
 {
-	struct db_positions *list = db_positions_new();
+	struct db_positions list = { .count = 0 };
 	struct db_position other = taught;
 
 	(void)state;
-	assert_int_equal(db_positions_put(list, &taught), 0);
+	assert_int_equal(db_positions_put(&list, &taught), 0);
 	snprintf(other.drive, sizeof(other.drive), "turner");
-	assert_int_equal(db_positions_put(list, &other), 0);
+	assert_int_equal(db_positions_put(&list, &other), 0);
 	other = taught;
 	other.counts = 7;
-	assert_int_equal(db_positions_put(list, &other), 0);
-	assert_int_equal(db_positions_count(list), 2);
-	assert_int_equal(db_positions_find(list, "feeder", "loading place")->counts, 7);
-	assert_string_equal(db_positions_at(list, 0)->drive, "feeder");
-	assert_null(db_positions_at(list, 2));
-	assert_false(db_positions_remove(list, "feeder", "nowhere"));
-	assert_true(db_positions_remove(list, "feeder", "loading place"));
-	assert_string_equal(db_positions_at(list, 0)->drive, "turner");
-	db_positions_free(list);
+	assert_int_equal(db_positions_put(&list, &other), 0);
+	assert_int_equal(list.count, 2);
+	assert_int_equal(db_positions_find(&list, "feeder", "loading place")->counts, 7);
+	assert_string_equal(list.list[0].drive, "feeder");
+	assert_false(db_positions_remove(&list, "feeder", "nowhere"));
+	assert_true(db_positions_remove(&list, "feeder", "loading place"));
+	assert_string_equal(list.list[0].drive, "turner");
+	db_positions_clear(&list);
 }
 
 static void there_is_a_most(void **state)
 {
-	struct db_positions *list = db_positions_new();
+	struct db_positions list = { .count = 0 };
 	struct db_position position = taught;
 
 	(void)state;
@@ -148,15 +147,15 @@ static void there_is_a_most(void **state)
 			struct db_position more = position;
 
 			snprintf(more.drive, sizeof(more.drive), "drive0");
-			assert_int_equal(db_positions_put(list, &more), -ENOSPC);
+			assert_int_equal(db_positions_put(&list, &more), -ENOSPC);
 		}
-		assert_int_equal(db_positions_put(list, &position), 0);
+		assert_int_equal(db_positions_put(&list, &position), 0);
 	}
 	snprintf(position.drive, sizeof(position.drive), "one more");
-	assert_int_equal(db_positions_put(list, &position), -ENOSPC);
+	assert_int_equal(db_positions_put(&list, &position), -ENOSPC);
 	/* Teaching one again is no other one. */
-	assert_int_equal(db_positions_put(list, db_positions_at(list, 5)), 0);
-	db_positions_free(list);
+	assert_int_equal(db_positions_put(&list, &list.list[5]), 0);
+	db_positions_clear(&list);
 }
 
 /* --- its text --------------------------------------------------------------------------------- */
@@ -176,8 +175,8 @@ static void assert_same(const struct db_position *one, const struct db_position 
 
 static void what_is_written_is_read(void **state)
 {
-	struct db_positions *list = db_positions_new();
-	struct db_positions *again = db_positions_new();
+	struct db_positions list = { .count = 0 };
+	struct db_positions again = { .count = 0 };
 	struct db_position other = taught;
 	char *text;
 
@@ -187,37 +186,36 @@ static void what_is_written_is_read(void **state)
 	         "e \"2\"");
 	other.homed = true;
 	other.counts = INT32_MAX;
-	assert_int_equal(db_positions_put(list, &taught), 0);
-	assert_int_equal(db_positions_put(list, &other), 0);
-	text = db_positions_write(list);
+	assert_int_equal(db_positions_put(&list, &taught), 0);
+	assert_int_equal(db_positions_put(&list, &other), 0);
+	text = db_positions_write(&list);
 	assert_int_equal(text[strlen(text) - 1], '\n');
-	assert_int_equal(db_positions_read(again, text), 0);
-	assert_int_equal(db_positions_count(again), 2);
-	assert_same(db_positions_at(again, 0), &taught);
-	assert_same(db_positions_at(again, 1), &other);
+	assert_int_equal(db_positions_read(&again, text), 0);
+	assert_int_equal(again.count, 2);
+	assert_same(&again.list[0], &taught);
+	assert_same(&again.list[1], &other);
 	free(text);
-	db_positions_free(again);
-	db_positions_free(list);
+	db_positions_clear(&again);
+	db_positions_clear(&list);
 }
 
 static void a_damaged_text_is_refused_as_a_whole(void **state)
 {
-	struct db_positions *list = db_positions_new();
+	struct db_positions list = { .count = 0 };
 	char *text;
 	char *cut;
 
 	(void)state;
-	assert_int_equal(db_positions_put(list, &taught), 0);
-	text = db_positions_write(list);
-	db_positions_free(list);
+	assert_int_equal(db_positions_put(&list, &taught), 0);
+	text = db_positions_write(&list);
+	db_positions_clear(&list);
 	/* The last two bytes are the brace and the line feed. */
 	for (size_t length = 0; length < strlen(text) - 1; length++) {
-		list = db_positions_new();
 		cut = strndup(text, length);
-		assert_int_equal(db_positions_read(list, cut), -EINVAL);
-		assert_int_equal(db_positions_count(list), 0);
+		assert_int_equal(db_positions_read(&list, cut), -EINVAL);
+		assert_int_equal(list.count, 0);
 		free(cut);
-		db_positions_free(list);
+		db_positions_clear(&list);
 	}
 	free(text);
 }
@@ -241,16 +239,17 @@ static void what_is_out_of_range_is_refused(void **state)
 		"[]",
 		"",
 	};
-	struct db_positions *list = db_positions_new();
+	struct db_positions list = { .count = 0 };
 
 	(void)state;
 	for (size_t i = 0; i < sizeof(wrong) / sizeof(wrong[0]); i++)
-		assert_int_equal(db_positions_read(list, wrong[i]), -EINVAL);
-	assert_int_equal(db_positions_read(
-				 list, LIST("\"name\":\"n\",\"counts\":1,\"counts_per_unit\":1.0")),
-	                 0);
-	assert_int_equal(db_positions_count(list), 1);
-	db_positions_free(list);
+		assert_int_equal(db_positions_read(&list, wrong[i]), -EINVAL);
+	assert_int_equal(
+		db_positions_read(&list,
+	                          LIST("\"name\":\"n\",\"counts\":1,\"counts_per_unit\":1.0")),
+		0);
+	assert_int_equal(list.count, 1);
+	db_positions_clear(&list);
 }
 
 int main(void)
