@@ -77,12 +77,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	must(bytes);
 	memcpy(bytes, data, size);
 	db_chain_init(&chain, key);
-	db_lines_init(&lines, &chain);
+	lines = (struct db_lines){ .chain = chain };
 	lines.begun = true;
 	must(db_lines_read(&lines, bytes, size, take, &whole) <= size);
 	must(whole.fitting == 0);
 
-	db_lines_init(&lines, &chain);
+	lines = (struct db_lines){ .chain = chain };
 	lines.begun = true;
 	for (size_t to = 1; to <= size; to += 1 + to / 7)
 		used += db_lines_read(&lines, bytes + used, to - used, take, &pieces);

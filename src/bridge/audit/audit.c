@@ -27,33 +27,11 @@
 #define OPEN_EVERY (10 * DB_NS_PER_S)
 /* Read at the start, for histories. */
 #define PAST_BYTES (1024 * 1024)
-/* Read for a page. */
-#define READ_BYTES (64 * 1024)
 #define WRITTEN_AT_ONCE 256
 #define MIB (1024u * 1024u)
 
 /* One page at a time. */
 enum reading { READING_NOTHING, READING_ASKED, READING_DONE };
-
-/* What a record was about whose end comes later: of each drive the latest ones. There are 247
- * drives at most, and few have so many commands under way. */
-struct begun {
-	uint64_t number; /* 0: none; a greater one is newer */
-	char drive[64];
-	char what[64];
-	char who[160];
-};
-#define BEGUN_MAX 512
-#define BEGUN_OF_DRIVE 4
-
-/* Where the last page of a reader ended: the next one goes on there. */
-struct reader_place {
-	uint32_t reader;
-	uint64_t number; /* of the next record; 0: none */
-	uint64_t used;   /* a greater one is newer */
-	struct db_trail_place at;
-};
-#define READERS_MAX 8
 
 struct db_audit {
 	struct db_log_source log;
@@ -69,9 +47,7 @@ struct db_audit {
 	uint64_t unkept;        /* records that the files do not have */
 	bool failing;           /* which was logged */
 	bool unsynced;          /* the disk did not take the latest ones for good */
-	struct reader_place places[READERS_MAX];
-	uint64_t pages;
-	struct begun begun[BEGUN_MAX];
+	struct db_pages pages;
 
 	pthread_mutex_t lock; /* of the following */
 	struct db_audit_queue queue;
@@ -219,14 +195,6 @@ static void note_trouble(struct db_audit *audit, int error)
 	audit->failing = error != 0;
 }
 
-static void count_unkept(struct db_audit *audit)
-{
-	audit->unkept++;
-	pthread_mutex_lock(&audit->lock);
-	audit->state.lost++;
-	pthread_mutex_unlock(&audit->lock);
-}
-
 static void write_record(struct db_audit *audit, const struct db_audit_entry *entry)
 {
 	json_t *object = db_record_write(entry);
@@ -259,11 +227,14 @@ static void write_record(struct db_audit *audit, const struct db_audit_entry *en
 			if (audit->unkept > 0 || error != 0)
 				note_trouble(audit, error);
 			audit->unkept = 0;
-			if (error != 0)
-				count_unkept(audit);
 		} else {
 			note_trouble(audit, error);
-			count_unkept(audit);
+		}
+		if (error != 0) {
+			audit->unkept++;
+			pthread_mutex_lock(&audit->lock);
+			audit->state.lost++;
+			pthread_mutex_unlock(&audit->lock);
 		}
 		if (audit->sync_at == DB_TIME_NEVER)
 			audit->sync_at = db_clock_now() + SYNC_EVERY;
@@ -279,182 +250,6 @@ static void write_record(struct db_audit *audit, const struct db_audit_entry *en
 }
 
 /* --- reading ---------------------------------------------------------------------------------- */
-
-/* A page while it is read. */
-struct collection {
-	struct db_audit *audit;
-	const struct db_audit_query *query;
-	struct db_audit_page *page;
-	FILE *out;
-	size_t written;
-};
-
-static const char *text_of(const json_t *object, const char *key)
-{
-	const char *text = json_string_value(json_object_get(object, key));
-
-	return text ? text : "";
-}
-
-/* The oldest record of this drive if it has as many as a drive may have; else a free place; else
- * the oldest of all. */
-static struct begun *find_begun_place(struct db_audit *audit, const char *drive)
-{
-	struct begun *oldest = &audit->begun[0];
-	struct begun *of_drive = NULL;
-	struct begun *unused = NULL;
-	unsigned count = 0;
-
-	for (size_t i = 0; i < BEGUN_MAX; i++) {
-		struct begun *place = &audit->begun[i];
-
-		if (place->number == 0) {
-			unused = place;
-			continue;
-		}
-		if (place->number < oldest->number)
-			oldest = place;
-		if (strcmp(place->drive, drive) != 0)
-			continue;
-		count++;
-		if (!of_drive || place->number < of_drive->number)
-			of_drive = place;
-	}
-	if (of_drive && count >= BEGUN_OF_DRIVE)
-		return of_drive;
-	return unused ? unused : oldest;
-}
-
-/* Who it was, to be freed. An end also gets what it ends, which was read shortly before. */
-static char *name_who(struct db_audit *audit, uint64_t number, json_t *object)
-{
-	uint64_t of = (uint64_t)json_integer_value(json_object_get(object, "of"));
-	char *who = db_record_who(object);
-
-	if (strcmp(text_of(object, "kind"), db_audit_kind_name(DB_AUDIT_END)) != 0) {
-		struct begun *place;
-
-		if (strcmp(text_of(object, "result"), db_result_name(DB_RESULT_PENDING)) != 0)
-			return who;
-		place = find_begun_place(audit, text_of(object, "drive"));
-		place->number = number;
-		snprintf(place->drive, sizeof(place->drive), "%s", text_of(object, "drive"));
-		snprintf(place->what, sizeof(place->what), "%s",
-		         text_of(object, text_of(object, "what")[0] ? "what" : "kind"));
-		snprintf(place->who, sizeof(place->who), "%s", who ? who : "");
-		return who;
-	}
-	for (size_t i = 0; i < BEGUN_MAX; i++) {
-		const struct begun *place = &audit->begun[i];
-
-		if (of == 0 || place->number != of)
-			continue;
-		free(who);
-		(void)json_object_set_new(object, "what", json_string(place->what));
-		return strdup(place->who);
-	}
-	/* Its record was not read, or is gone. */
-	free(who);
-	return strdup("");
-}
-
-static bool is_wanted(const struct db_audit_query *query, const json_t *object, const char *who)
-{
-	const char *drive = json_string_value(json_object_get(object, "drive"));
-	json_int_t time = json_integer_value(json_object_get(object, "time_us"));
-
-	return (uint64_t)time >= query->since_us &&
-	       (!query->refused || db_record_is_refused(object)) &&
-	       (query->drive[0] == '\0' || (drive && strcmp(drive, query->drive) == 0)) &&
-	       (query->who[0] == '\0' || strcasestr(who, query->who));
-}
-
-static void collect(void *context, const struct db_lines *lines, json_t *object, const char *text,
-                    size_t length, const char *why)
-{
-	struct collection *collection = context;
-	struct db_audit_page *page = collection->page;
-	char *who;
-
-	(void)text;
-	(void)length;
-	page->checked++;
-	if (why && page->broken_count == DB_AUDIT_BROKEN_MAX) {
-		page->more_broken++;
-	} else if (why) {
-		struct db_audit_broken *broken = &page->broken[page->broken_count++];
-
-		broken->number = lines->number;
-		broken->line = lines->line;
-		broken->why = why;
-		db_trail_name(lines->segment, broken->segment);
-	}
-	if (!object || collection->query->verify)
-		return;
-	who = name_who(collection->audit, lines->number, object);
-	if (who && lines->number >= collection->query->from &&
-	    is_wanted(collection->query, object, who)) {
-		(void)json_object_set_new(object, "who", json_string(who));
-		if (why)
-			(void)json_object_set_new(object, "broken", json_string(why));
-		if (collection->written++ > 0)
-			fputc(',', collection->out);
-		(void)json_dumpf(object, collection->out, JSON_COMPACT | JSON_REAL_PRECISION(9));
-	}
-	free(who);
-}
-
-/* The place from which a reader goes on. What is before the first number that it wants may take
- * several pages, so readers who take turns must not lose theirs. */
-static struct reader_place *find_reader_place(struct db_audit *audit, uint32_t reader,
-                                              const struct db_audit_query *query)
-{
-	struct reader_place *oldest = &audit->places[0];
-
-	for (size_t i = 0; i < READERS_MAX; i++) {
-		struct reader_place *place = &audit->places[i];
-
-		if (query->from != 0 && place->reader == reader && place->number == query->from)
-			return place;
-		if (place->used < oldest->used)
-			oldest = place;
-	}
-	oldest->reader = reader;
-	db_trail_find(audit->trail, query->from, query->since_us, &oldest->at);
-	return oldest;
-}
-
-static void read_page(struct db_audit *audit, uint32_t reader, const struct db_audit_query *query,
-                      struct db_audit_page *page)
-{
-	struct collection collection = { .audit = audit, .query = query, .page = page };
-	struct reader_place *place;
-
-	*page = (struct db_audit_page){ .over = true };
-	if (!audit->trail)
-		return;
-	collection.out = open_memstream(&page->records, &page->length);
-	if (!collection.out)
-		return;
-	place = find_reader_place(audit, reader, query);
-	page->over = !db_trail_read(audit->trail, &place->at, READ_BYTES, collect, &collection);
-	page->next = place->at.lines.number + 1;
-	if (page->next < query->from)
-		page->next = query->from;
-	place->number = page->next;
-	place->used = ++audit->pages;
-	/* What was cut off leaves no trace in what is left. */
-	if (page->over && place->at.lines.number < db_trail_newest(audit->trail) &&
-	    page->broken_count < DB_AUDIT_BROKEN_MAX) {
-		page->broken[page->broken_count] = (struct db_audit_broken){
-			.number = place->at.lines.number,
-			.line = place->at.lines.line,
-			.why = "the last records are missing",
-		};
-		db_trail_name(place->at.lines.segment, page->broken[page->broken_count++].segment);
-	}
-	fclose(collection.out);
-}
 
 bool db_audit_ask(struct db_audit *audit, uint32_t owner, const struct db_audit_query *query)
 {
@@ -517,7 +312,7 @@ static void serve_reader(struct db_audit *audit)
 	pthread_mutex_unlock(&audit->lock);
 	if (!asked)
 		return;
-	read_page(audit, reader, &query, &page);
+	db_pages_read(&audit->pages, audit->trail, reader, &query, &page);
 	pthread_mutex_lock(&audit->lock);
 	audit->reading = audit->reader != 0 ? READING_DONE : READING_NOTHING;
 	if (audit->reader != 0)

@@ -71,6 +71,10 @@ char *db_record_who(const json_t *object);
 size_t db_record_fields(const struct db_audit_entry *entry, const json_t *object,
                         char *fields[DB_RECORD_FIELDS_MAX]);
 
+/* What it has by this name; "" and 0 if it has nothing. */
+const char *db_record_text(const json_t *object, const char *key);
+uint64_t db_record_number(const json_t *object, const char *key);
+
 /* True if what it says was asked for was not done. */
 bool db_record_is_refused(const json_t *object);
 
@@ -161,7 +165,6 @@ struct db_lines {
 typedef void db_lines_fn(void *context, const struct db_lines *lines, json_t *object,
                          const char *text, size_t length, const char *why);
 
-void db_lines_init(struct db_lines *lines, const struct db_chain *chain);
 /* Returns the number of bytes of whole lines. */
 size_t db_lines_read(struct db_lines *lines, const char *bytes, size_t length, db_lines_fn *take,
                      void *context);
@@ -219,5 +222,39 @@ bool db_trail_read(struct db_trail *trail, struct db_trail_place *place, size_t 
                    db_lines_fn *take, void *context);
 /* The name of a segment, as its file has it. */
 void db_trail_name(uint64_t segment, char name[32]);
+
+/* --- pages.c ---------------------------------------------------------------------------------- */
+
+/* Pages of the trail for those who ask. One thread, the trail's. */
+
+/* What a record was about whose end comes later: of each drive the latest ones. There are 247
+ * drives at most. */
+struct db_begun {
+	uint64_t number; /* 0: none; a greater one is newer */
+	char drive[64];
+	char what[64];
+	char who[160];
+};
+#define DB_BEGUN_MAX 512
+
+/* Where the last page of a reader ended: the next one goes on there. */
+struct db_reader_place {
+	uint32_t reader;
+	uint64_t number; /* of the next record; 0: none */
+	uint64_t used;   /* a greater one is newer */
+	struct db_trail_place at;
+};
+#define DB_READERS_MAX 8
+
+/* All zero at first. */
+struct db_pages {
+	struct db_reader_place places[DB_READERS_MAX];
+	uint64_t read; /* pages so far */
+	struct db_begun begun[DB_BEGUN_MAX];
+};
+
+/* Without a trail (null) an empty page. Its records are to be freed. */
+void db_pages_read(struct db_pages *pages, struct db_trail *trail, uint32_t reader,
+                   const struct db_audit_query *query, struct db_audit_page *page);
 
 #endif

@@ -3,24 +3,12 @@
 
 #include <string.h>
 
-void db_lines_init(struct db_lines *lines, const struct db_chain *chain)
-{
-	*lines = (struct db_lines){ .chain = *chain };
-}
-
-static uint64_t number_of(const json_t *object, const char *key)
-{
-	json_int_t number = json_integer_value(json_object_get(object, key));
-
-	return number > 0 ? (uint64_t)number : 0;
-}
-
 /* A segment's first line has the seal of the line before it, which is the chain's begin where that
  * line is no longer there. */
 static const char *take_head(struct db_lines *lines, const json_t *head)
 {
 	const char *before = json_string_value(json_object_get(head, "before"));
-	uint64_t segment = number_of(head, "segment");
+	uint64_t segment = db_record_number(head, "segment");
 	const char *why = NULL;
 
 	if (!before || strlen(before) != DB_SEAL_MAX - 1 || segment == 0)
@@ -36,7 +24,7 @@ static const char *take_head(struct db_lines *lines, const json_t *head)
 
 static const char *take_record(struct db_lines *lines, const json_t *record)
 {
-	uint64_t number = number_of(record, "number");
+	uint64_t number = db_record_number(record, "number");
 	const char *kind = json_string_value(json_object_get(record, "kind"));
 	uint64_t before = lines->number;
 
@@ -88,8 +76,8 @@ size_t db_lines_read(struct db_lines *lines, const char *bytes, size_t length, d
 			why = "this is no record";
 		else if (!head && !why)
 			why = take_record(lines, object);
-		else if (!head && number_of(object, "number") != 0)
-			lines->number = number_of(object, "number");
+		else if (!head && db_record_number(object, "number") != 0)
+			lines->number = db_record_number(object, "number");
 		take(context, lines, head ? NULL : object, text, size, why);
 		json_decref(object);
 	}

@@ -192,14 +192,14 @@ json_t *db_record_write(const struct db_audit_entry *entry)
 
 /* --- reading ---------------------------------------------------------------------------------- */
 
-static uint64_t number_of(const json_t *object, const char *key)
+uint64_t db_record_number(const json_t *object, const char *key)
 {
 	json_int_t number = json_integer_value(json_object_get(object, key));
 
 	return number > 0 ? (uint64_t)number : 0;
 }
 
-static const char *text_of(const json_t *object, const char *key)
+const char *db_record_text(const json_t *object, const char *key)
 {
 	const char *text = json_string_value(json_object_get(object, key));
 
@@ -244,9 +244,9 @@ static void read_arguments(const json_t *arguments, struct db_audit_entry *entry
 static bool read_who(const json_t *object, struct db_audit_entry *entry)
 {
 	static const uint8_t v4_prefix[12] = { [10] = 0xFF, [11] = 0xFF };
-	const char *address = text_of(object, "address");
-	const char *digits = text_of(object, "client");
-	uint64_t port = number_of(object, "port");
+	const char *address = db_record_text(object, "address");
+	const char *digits = db_record_text(object, "client");
+	uint64_t port = db_record_number(object, "port");
 
 	entry->port = port <= UINT16_MAX ? (uint16_t)port : 0;
 	if (entry->port == 0)
@@ -271,7 +271,7 @@ static bool read_who(const json_t *object, struct db_audit_entry *entry)
 bool db_record_read(const json_t *object, struct db_audit_entry *entry,
                     struct db_audit_value *values)
 {
-	const char *kind = text_of(object, "kind");
+	const char *kind = db_record_text(object, "kind");
 	const struct db_command_row *row;
 	const json_t *settings = json_object_get(object, "values");
 	const char *name = json_object_iter_key(json_object_iter((json_t *)(uintptr_t)settings));
@@ -281,24 +281,24 @@ bool db_record_read(const json_t *object, struct db_audit_entry *entry,
 		place++;
 	*entry = (struct db_audit_entry){
 		.kind = (enum db_audit_kind)place,
-		.number = number_of(object, "number"),
-		.time_us = number_of(object, "time_us"),
-		.of = number_of(object, "of"),
-		.count = number_of(object, "count"),
-		.took_us = number_of(object, "took_us"),
-		.result = result_named(text_of(object, "result")),
-		.login = text_of(object, "login"),
-		.user = text_of(object, "user"),
-		.from = text_of(object, "from"),
-		.endpoint = text_of(object, "endpoint"),
-		.drive = text_of(object, "drive"),
-		.bus = text_of(object, "bus"),
-		.node = (uint16_t)number_of(object, "node"),
-		.axis = (uint16_t)number_of(object, "axis"),
-		.what = text_of(object, "what"),
-		.text = text_of(object, "text"),
-		.id = (uint16_t)number_of(object, "id"),
-		.first = (uint16_t)number_of(object, "register"),
+		.number = db_record_number(object, "number"),
+		.time_us = db_record_number(object, "time_us"),
+		.of = db_record_number(object, "of"),
+		.count = db_record_number(object, "count"),
+		.took_us = db_record_number(object, "took_us"),
+		.result = result_named(db_record_text(object, "result")),
+		.login = db_record_text(object, "login"),
+		.user = db_record_text(object, "user"),
+		.from = db_record_text(object, "from"),
+		.endpoint = db_record_text(object, "endpoint"),
+		.drive = db_record_text(object, "drive"),
+		.bus = db_record_text(object, "bus"),
+		.node = (uint16_t)db_record_number(object, "node"),
+		.axis = (uint16_t)db_record_number(object, "axis"),
+		.what = db_record_text(object, "what"),
+		.text = db_record_text(object, "text"),
+		.id = (uint16_t)db_record_number(object, "id"),
+		.first = (uint16_t)db_record_number(object, "register"),
 	};
 	if (place == DB_AUDIT_KIND_COUNT || entry->number == 0 || !read_who(object, entry))
 		return false;
@@ -325,14 +325,15 @@ bool db_record_read(const json_t *object, struct db_audit_entry *entry,
 
 char *db_record_who(const json_t *object)
 {
-	const char *address = text_of(object, "address");
-	const char *who = text_of(object, "who");
-	const char *from = text_of(object, "from");
+	const char *address = db_record_text(object, "address");
+	const char *who = db_record_text(object, "who");
+	const char *from = db_record_text(object, "from");
 	char *text = NULL;
 	int length;
 
 	if (address[0] != '\0')
-		length = asprintf(&text, "%s port %" PRIu64, address, number_of(object, "port"));
+		length = asprintf(&text, "%s port %" PRIu64, address,
+		                  db_record_number(object, "port"));
 	else if (who[0] != '\0')
 		length = asprintf(&text, "%s%s%s", who, from[0] ? ", " : "", from);
 	else
@@ -342,8 +343,8 @@ char *db_record_who(const json_t *object)
 
 bool db_record_is_refused(const json_t *object)
 {
-	const char *kind = text_of(object, "kind");
-	enum db_result result = result_named(text_of(object, "result"));
+	const char *kind = db_record_text(object, "kind");
+	enum db_result result = result_named(db_record_text(object, "result"));
 
 	return strcmp(kind, kinds[DB_AUDIT_DENIED]) == 0 ||
 	       (result != DB_RESULT_NONE && result != DB_RESULT_PENDING &&
@@ -359,7 +360,7 @@ static char *describe(const struct db_audit_entry *entry, const json_t *object, 
 	const char *place = entry->drive && entry->drive[0] ? entry->drive :
 	                    entry->bus && entry->bus[0]     ? entry->bus :
 	                                                      "";
-	const char *result = text_of(object, "result");
+	const char *result = db_record_text(object, "result");
 	char *detail = NULL;
 	char *line = NULL;
 
@@ -373,7 +374,7 @@ static char *describe(const struct db_audit_entry *entry, const json_t *object, 
 	}
 	if (asprintf(&line, "audit %" PRIu64 ": %s%s%s%s%s%s%s, by %s%s%s", entry->number, place,
 	             place[0] ? ": " : "", kinds[entry->kind],
-	             text_of(object, "what")[0] ? " " : "", text_of(object, "what"),
+	             db_record_text(object, "what")[0] ? " " : "", db_record_text(object, "what"),
 	             detail ? " " : "", detail ? detail : "", who, result[0] ? ": " : "",
 	             result) < 0)
 		line = NULL;

@@ -436,9 +436,8 @@ int db_trail_sync(struct db_trail *trail)
 void db_trail_read_tail(struct db_trail *trail, size_t bytes, db_lines_fn *take, void *context)
 {
 	char *buffer = malloc(bytes);
-	struct db_lines lines;
+	struct db_lines lines = { .chain = trail->chain };
 
-	db_lines_init(&lines, &trail->chain);
 	for (size_t i = trail->count > 1 ? trail->count - 2 : 0; buffer && i < trail->count; i++) {
 		uint64_t size = trail->sizes[i];
 		size_t part = size < bytes ? (size_t)size : bytes;
@@ -468,8 +467,8 @@ void db_trail_find(struct db_trail *trail, uint64_t number, uint64_t since_us,
 	json_int_t before = 0;
 	char bytes[512];
 
-	*place = (struct db_trail_place){ .segment = trail->count > 0 ? trail->segments[0] : 0 };
-	db_lines_init(&place->lines, &trail->chain);
+	*place = (struct db_trail_place){ .segment = trail->count > 0 ? trail->segments[0] : 0,
+		                          .lines.chain = trail->chain };
 	for (size_t i = 0; i < trail->count; i++) {
 		int fd = open_segment(trail, trail->segments[i], O_RDONLY);
 		ssize_t got = fd < 0 ? -1 : pread(fd, bytes, sizeof(bytes), 0);
