@@ -16,22 +16,18 @@ static const struct db_network LOOPBACK[] = {
 	{ .address = { [15] = 1 }, .prefix = 128 },
 };
 
-bool db_acl_match(const struct db_network *network, const uint8_t address[16])
+bool db_acl_match(const struct db_network *networks, size_t count, const uint8_t address[16])
 {
-	unsigned prefix = network->prefix > 128 ? 128 : network->prefix;
-	unsigned whole = prefix / 8;
-	unsigned mask = 0xFF00u >> (prefix % 8) & 0xFFu;
+	for (size_t i = 0; i < count; i++) {
+		const struct db_network *network = &networks[i];
+		unsigned prefix = network->prefix > 128 ? 128 : network->prefix;
+		unsigned whole = prefix / 8;
+		unsigned mask = 0xFF00u >> (prefix % 8) & 0xFFu;
 
-	if (memcmp(network->address, address, whole) != 0)
-		return false;
-	return mask == 0 || ((network->address[whole] ^ address[whole]) & mask) == 0;
-}
-
-static bool any_match(const struct db_network *networks, size_t count, const uint8_t address[16])
-{
-	for (size_t i = 0; i < count; i++)
-		if (db_acl_match(&networks[i], address))
+		if (memcmp(network->address, address, whole) == 0 &&
+		    (mask == 0 || ((network->address[whole] ^ address[whole]) & mask) == 0))
 			return true;
+	}
 	return false;
 }
 
@@ -44,12 +40,12 @@ enum db_access db_acl_access(const struct db_modbus_config *config, uint32_t end
 	if (!db_modbus_endpoint_find(config, endpoint, &at))
 		return DB_ACCESS_NONE;
 	if (at.allow_write_count > 0)
-		may_write = any_match(at.allow_write, at.allow_write_count, address);
+		may_write = db_acl_match(at.allow_write, at.allow_write_count, address);
 	else
-		may_write = any_match(LOOPBACK, sizeof(LOOPBACK) / sizeof(LOOPBACK[0]), address);
+		may_write = db_acl_match(LOOPBACK, sizeof(LOOPBACK) / sizeof(LOOPBACK[0]), address);
 	if (may_write)
 		return DB_ACCESS_WRITE;
-	if (at.allow_read_count == 0 || any_match(at.allow_read, at.allow_read_count, address))
+	if (at.allow_read_count == 0 || db_acl_match(at.allow_read, at.allow_read_count, address))
 		return DB_ACCESS_READ;
 	return DB_ACCESS_NONE;
 }

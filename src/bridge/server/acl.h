@@ -16,8 +16,8 @@
 
 enum db_access { DB_ACCESS_NONE, DB_ACCESS_READ, DB_ACCESS_WRITE };
 
-/* True if an address (IPv6, or IPv4 v4-mapped) is in a network. */
-bool db_acl_match(const struct db_network *network, const uint8_t address[16]);
+/* True if an address (IPv6, or IPv4 v4-mapped) is in one of the networks. */
+bool db_acl_match(const struct db_network *networks, size_t count, const uint8_t address[16]);
 
 /*
  * A client's rights at the endpoint with this number: none where there is no such endpoint (any

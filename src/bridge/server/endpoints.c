@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "server/endpoints.h"
 
+#include "drivebridge/loop_clock.h"
 #include "server/listener.h"
 
 #include <errno.h>
@@ -120,7 +121,6 @@ static void open_secure(struct db_endpoint *endpoint)
 	const struct db_endpoints *endpoints = endpoint->endpoints;
 	const char *path = secure_path(endpoints->config, endpoint->number);
 	const char *name = db_modbus_endpoint_name(endpoints->config, endpoint->number);
-	uint64_t now_us = 0;
 	const char *why;
 	int error;
 
@@ -130,8 +130,7 @@ static void open_secure(struct db_endpoint *endpoint)
 	                      endpoint, &endpoint->secure, &why);
 	if (error >= 0)
 		return;
-	(void)sd_event_now(endpoints->host.loop, CLOCK_MONOTONIC, &now_us);
-	db_log(endpoints->host.log, (db_time)now_us * DB_NS_PER_US, DB_EVENT_SECURE_FAILED, NULL,
+	db_log(endpoints->host.log, db_loop_now(endpoints->host.loop), DB_EVENT_SECURE_FAILED, NULL,
 	       "no secure socket for drivebridge-tls: %s: %s; correct secure-socket in the "
 	       "section %s%s, or set it to off",
 	       path, why ? why : strerror(-error), name[0] ? "endpoint " : "modbus", name);
@@ -263,7 +262,8 @@ void db_endpoints_apply(struct db_endpoints *endpoints, struct db_endpoints_chan
 
 		/* Clients that connected to the old address in time are accepted. */
 		if (plan->listener >= 0 && endpoint->listener >= 0) {
-			endpoints->host.accept(endpoints->host.context, endpoint);
+			endpoints->host.accept(endpoints->host.context, endpoint,
+			                       DB_LISTENER_BACKLOG + 1);
 			close(endpoint->listener);
 		}
 		if (plan->listener >= 0)

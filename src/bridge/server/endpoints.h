@@ -36,8 +36,8 @@ struct db_endpoints_host {
 	void (*admit_secure)(void *context, struct db_endpoint *endpoint, int fd,
 	                     const struct db_secure_client *client);
 	/* An endpoint listens elsewhere from now on, or no longer: clients that connected in time
-	 * are to be accepted. */
-	void (*accept)(void *context, struct db_endpoint *endpoint);
+	 * are to be accepted, `most` at most. */
+	void (*accept)(void *context, const struct db_endpoint *endpoint, int most);
 	void *context;
 };
 

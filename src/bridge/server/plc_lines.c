@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "server/plc_lines.h"
 
+#include "drivebridge/loop_clock.h"
 #include "server/rtu_port.h"
 
 #include <errno.h>
@@ -71,11 +72,8 @@ static void follow_port(struct line *line, const struct db_rtu_figures *figures)
 	struct db_log_source source = *line->lines->host.log;
 	char text[DB_CLIENT_ADDRESS_MAX];
 	const struct db_log_about about = { .client = text };
-	uint64_t now_us = 0;
-	db_time now;
+	db_time now = db_loop_now(line->lines->host.loop);
 
-	(void)sd_event_now(line->lines->host.loop, CLOCK_MONOTONIC, &now_us);
-	now = (db_time)now_us * DB_NS_PER_US;
 	if (line->up && (!figures->up || figures->openings != line->seen.openings)) {
 		line->up = false;
 		line->pending = false;
@@ -317,10 +315,8 @@ bool db_plc_lines_answer(struct db_plc_lines *lines, struct db_write_token token
 	return false;
 }
 
-bool db_plc_lines_flush(struct db_plc_lines *lines)
+void db_plc_lines_flush(struct db_plc_lines *lines)
 {
-	bool any = false;
-
 	for (size_t i = 0; lines && i < lines->count; i++) {
 		struct line *line = lines->lines[i];
 
@@ -328,9 +324,7 @@ bool db_plc_lines_flush(struct db_plc_lines *lines)
 			continue;
 		line->pending = line->answered = false;
 		send_answer(line, &line->request, line->exception);
-		any = true;
 	}
-	return any;
 }
 
 /* --- which lines there are -------------------------------------------------------------------- */

@@ -50,8 +50,8 @@ bool db_plc_lines_has(const struct db_plc_lines *lines, uint32_t client);
 /* Notes the answer to a write. False: it is of none of the lines' clients. */
 bool db_plc_lines_answer(struct db_plc_lines *lines, struct db_write_token token,
                          uint8_t exception);
-/* Sends the answers that were noted. True if there was one. */
-bool db_plc_lines_flush(struct db_plc_lines *lines);
+/* Sends the answers that were noted. */
+void db_plc_lines_flush(struct db_plc_lines *lines);
 
 /* See db_server_clients(): the lines that are up. */
 size_t db_plc_lines_list(const struct db_plc_lines *lines, struct db_server_client *clients,

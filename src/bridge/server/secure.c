@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "server/secure.h"
 
-#include "drivebridge/time.h"
+#include "drivebridge/loop_clock.h"
 #include "identity/rights.h"
 #include "transport/unix_listener.h"
 
@@ -47,14 +47,6 @@ struct db_secure {
 	struct visitor visitors[VISITORS_MAX];
 };
 
-static db_time loop_time(const struct db_secure *secure)
-{
-	uint64_t us = 0;
-
-	(void)sd_event_now(secure->loop, CLOCK_MONOTONIC, &us);
-	return (db_time)us * DB_NS_PER_US;
-}
-
 /* Returns the descriptor, which is no longer watched. */
 static int end_visit(struct visitor *visitor)
 {
@@ -65,7 +57,7 @@ static int end_visit(struct visitor *visitor)
 	visitor->fd = -1;
 	if (secure->teller == visitor) {
 		secure->teller = NULL;
-		db_log(secure->log, loop_time(secure), DB_EVENT_SECURE_CHANGED, NULL,
+		db_log(secure->log, db_loop_now(secure->loop), DB_EVENT_SECURE_CHANGED, NULL,
 		       "drivebridge-tls is gone");
 	}
 	return fd;
@@ -102,15 +94,16 @@ static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data
 			break;
 		case DB_SECURE_STATUS:
 			if (!secure->teller)
-				db_log(secure->log, loop_time(secure), DB_EVENT_SECURE_CHANGED,
-				       NULL, "drivebridge-tls is there");
+				db_log(secure->log, db_loop_now(secure->loop),
+				       DB_EVENT_SECURE_CHANGED, NULL, "drivebridge-tls is there");
 			secure->status = hello.status;
-			secure->told = loop_time(secure);
+			secure->told = db_loop_now(secure->loop);
 			secure->teller = visitor;
 			visitor->until = DB_TIME_NEVER;
 			break;
 		case DB_SECURE_WRONG:
-			db_log(secure->log, loop_time(secure), DB_EVENT_CLIENT_REFUSED, NULL,
+			db_log(secure->log, db_loop_now(secure->loop), DB_EVENT_CLIENT_REFUSED,
+			       NULL,
 			       "secure socket: what came is not of this version; the packages "
 			       "drivebridge and drivebridge-tls must be of the same");
 			close(end_visit(visitor));
@@ -123,7 +116,7 @@ static int on_bytes(sd_event_source *source, int fd, uint32_t events, void *data
 /* A free place, or one whose time is over. */
 static struct visitor *find_place(struct db_secure *secure)
 {
-	db_time now = loop_time(secure);
+	db_time now = db_loop_now(secure->loop);
 
 	for (size_t i = 0; i < VISITORS_MAX; i++) {
 		struct visitor *visitor = &secure->visitors[i];
@@ -164,7 +157,7 @@ static int on_visitors(sd_event_source *source, int fd, uint32_t events, void *d
 		}
 		visitor->fd = accepted;
 		visitor->used = 0;
-		visitor->until = loop_time(secure) + HELLO_TIMEOUT;
+		visitor->until = db_loop_now(secure->loop) + HELLO_TIMEOUT;
 		/* Usually the hello has already been received. */
 		(void)on_bytes(NULL, accepted, EPOLLIN, visitor);
 	}
@@ -222,7 +215,7 @@ void db_secure_free(struct db_secure *secure)
 
 bool db_secure_read_status(const struct db_secure *secure, struct db_secure_status *status)
 {
-	if (!secure || !secure->teller || loop_time(secure) - secure->told > STATUS_TIME)
+	if (!secure || !secure->teller || db_loop_now(secure->loop) - secure->told > STATUS_TIME)
 		return false;
 	*status = secure->status;
 	return true;

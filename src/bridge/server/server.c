@@ -6,6 +6,7 @@
  */
 #include "drivebridge/server.h"
 
+#include "drivebridge/loop_clock.h"
 #include "identity/certificates.h"
 #include "identity/rights.h"
 #include "server/acl.h"
@@ -52,14 +53,6 @@ struct db_server {
 	struct db_connection **connections; /* in the order of connecting */
 };
 
-static db_time loop_time(const struct db_server *server)
-{
-	uint64_t usec = 0;
-
-	(void)sd_event_now(server->loop, CLOCK_MONOTONIC, &usec);
-	return (db_time)usec * DB_NS_PER_US;
-}
-
 /* Time limits. One timer; it may fire early, never late, so requests need not move it. */
 
 static void arm_timer(struct db_server *server, db_time deadline)
@@ -75,7 +68,7 @@ static void arm_timer(struct db_server *server, db_time deadline)
 static void set_accepting(struct db_server *server, bool accepting)
 {
 	db_endpoints_set_accepting(server->endpoints, accepting);
-	server->accept_again = accepting ? DB_TIME_NEVER : loop_time(server) + ACCEPT_PAUSE;
+	server->accept_again = accepting ? DB_TIME_NEVER : db_loop_now(server->loop) + ACCEPT_PAUSE;
 	arm_timer(server, server->accept_again);
 }
 
@@ -113,7 +106,7 @@ static void announce_client(const struct db_server *server, const struct db_conn
 	/* An IPv6 address and a certificate are too much for what stands before it. */
 	if (connection->role && db_client_ipv4(client->address) == DB_CLIENT_IPV6)
 		db_client_address(connection->peer->address, network);
-	db_log(&server->log, loop_time(server),
+	db_log(&server->log, db_loop_now(server->loop),
 	       connected ? DB_EVENT_CLIENT_CONNECTED : DB_EVENT_CLIENT_GONE, &about,
 	       "%s (%s%sport %u, %s%s%s%s)", connected ? "connected" : "disconnected", network,
 	       network[0] != '\0' ? " " : "", (unsigned)client->port,
@@ -187,8 +180,9 @@ static uint32_t next_number(void *context)
  * A backend may answer one write from inside a call for another request (a stop cancels a move).
  * Such answers are only noted, since the batch is in use, and are sent here.
  */
-static void send_late_answers(struct db_server *server)
+static void send_late_answers(void *context)
 {
+	struct db_server *server = context;
 	struct db_connection *connection;
 
 	while (server->late_answers) {
@@ -196,9 +190,9 @@ static void send_late_answers(struct db_server *server)
 		for (size_t i = server->count; i-- > 0;) {
 			connection = server->connections[i];
 			keep_or_drop(server, connection,
-			             db_connection_advance(connection, loop_time(server)));
+			             db_connection_advance(connection, db_loop_now(server->loop)));
 		}
-		(void)db_plc_lines_flush(server->lines);
+		db_plc_lines_flush(server->lines);
 	}
 	arm_timer(server, db_peers_deadline(server->shared.peers));
 	server->busy = false;
@@ -245,7 +239,8 @@ static void admit_client(struct db_server *server, int fd, struct db_client *cli
 
 	db_listener_tune(fd);
 	client->id = next_number(server);
-	connection = db_connection_new(&server->shared, fd, client, role, peer, loop_time(server));
+	connection = db_connection_new(&server->shared, fd, client, role, peer,
+	                               db_loop_now(server->loop));
 	if (!connection) {
 		db_certificates_let_go(server->certificates, client->address);
 		return;
@@ -264,7 +259,7 @@ static void admit_client(struct db_server *server, int fd, struct db_client *cli
 static void add_client(struct db_server *server, const struct db_endpoint *endpoint, int fd,
                        const struct sockaddr_storage *address)
 {
-	db_time now = loop_time(server);
+	db_time now = db_loop_now(server->loop);
 	enum db_access access = DB_ACCESS_NONE;
 	struct db_client client = { .endpoint = endpoint->number };
 	enum db_refusal refusal;
@@ -292,7 +287,7 @@ static void add_secure_client(void *context, struct db_endpoint *endpoint, int f
                               const struct db_secure_client *hello)
 {
 	struct db_server *server = context;
-	db_time now = loop_time(server);
+	db_time now = db_loop_now(server->loop);
 	struct db_client client = { .port = hello->port, .endpoint = endpoint->number };
 	struct db_peer *peer = db_peers_find(server->shared.peers, hello->address, now);
 	enum db_access access = db_acl_of_certificate(server->shared.config, endpoint->number,
@@ -313,8 +308,9 @@ static void add_secure_client(void *context, struct db_endpoint *endpoint, int f
 	db_connection_count_refusal(&server->shared, peer, refusal, now);
 }
 
-static void accept_clients(struct db_server *server, const struct db_endpoint *endpoint, int most)
+static void accept_clients(void *context, const struct db_endpoint *endpoint, int most)
 {
+	struct db_server *server = context;
 	struct sockaddr_storage peer;
 	socklen_t length;
 	int fd;
@@ -341,7 +337,7 @@ static void accept_clients(struct db_server *server, const struct db_endpoint *e
 static int serve_ready(struct db_server *server)
 {
 	struct epoll_event events[EVENTS_AT_ONCE];
-	db_time now = loop_time(server);
+	db_time now = db_loop_now(server->loop);
 	int count = epoll_wait(server->shared.epoll, events, EVENTS_AT_ONCE, 0);
 
 	server->busy = true;
@@ -383,7 +379,7 @@ void db_server_catch_up(struct db_server *server)
 static int on_timer(sd_event_source *source, uint64_t usec, void *userdata)
 {
 	struct db_server *server = userdata;
-	db_time now = loop_time(server);
+	db_time now = db_loop_now(server->loop);
 
 	(void)source;
 	(void)usec;
@@ -451,7 +447,7 @@ static void log_refusal(void *context, const uint8_t address[16], enum db_refusa
 	const struct db_server *server = context;
 	char text[DB_CLIENT_ADDRESS_MAX];
 	struct db_log_about about = { .client = text };
-	db_time now = loop_time(server);
+	db_time now = db_loop_now(server->loop);
 
 	db_client_address(address, text);
 	if (count == 1)
@@ -466,7 +462,7 @@ static void log_refusal(void *context, const uint8_t address[16], enum db_refusa
 static void count_line_refusal(void *context, const uint8_t address[16], enum db_refusal kind)
 {
 	struct db_server *server = context;
-	db_time now = loop_time(server);
+	db_time now = db_loop_now(server->loop);
 
 	db_connection_count_refusal(&server->shared,
 	                            db_peers_find(server->shared.peers, address, now), kind, now);
@@ -479,11 +475,6 @@ static void begin_calls(void *context)
 	server->busy = true;
 }
 
-static void end_calls(void *context)
-{
-	send_late_answers(context);
-}
-
 static int open_lines(struct db_server *server)
 {
 	const struct db_plc_lines_host host = {
@@ -494,7 +485,7 @@ static int open_lines(struct db_server *server)
 		.number = next_number,
 		.refused = count_line_refusal,
 		.begin = begin_calls,
-		.end = end_calls,
+		.end = send_late_answers,
 		.context = server,
 	};
 	struct db_plc_lines_change *change;
@@ -521,18 +512,13 @@ static size_t count_places(const struct db_modbus_config *config)
 	return places;
 }
 
-static void accept_rest(void *context, struct db_endpoint *endpoint)
-{
-	accept_clients(context, endpoint, DB_LISTENER_BACKLOG + 1);
-}
-
 static int open_endpoints(struct db_server *server, const char **where)
 {
 	struct db_endpoints_host host = {
 		.loop = server->loop,
 		.log = &server->log,
 		.admit_secure = add_secure_client,
-		.accept = accept_rest,
+		.accept = accept_clients,
 		.context = server,
 	};
 	struct db_endpoints_change *change;
@@ -697,7 +683,7 @@ static void adapt_connection(struct db_server *server, size_t index)
 		struct db_log_about about = { .client = words.address };
 
 		describe(server, client, &words);
-		db_log(&server->log, loop_time(server), DB_EVENT_CLIENT_REFUSED, &about,
+		db_log(&server->log, db_loop_now(server->loop), DB_EVENT_CLIENT_REFUSED, &about,
 		       "connection closed: it may not read any more (allow-read, allow-write, "
 		       "read-group, act-group, require-secure, secure-socket), or its endpoint is "
 		       "gone");
@@ -720,7 +706,7 @@ static void adapt_connection(struct db_server *server, size_t index)
 void db_server_apply(struct db_server *server, struct db_server_change *change)
 {
 	unsigned pace = server->shared.config->max_requests_per_second;
-	db_time now = loop_time(server);
+	db_time now = db_loop_now(server->loop);
 
 	server->busy = true;
 	server->shared.config = change->config;
@@ -786,7 +772,7 @@ void db_server_answer(struct db_server *server, struct db_write_token token, uin
 		server->late_answers = true;
 	else
 		keep_or_drop(server, connection,
-		             db_connection_advance(connection, loop_time(server)));
+		             db_connection_advance(connection, db_loop_now(server->loop)));
 	send_late_answers(server);
 }
 
@@ -835,7 +821,7 @@ void db_server_stats(const struct db_server *server, struct db_server_stats *sta
 size_t db_server_clients(const struct db_server *server, struct db_server_client *clients,
                          size_t max)
 {
-	db_time now = loop_time(server);
+	db_time now = db_loop_now(server->loop);
 	size_t count = db_plc_lines_list(server->lines, clients, max, now);
 
 	for (size_t i = 0; i < server->count && count < max; i++) {
@@ -863,7 +849,7 @@ void db_server_refused(struct db_server *server, const struct db_client *client,
 
 	if (connection)
 		db_connection_count_refusal(&server->shared, connection->peer, kind,
-		                            loop_time(server));
+		                            db_loop_now(server->loop));
 	else if (db_plc_lines_has(server->lines, client->id))
 		count_line_refusal(server, client->address, kind);
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "service/service_private.h"
 
+#include "drivebridge/loop_clock.h"
 #include "identity/rights.h"
 
 #include <errno.h>
@@ -16,10 +17,7 @@
 
 db_time service_now(const struct service *service)
 {
-	uint64_t us = 0;
-
-	sd_event_now(service->loop, CLOCK_MONOTONIC, &us);
-	return (db_time)us * DB_NS_PER_US;
+	return db_loop_now(service->loop);
 }
 
 struct db_log_source service_log_of(const struct service *service,

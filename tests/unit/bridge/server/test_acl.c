@@ -35,13 +35,13 @@ static void matches_prefixes(void **state)
 	struct db_network all = network("::", 0);
 
 	(void)state;
-	assert_true(db_acl_match(&lan, network("::ffff:192.168.10.255", 128).address));
-	assert_false(db_acl_match(&lan, network("::ffff:192.168.11.0", 128).address));
-	assert_false(db_acl_match(&lan, network("::192.168.10.1", 128).address));
-	assert_true(db_acl_match(&odd, network("2001:db8:ffff::1", 128).address));
-	assert_false(db_acl_match(&odd, network("2001:db8:7fff::1", 128).address));
-	assert_true(db_acl_match(&all, network("::ffff:10.0.0.1", 128).address));
-	assert_true(db_acl_match(&all, all.address));
+	assert_true(db_acl_match(&lan, 1, network("::ffff:192.168.10.255", 128).address));
+	assert_false(db_acl_match(&lan, 1, network("::ffff:192.168.11.0", 128).address));
+	assert_false(db_acl_match(&lan, 1, network("::192.168.10.1", 128).address));
+	assert_true(db_acl_match(&odd, 1, network("2001:db8:ffff::1", 128).address));
+	assert_false(db_acl_match(&odd, 1, network("2001:db8:7fff::1", 128).address));
+	assert_true(db_acl_match(&all, 1, network("::ffff:10.0.0.1", 128).address));
+	assert_true(db_acl_match(&all, 1, all.address));
 }
 
 static void empty_lists(void **state)
