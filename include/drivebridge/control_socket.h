@@ -59,13 +59,9 @@ struct db_control_socket_ops {
 	/* The trace of a bus, null when there is none of that name, and a number that no other bus
 	 * ever has. */
 	const struct db_trace *(*trace)(void *context, const char *bus, uint32_t *number);
-	/* The audit trail; null: there is none (yet). */
-	struct db_audit *(*audit)(void *context);
 	/* As in struct db_registers_ops. */
 	uint32_t (*audit_post)(void *context, const struct db_client *client,
 	                       const struct db_audit_entry *entry);
-	/* Values of the drives, and alarms; null: there are none (yet). */
-	struct db_health *(*health)(void *context);
 	/* The named positions; null: there are none (yet). */
 	struct db_positions *(*positions)(void *context);
 	/* They were changed, and are to be written to the disk soon. */
@@ -98,6 +94,10 @@ struct db_control_socket_setup {
 	const char *configuration; /* path of the file, for clients that ask */
 	struct db_registers *registers;
 	const struct db_trace_keeper *traces;
+	/* The audit trail, and values of the drives with alarms; either is null before its
+	 * beginning. */
+	struct db_audit *const *audit;
+	struct db_health *const *health;
 	struct db_log_source log;
 	const struct db_control_socket_ops *ops;
 	void *context;

@@ -144,14 +144,22 @@ struct db_alarm_seen {
 void db_health_see(struct db_health *health, const struct db_alarm_seen *seen);
 void db_health_seen(struct db_health *health, uint64_t wall_us);
 
-/* In the order of their ids. Valid until the next call of a function above. */
-size_t db_health_alarm_count(const struct db_health *health);
-const struct db_alarm *db_health_alarm(const struct db_health *health, size_t place);
-/* The greatest `change` of all; 0: none. */
-uint64_t db_health_alarm_change(const struct db_health *health);
+/* All of them, for reading. The list is valid until the next call of a function above. */
+struct db_alarms {
+	struct db_alarm *list; /* in the order of their ids */
+	bool *seen;            /* of each: it was seen since the last end */
+	size_t count;
+	size_t room;
+	uint64_t last_id;
+	uint64_t last_change; /* the greatest `change` of all; 0: none */
+	bool changed;         /* something that is to be written */
+	bool urgent;          /* ... soon */
+};
+struct db_alarms *db_health_alarms(struct db_health *health);
+
 /* The alarm of this id, which is acknowledged afterwards; one that was already stays as it is, and
  * *fresh is false. Null: there is none. */
-const struct db_alarm *db_health_acknowledge(struct db_health *health, uint64_t id, const char *by,
+const struct db_alarm *db_alarms_acknowledge(struct db_alarms *alarms, uint64_t id, const char *by,
                                              uint64_t wall_us, bool *fresh);
 
 #endif

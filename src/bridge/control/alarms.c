@@ -24,13 +24,6 @@ struct wait {
 	uint64_t after; /* the change that the client has seen last */
 };
 
-static struct db_health *health_of(const struct db_session *session)
-{
-	const struct db_control_socket_setup *setup = &session->control->setup;
-
-	return setup->ops->health(setup->context);
-}
-
 static json_t *describe(const struct db_alarm *alarm)
 {
 	bool of_configuration = alarm->kind == DB_ALARM_CONFIGURATION;
@@ -56,14 +49,15 @@ static json_t *describe(const struct db_alarm *alarm)
 static void send_changes(struct db_session *session, struct wait *wait)
 {
 	const struct db_alarm *picked[AT_ONCE];
-	struct db_health *health = health_of(session);
+	struct db_health *health = *session->control->setup.health;
+	const struct db_alarms *all = db_health_alarms(health);
 	size_t count = 0;
 	json_t *alarms = json_array();
 	struct db_health_state state;
 
 	/* Those that changed first after this change, in that order. */
-	for (size_t i = 0; i < db_health_alarm_count(health); i++) {
-		const struct db_alarm *alarm = db_health_alarm(health, i);
+	for (size_t i = 0; i < all->count; i++) {
+		const struct db_alarm *alarm = &all->list[i];
 		size_t place = count;
 
 		if (alarm->change <= wait->after)
@@ -101,7 +95,7 @@ void db_alarms_call(const struct db_call *call)
 	if (!db_call_optional_number(call, "after", 0, NUMBER_MAX, &after, &given))
 		return;
 	wait.after = (uint64_t)after;
-	if (!health_of(session)) {
+	if (!*session->control->setup.health) {
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
 	}
@@ -124,21 +118,22 @@ void db_alarms_call(const struct db_call *call)
 
 void db_alarms_look(struct db_session *session, db_time now)
 {
+	const struct db_alarms *alarms = db_health_alarms(*session->control->setup.health);
 	struct wait *wait = session->job;
 
 	session->due = now + INTERVAL;
 	/* A slow reader gets what has changed until it reads. */
-	if (!session->out && db_health_alarm_change(health_of(session)) > wait->after)
+	if (!session->out && alarms->last_change > wait->after)
 		send_changes(session, wait);
 }
 
 /* --- acknowledging ---------------------------------------------------------------------------- */
 
 /* A tool whose users have some of the drives says of which one the alarm is to be. */
-static bool is_of_drive(const struct db_health *health, uint64_t id, const char *drive)
+static bool is_of_drive(const struct db_alarms *alarms, uint64_t id, const char *drive)
 {
-	for (size_t i = 0; i < db_health_alarm_count(health); i++) {
-		const struct db_alarm *alarm = db_health_alarm(health, i);
+	for (size_t i = 0; i < alarms->count; i++) {
+		const struct db_alarm *alarm = &alarms->list[i];
 
 		if (alarm->id == id)
 			return alarm->kind == DB_ALARM_DRIVE && strcmp(alarm->name, drive) == 0;
@@ -170,7 +165,9 @@ static void record(struct db_session *session, const struct db_alarm *alarm, con
 void db_alarms_acknowledge_call(const struct db_call *call)
 {
 	struct db_session *session = call->session;
+	struct db_health *health = *session->control->setup.health;
 	const struct db_alarm *alarm = NULL;
+	struct db_alarms *alarms;
 	const char *comment = "";
 	char by[DB_CLIENT_TEXT_MAX];
 	const char *drive = "";
@@ -185,14 +182,14 @@ void db_alarms_acknowledge_call(const struct db_call *call)
 		db_session_fail_parameter(session, "comment");
 		return;
 	}
-	if (!health_of(session)) {
+	if (!health) {
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
 	}
+	alarms = db_health_alarms(health);
 	db_session_text(session, by);
-	if (drive[0] == '\0' || is_of_drive(health_of(session), (uint64_t)id, drive))
-		alarm = db_health_acknowledge(health_of(session), (uint64_t)id, by,
-		                              db_clock_wall_us(), &fresh);
+	if (drive[0] == '\0' || is_of_drive(alarms, (uint64_t)id, drive))
+		alarm = db_alarms_acknowledge(alarms, (uint64_t)id, by, db_clock_wall_us(), &fresh);
 	if (!alarm) {
 		db_session_fail(session, "io.drivebridge.Control.NoSuchAlarm",
 		                json_pack("{s:I}", "id", (json_int_t)id));

@@ -21,13 +21,6 @@ struct wait {
 	bool asked;
 };
 
-static struct db_audit *trail_of(const struct db_session *session)
-{
-	const struct db_control_socket_setup *setup = &session->control->setup;
-
-	return setup->ops->audit(setup->context);
-}
-
 static bool take_text(const struct db_call *call, const char *name, char *to, size_t size)
 {
 	const char *text = "";
@@ -45,6 +38,7 @@ static bool take_text(const struct db_call *call, const char *name, char *to, si
 void db_audit_call(const struct db_call *call)
 {
 	struct db_session *session = call->session;
+	struct db_audit *audit = *session->control->setup.audit;
 	struct db_audit_query query = { .from = 0 };
 	struct wait *wait;
 	int64_t from = 0;
@@ -59,7 +53,7 @@ void db_audit_call(const struct db_call *call)
 	    !take_text(call, "drive", query.drive, sizeof(query.drive)) ||
 	    !take_text(call, "who", query.who, sizeof(query.who)))
 		return;
-	wait = trail_of(session) ? calloc(1, sizeof(*wait)) : NULL;
+	wait = audit ? calloc(1, sizeof(*wait)) : NULL;
 	if (!wait) {
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
@@ -67,7 +61,7 @@ void db_audit_call(const struct db_call *call)
 	query.from = (uint64_t)from;
 	query.since_us = (uint64_t)since_us;
 	wait->query = query;
-	wait->asked = db_audit_ask(trail_of(session), session->client.id, &query);
+	wait->asked = db_audit_ask(audit, session->client.id, &query);
 	/* gcc's analyzer does not see that a session with a call to begin has no other job. */
 	session->job = wait;
 	session->wait = DB_WAITS_FOR_AUDIT;
@@ -91,7 +85,7 @@ static void reply(struct db_session *session, const struct db_audit_page *page)
 		                                        page->broken[i].segment, "line",
 		                                        (json_int_t)page->broken[i].line, "why",
 		                                        page->broken[i].why));
-	db_audit_state(trail_of(session), &state);
+	db_audit_state(*session->control->setup.audit, &state);
 	trail = json_pack("{s:b, s:b, s:I, s:I, s:I, s:I, s:s}", "on", state.on, "kept", state.kept,
 	                  "newest", (json_int_t)state.newest, "bytes", (json_int_t)state.bytes,
 	                  "most_bytes", (json_int_t)state.mib * 1024 * 1024, "lost",
@@ -117,7 +111,7 @@ static void reply(struct db_session *session, const struct db_audit_page *page)
 void db_audit_look(struct db_session *session, db_time now)
 {
 	struct wait *wait = session->job;
-	struct db_audit *audit = trail_of(session);
+	struct db_audit *audit = *session->control->setup.audit;
 	struct db_audit_page page;
 
 	session->due = now + LOOK_EVERY;
@@ -129,12 +123,6 @@ void db_audit_look(struct db_session *session, db_time now)
 		return;
 	reply(session, &page);
 	free(page.records);
-}
-
-void db_audit_leave(struct db_session *session)
-{
-	if (session->wait == DB_WAITS_FOR_AUDIT)
-		db_audit_forget(trail_of(session), session->client.id);
 }
 
 /* --- what tools tell -------------------------------------------------------------------------- */

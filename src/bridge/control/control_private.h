@@ -159,8 +159,6 @@ void db_audit_note(const struct db_call *call);
 
 /* Called when it is due (DB_WAITS_FOR_AUDIT). */
 void db_audit_look(struct db_session *session, db_time now);
-/* The session is over. */
-void db_audit_leave(struct db_session *session);
 
 /* --- edit.c ----------------------------------------------------------------------------------- */
 
@@ -184,8 +182,6 @@ void db_health_rows_call(const struct db_call *call);
 
 /* Called when it is due (DB_WAITS_FOR_HEALTH). */
 void db_health_look(struct db_session *session, db_time now);
-/* The session is over. */
-void db_health_leave(struct db_session *session);
 
 /* --- alarms.c --------------------------------------------------------------------------------- */
 
@@ -235,7 +231,7 @@ void db_scan_look(struct db_session *session, db_time now);
 void db_scan_whose(const struct db_control_socket *control, const char *bus,
                    char text[DB_SCAN_WHOSE_MAX]);
 
-/* The session is over, or no longer reads its answers: its scan ends, if it has one. */
+/* The session, which waits for its scan, is over, or no longer reads its answers: the scan ends. */
 void db_scan_forget(struct db_session *session);
 
 /* --- stops.c ---------------------------------------------------------------------------------- */

@@ -22,16 +22,9 @@ struct wait {
 	bool asked;
 };
 
-static struct db_health *health_of(const struct db_session *session)
-{
-	const struct db_control_socket_setup *setup = &session->control->setup;
-
-	return setup->ops->health(setup->context);
-}
-
 static bool ask(struct db_session *session, const struct db_health_query *query)
 {
-	return db_health_ask(health_of(session), session->client.id, query,
+	return db_health_ask(*session->control->setup.health, session->client.id, query,
 	                     db_control_now(session->control), db_clock_wall_us());
 }
 
@@ -57,7 +50,7 @@ static void begin(const struct db_call *call, bool rows)
 		db_session_fail_drive(session, drive);
 		return;
 	}
-	wait = health_of(session) ? calloc(1, sizeof(*wait)) : NULL;
+	wait = *session->control->setup.health ? calloc(1, sizeof(*wait)) : NULL;
 	if (!wait) {
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
@@ -93,7 +86,7 @@ static void reply(struct db_session *session, const struct db_health_page *page,
 	char *all = NULL;
 	int length = -1;
 
-	db_health_state(health_of(session), &state);
+	db_health_state(*session->control->setup.health, &state);
 	rest = db_message_text(json_pack("{s:i, s:b, s:b, s:s}", "step_s", (int)page->step_s, "on",
 	                                 state.on, "kept", state.kept, "trouble", state.trouble));
 	if (rest && wait->query.rows)
@@ -115,6 +108,7 @@ static void reply(struct db_session *session, const struct db_health_page *page,
 
 void db_health_look(struct db_session *session, db_time now)
 {
+	struct db_health *health = *session->control->setup.health;
 	struct wait *wait = session->job;
 	struct db_health_page page;
 	struct db_named_drive drive;
@@ -126,10 +120,10 @@ void db_health_look(struct db_session *session, db_time now)
 		wait->asked = ask(session, &wait->query);
 		return;
 	}
-	if (!db_health_take(health_of(session), session->client.id, &page))
+	if (!db_health_take(health, session->client.id, &page))
 		return;
 	strcpy(name, wait->query.drive);
-	running = db_health_running(health_of(session), name, now, db_clock_wall_us());
+	running = db_health_running(health, name, now, db_clock_wall_us());
 	/* A drive that is not configured any more may have values. */
 	if (!page.known && name[0] != '\0' &&
 	    !db_named_drive_find(session->control->setup.registers, name, &drive))
@@ -140,10 +134,4 @@ void db_health_look(struct db_session *session, db_time now)
 		reply(session, &page, running);
 	free(running);
 	free(page.values);
-}
-
-void db_health_leave(struct db_session *session)
-{
-	if (session->wait == DB_WAITS_FOR_HEALTH)
-		db_health_forget(health_of(session), session->client.id);
 }

@@ -101,7 +101,7 @@ void db_look_describe(const struct db_call *call)
 	static const char *const names[DB_CONFIGURATION_STATES] = DB_CONFIGURATION_NAMES;
 	struct db_configuration_report report;
 	struct db_audit_state audit;
-	struct db_health *health = control->setup.ops->health(control->setup.context);
+	struct db_health *health = *control->setup.health;
 	struct db_health_state state = { .on = false };
 
 	for (size_t i = 0; db_named_bus(registers, i); i++)
@@ -124,7 +124,7 @@ void db_look_describe(const struct db_call *call)
 	json_object_set_new(description, "configuration_messages",
 	                    db_message_lines(report.messages));
 	json_object_set_new(description, "restart_needed", json_string(report.replaced));
-	db_audit_state(control->setup.ops->audit(control->setup.context), &audit);
+	db_audit_state(*control->setup.audit, &audit);
 	json_object_set_new(description, "audit_trouble", json_string(audit.trouble));
 	if (health)
 		db_health_state(health, &state);

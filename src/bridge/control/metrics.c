@@ -346,7 +346,7 @@ static void put_all(FILE *out, struct db_session *session, struct subject *drive
 	put_one(out, "drivebridge_restart_needed", "gauge",
 	        "1: an upgrade has replaced the program or a library, and the one of before runs.",
 	        control->setup.ops->configuration(control->setup.context).replaced[0] != '\0');
-	db_audit_state(control->setup.ops->audit(control->setup.context), &state);
+	db_audit_state(*control->setup.audit, &state);
 	put_one(out, "drivebridge_audit_records_total", "counter",
 	        "Number of the newest audit record.", (double)state.newest);
 	put_one(out, "drivebridge_audit_lost_total", "counter",

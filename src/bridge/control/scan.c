@@ -182,8 +182,7 @@ void db_scan_forget(struct db_session *session)
 	const struct db_control_socket *control = session->control;
 	const struct wait *wait = session->job;
 
-	if (session->wait == DB_WAITS_FOR_SCAN)
-		control->setup.ops->scan_cancel(control->setup.context, wait->bus, wait->number);
+	control->setup.ops->scan_cancel(control->setup.context, wait->bus, wait->number);
 }
 
 /* --- the calls -------------------------------------------------------------------------------- */

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "drivebridge/clock.h"
 #include "drivebridge/control_socket.h"
+#include "drivebridge/health.h"
 
 #include "control/act.h"
 #include "control/control_private.h"
@@ -52,16 +53,27 @@ static db_time due_of(const struct db_control_socket *control, const struct db_s
 
 /* --- coming and going ------------------------------------------------------------------------- */
 
+/* Nobody waits any more for what its call waits for. */
+static void abandon_call(struct db_session *session)
+{
+	const struct db_control_socket *control = session->control;
+
+	if (session->wait == DB_WAITS_FOR_SCAN)
+		db_scan_forget(session);
+	else if (session->wait == DB_WAITS_FOR_AUDIT)
+		db_audit_forget(*control->setup.audit, session->client.id);
+	else if (session->wait == DB_WAITS_FOR_HEALTH)
+		db_health_forget(*control->setup.health, session->client.id);
+	db_once_abandon(session);
+}
+
 static void end_session(struct db_control_socket *control, size_t place)
 {
 	struct db_session *session = control->sessions[place];
 	char text[DB_CLIENT_TEXT_MAX];
 	struct db_log_about about = { .client = text };
 
-	db_scan_forget(session);
-	db_audit_leave(session);
-	db_health_leave(session);
-	db_once_abandon(session);
+	abandon_call(session);
 	control->sessions[place] = control->sessions[--control->count];
 	/* For the registers it is an ordinary client. */
 	db_registers_backend.client(control->setup.registers, &session->client, false);
@@ -314,11 +326,8 @@ static void settle(struct db_control_socket *control)
 			session->deserted = true;
 		}
 		if (session->gone) {
-			/* Nobody waits for it, but calls after it are still carried out. */
-			db_scan_forget(session);
-			db_audit_leave(session);
-			db_health_leave(session);
-			db_once_abandon(session);
+			/* Calls after this one are still carried out. */
+			abandon_call(session);
 			free(session->out);
 			session->out = NULL;
 			free(session->job);

@@ -380,25 +380,9 @@ void db_health_seen(struct db_health *health, uint64_t wall_us)
 		db_alarms_end(&health->alarms, wall_us);
 }
 
-size_t db_health_alarm_count(const struct db_health *health)
+struct db_alarms *db_health_alarms(struct db_health *health)
 {
-	return health->alarms.count;
-}
-
-const struct db_alarm *db_health_alarm(const struct db_health *health, size_t place)
-{
-	return &health->alarms.list[place];
-}
-
-uint64_t db_health_alarm_change(const struct db_health *health)
-{
-	return health->alarms.last_change;
-}
-
-const struct db_alarm *db_health_acknowledge(struct db_health *health, uint64_t id, const char *by,
-                                             uint64_t wall_us, bool *fresh)
-{
-	return db_alarms_acknowledge(&health->alarms, id, by, wall_us, fresh);
+	return &health->alarms;
 }
 
 static void load_alarms(struct db_health *health, db_time now)

@@ -197,23 +197,10 @@ int db_store_replace(const char *folder, const char *name, const void *bytes, si
 
 /* The list of alarms, and its form in a file. Pure but for memory. */
 
-struct db_alarms {
-	struct db_alarm *list; /* in the order of their ids */
-	bool *seen;            /* of each: it was seen since the last end */
-	size_t count;
-	size_t room;
-	uint64_t last_id;
-	uint64_t last_change;
-	bool changed; /* something that is to be written */
-	bool urgent;  /* ... soon */
-};
-
 void db_alarms_clear(struct db_alarms *alarms);
 /* Without memory it is left out, and seen again. */
 void db_alarms_see(struct db_alarms *alarms, const struct db_alarm_seen *seen);
 void db_alarms_end(struct db_alarms *alarms, uint64_t wall_us);
-const struct db_alarm *db_alarms_acknowledge(struct db_alarms *alarms, uint64_t id, const char *by,
-                                             uint64_t wall_us, bool *fresh);
 
 /* The bytes of the file, to be freed; null: no memory. */
 uint8_t *db_alarms_write(const struct db_alarms *alarms, size_t *size);

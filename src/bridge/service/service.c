@@ -95,20 +95,6 @@ static bool read_line(void *context, size_t index, struct db_server_line *line)
 	return db_server_read_line(service->server, index, line);
 }
 
-static struct db_audit *audit_of(void *context)
-{
-	const struct service *service = context;
-
-	return service->audit;
-}
-
-static struct db_health *health_of(void *context)
-{
-	const struct service *service = context;
-
-	return service->health;
-}
-
 static const struct db_trace *find_trace(void *context, const char *name, uint32_t *number)
 {
 	const struct service *service = context;
@@ -135,9 +121,7 @@ static int listen_for_tools(struct service *service)
 		.scan_foreign = scans_foreign,
 		.scan_cancel = scans_cancel,
 		.trace = find_trace,
-		.audit = audit_of,
 		.audit_post = audit_post,
-		.health = health_of,
 		.positions = positions_list,
 		.positions_changed = positions_changed,
 		.positions_trouble = positions_trouble,
@@ -148,6 +132,8 @@ static int listen_for_tools(struct service *service)
 		.configuration = service->path,
 		.registers = service->registers,
 		.traces = service->traces,
+		.audit = &service->audit,
+		.health = &service->health,
 		.log = service->log,
 		.ops = &ops,
 		.context = service,
