@@ -385,11 +385,10 @@ struct db_config_reading {
 	uint64_t signature;
 };
 
-/* As db_config_load(), with all details. Must be cleared in any case. */
-int db_config_read(const char *path, FILE *errors, struct db_config_reading *reading);
-/* The same as if the edited file had this text; with null, as it is. */
-int db_config_read_edited(const char *path, const char *edited, FILE *errors,
-                          struct db_config_reading *reading);
+/* As db_config_load(), with all details; as if the edited file had the text `edited`, unless that is
+ * null. Must be cleared in any case. */
+int db_config_read(const char *path, const char *edited, FILE *errors,
+                   struct db_config_reading *reading);
 void db_config_reading_clear(struct db_config_reading *reading);
 
 /*

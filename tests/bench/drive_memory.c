@@ -114,7 +114,7 @@ static struct db_config *configured(const struct family *family, unsigned drives
 			                   " axis = %c\n", "xyza"[axis]);
 		length += snprintf(text + length, sizeof text - (size_t)length, "}\n");
 	}
-	must(db_load_text(text, "memory", stderr, &config) == 0);
+	must(db_load_text(&db_load_built_in, text, "memory", stderr, &config) == 0);
 	return config;
 }
 

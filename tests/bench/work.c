@@ -97,7 +97,7 @@ static const struct db_config *read_config(enum family family)
 
 	(void)snprintf(text, sizeof text, "modbus { listen = \"127.0.0.1:0\" }\n%s",
 	               line_configs[family]);
-	must(db_load_text(text, "work", stderr, &config) == 0);
+	must(db_load_text(&db_load_built_in, text, "work", stderr, &config) == 0);
 	return config;
 }
 

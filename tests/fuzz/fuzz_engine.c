@@ -65,7 +65,8 @@ static const struct db_config *config_of(enum family family)
 	static struct db_config *configs[FAMILIES];
 
 	if (!configs[family])
-		must(db_load_text(line_configs[family], "f", stderr, &configs[family]) == 0);
+		must(db_load_text(&db_load_built_in, line_configs[family], "f", stderr,
+		                  &configs[family]) == 0);
 	return configs[family];
 }
 

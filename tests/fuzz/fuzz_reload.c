@@ -124,7 +124,7 @@ static struct db_config *read_text(const char *text)
 	if (!nowhere)
 		nowhere = fopen("/dev/null", "w");
 	must(nowhere);
-	return db_load_text(text, "f", nowhere, &config) == 0 ? config : NULL;
+	return db_load_text(&db_load_built_in, text, "f", nowhere, &config) == 0 ? config : NULL;
 }
 
 /* --- comparing --------------------------------------------------------------------------------------- */

@@ -93,7 +93,7 @@ static const struct db_config *config_of(size_t variant)
 	               "modbus { listen = \"127.0.0.1:0\"\n allow-write = {\"127.0.0.0/30\"}\n"
 	               " confirm-ms = %d\n %s }\n%s",
 	               CONFIRM_MS, modbus_sections[variant], plant_sections);
-	must(db_load_text(text, "f", stderr, &configs[variant]) == 0);
+	must(db_load_text(&db_load_built_in, text, "f", stderr, &configs[variant]) == 0);
 	return configs[variant];
 }
 

@@ -17,15 +17,13 @@ static db_time as_learnt(const struct db_bus_config *bus, db_time begin, db_time
 	return bus->adapt && most > begin ? most : begin;
 }
 
-static db_time in_part(db_time wire, double part)
+/* A drive is due once in a cycle, and then waits for its turn: `wire` is what its class takes of
+ * the wire, of which it has this part. Where its class alone keeps the wire busy, it is already due
+ * when its turn comes. */
+static db_time between_samples(db_time cycle, db_time wire, double part, bool busy)
 {
-	return (db_time)((double)wire / part);
-}
+	db_time turn = (db_time)((double)wire / part);
 
-/* A drive is due once in a cycle, and then waits for its turn. Where its class alone keeps the wire
- * busy, it is already due when its turn comes. */
-static db_time between_samples(db_time cycle, db_time turn, bool busy)
-{
 	if (busy)
 		return cycle + turn;
 	return cycle > turn ? cycle : turn;
@@ -63,8 +61,7 @@ void db_bounds_of(const struct db_bus_config *bus, const struct db_load_of_bus *
 	                                     LEARNT_PATIENCE);
 	bounds->parameter = bounds->exchange + driver->command_time(bus);
 	if (load->moving > 0)
-		bounds->moving = between_samples(cycle,
-		                                 in_part((db_time)load->moving * node, moving),
+		bounds->moving = between_samples(cycle, (db_time)load->moving * node, moving,
 		                                 load->busy) +
 		                 bounds->exchange;
 	if (stand == 0)
@@ -75,7 +72,6 @@ void db_bounds_of(const struct db_bus_config *bus, const struct db_load_of_bus *
 
 		standing = 1.0 - (used < moving ? used : moving);
 	}
-	bounds->standing = between_samples(cycle, in_part((db_time)stand * node, standing),
-	                                   load->busy) +
+	bounds->standing = between_samples(cycle, (db_time)stand * node, standing, load->busy) +
 	                   bounds->exchange;
 }

@@ -17,12 +17,10 @@
 /* The families and transports of this program. */
 extern const struct db_built_in db_load_built_in;
 
-/* As db_config_load(), from a text that messages name `file`. */
-int db_load_text(const char *text, const char *file, FILE *errors, struct db_config **config);
-
-/* With other families and transports than this program's: they must outlive the configuration. */
-int db_load_text_with(const struct db_built_in *built_in, const char *text, const char *file,
-                      FILE *errors, struct db_config **config);
+/* As db_config_load(), from a text that messages name `file`; with other families and transports
+ * than this program's they must outlive the configuration. */
+int db_load_text(const struct db_built_in *built_in, const char *text, const char *file,
+                 FILE *errors, struct db_config **config);
 
 /* The same from sources with their texts, which it takes over: at least one that is no profile,
  * then profiles, with the paths that the others use for them. No file is read. */

@@ -111,8 +111,8 @@ static int load_sources(struct db_load *load, struct db_source *sources, size_t 
 	return 0;
 }
 
-int db_load_text_with(const struct db_built_in *built_in, const char *text, const char *file,
-                      FILE *errors, struct db_config **config)
+int db_load_text(const struct db_built_in *built_in, const char *text, const char *file,
+                 FILE *errors, struct db_config **config)
 {
 	struct db_source *source = db_sources_of_text(file, text);
 
@@ -121,11 +121,6 @@ int db_load_text_with(const struct db_built_in *built_in, const char *text, cons
 		return -1;
 	}
 	return db_load_sources(built_in, source, 1, errors, config);
-}
-
-int db_load_text(const char *text, const char *file, FILE *errors, struct db_config **config)
-{
-	return db_load_text_with(&db_load_built_in, text, file, errors, config);
 }
 
 int db_load_sources(const struct db_built_in *built_in, struct db_source *sources, size_t count,
@@ -153,13 +148,8 @@ int db_load_sources(const struct db_built_in *built_in, struct db_source *source
 	return error;
 }
 
-int db_config_read(const char *path, FILE *errors, struct db_config_reading *reading)
-{
-	return db_config_read_edited(path, NULL, errors, reading);
-}
-
-int db_config_read_edited(const char *path, const char *edited, FILE *errors,
-                          struct db_config_reading *reading)
+int db_config_read(const char *path, const char *edited, FILE *errors,
+                   struct db_config_reading *reading)
 {
 	struct db_load load = { .built_in = &db_load_built_in, .path = path };
 	struct db_source *sources;
@@ -195,7 +185,7 @@ void db_config_reading_clear(struct db_config_reading *reading)
 int db_config_load(const char *path, FILE *errors, struct db_config **config)
 {
 	struct db_config_reading reading;
-	int error = db_config_read(path, errors, &reading);
+	int error = db_config_read(path, NULL, errors, &reading);
 
 	if (error == 0)
 		*config = reading.config;

@@ -69,19 +69,6 @@ static void visit_option(const struct db_driver *const *drivers, size_t index,
 	visit(context, &key, families);
 }
 
-static void visit_options(const struct db_driver *const *drivers, const char *section,
-                          db_names_visit_fn *visit, void *context)
-{
-	for (size_t i = 0; drivers[i]; i++) {
-		for (size_t j = 0; j < drivers[i]->option_count; j++) {
-			const struct db_option *option = &drivers[i]->options[j];
-
-			if (strcmp(option->section, section) == 0)
-				visit_option(drivers, i, option, visit, context);
-		}
-	}
-}
-
 void db_names_each_key(const struct db_driver *const *drivers, db_names_visit_fn *visit,
                        void *context)
 {
@@ -102,7 +89,14 @@ void db_names_each_key(const struct db_driver *const *drivers, db_names_visit_fn
 			}
 			visit(context, &keys[i], families);
 		}
-		visit_options(drivers, SECTIONS[s], visit, context);
+		for (size_t d = 0; drivers[d]; d++) {
+			for (size_t i = 0; i < drivers[d]->option_count; i++) {
+				const struct db_option *option = &drivers[d]->options[i];
+
+				if (strcmp(option->section, SECTIONS[s]) == 0)
+					visit_option(drivers, d, option, visit, context);
+			}
+		}
 	}
 }
 

@@ -116,7 +116,6 @@ static bool same_section(const char *section, const struct pair *pair)
 	return true;
 }
 
-/* Options of other kinds of sections are NAN in both. */
 /* The family's own settings of this kind of section. */
 static bool same_options(const char *section, const struct db_driver *driver, const void *a,
                          const void *b)

@@ -38,7 +38,7 @@ bool configuration_load(const char *path, bool last_good, struct configuration_s
 	errors = open_memstream(&start->why, &size);
 	if (!errors)
 		return false;
-	(void)db_config_read(path, errors, &reading);
+	(void)db_config_read(path, NULL, errors, &reading);
 	fclose(errors);
 	start->config = reading.config;
 	start->copy = reading.copy;

@@ -145,7 +145,7 @@ static void look_at_files(struct disk *disk)
 	errors = open_memstream(&news.messages, &size);
 	if (errors) {
 		news.read = true;
-		(void)db_config_read(disk->path, errors, &reading);
+		(void)db_config_read(disk->path, NULL, errors, &reading);
 		fclose(errors);
 		news.config = reading.config;
 		free(reading.copy);

@@ -223,8 +223,7 @@ static void work(struct disk_job *job)
 	} else {
 		errors = open_memstream(&edit->messages, &size);
 		if (errors) {
-			(void)db_config_read_edited(edit->service->path, edit->text, errors,
-			                            &reading);
+			(void)db_config_read(edit->service->path, edit->text, errors, &reading);
 			edit->config = reading.config;
 			reading.config = NULL;
 			db_config_reading_clear(&reading);

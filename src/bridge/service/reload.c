@@ -274,8 +274,7 @@ static int begin_next(struct service *service, struct reload *reload)
 	must_stand_look(service);
 	db_registers_apply(service->registers, reload->registers);
 	service->plant = reload->next;
-	service_keep_descriptors(service);
-	service_set_rights(service);
+	service_limit_clients(service);
 	for (size_t i = 0; error == 0 && i < service->plant->bus_count; i++) {
 		if (!plant_has_bus(before, service->plant->buses[i]))
 			error = db_bus_start(service->plant->buses[i]->bus);
@@ -353,7 +352,7 @@ static bool read_files(struct service *service, struct reading *reading)
 
 	if (!errors)
 		return false;
-	(void)db_config_read(service->path, errors, &files);
+	(void)db_config_read(service->path, NULL, errors, &files);
 	reading->signature = files.signature;
 	reading->config = files.config;
 	reading->copy = files.copy;

@@ -65,10 +65,8 @@ static int listen_for_clients(struct service *service)
 		if (error == -EADDRINUSE)
 			error = wait_after(error);
 	} while (error == 0);
-	if (error == 0) {
-		service_keep_descriptors(service);
-		service_set_rights(service);
-	}
+	if (error == 0)
+		service_limit_clients(service);
 	return error;
 }
 

@@ -87,12 +87,9 @@ void service_read_server_stats(void *context, struct db_server_stats *stats);
 void service_log_listening(const struct service *service, const struct db_modbus_config *before,
                            const struct db_modbus_config *modbus);
 
-/* Reserves descriptors for the buses of the plant and for reloads, whatever clients use. */
-void service_keep_descriptors(struct service *service);
-
-/* What the plant's configuration says about the users of this machine takes effect at the Modbus
- * port. */
-void service_set_rights(struct service *service);
+/* Clients of the Modbus port leave descriptors for the buses of the plant and for reloads, and
+ * users of this machine have the rights there that the plant's configuration gives them. */
+void service_limit_clients(struct service *service);
 
 /* --- loop.c ----------------------------------------------------------------------------------- */
 

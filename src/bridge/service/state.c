@@ -50,21 +50,14 @@ void service_read_server_stats(void *context, struct db_server_stats *stats)
 	db_server_stats(service->server, stats);
 }
 
-void service_keep_descriptors(struct service *service)
-{
-	db_server_keep_descriptors(
-		service->server,
-		DESCRIPTORS_BESIDE +
-			DESCRIPTORS_PER_BUS *
-				(unsigned)(service->plant->bus_count +
-	                                   service->plant->edition->config->modbus.line_count));
-}
-
-void service_set_rights(struct service *service)
+void service_limit_clients(struct service *service)
 {
 	const struct db_config *config = service->plant->edition->config;
+	unsigned lines = (unsigned)(service->plant->bus_count + config->modbus.line_count);
 	struct db_rights rights = db_rights_of(&config->control);
 
+	db_server_keep_descriptors(service->server,
+	                           DESCRIPTORS_BESIDE + DESCRIPTORS_PER_BUS * lines);
 	db_server_set_rights(service->server,
 	                     config->modbus.everybody_writes_here ? NULL : &rights);
 }

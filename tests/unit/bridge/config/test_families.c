@@ -206,7 +206,7 @@ static struct loaded load_with(const struct db_transport *const *transports, con
 	FILE *errors = open_memstream(&loaded.messages, &size);
 
 	assert_non_null(errors);
-	loaded.result = db_load_text_with(&built_in, text, "f", errors, &loaded.config);
+	loaded.result = db_load_text(&built_in, text, "f", errors, &loaded.config);
 	fclose(errors);
 	return loaded;
 }
@@ -743,7 +743,7 @@ static void test_built_in_options(void **state)
 			if (option->preset[0] == '\0')
 				continue;
 			text = text_with(driver, option);
-			if (db_load_text_with(&built_in, text, "f", stderr, &config) != 0)
+			if (db_load_text(&built_in, text, "f", stderr, &config) != 0)
 				fail_msg("refused:\n%s", text);
 			db_config_free(config);
 			free(text);

@@ -21,7 +21,7 @@ static struct db_config *parse_good(const char *text)
 	FILE *errors = open_memstream(&messages, &size);
 
 	assert_non_null(errors);
-	if (db_load_text(text, "f", errors, &config) != 0) {
+	if (db_load_text(&db_load_built_in, text, "f", errors, &config) != 0) {
 		fclose(errors);
 		fail_msg("%s\n%s", text, messages);
 	}

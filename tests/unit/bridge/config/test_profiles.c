@@ -77,7 +77,7 @@ __attribute__((noinline)) static char *read_place(const struct place *place,
 	FILE *errors = open_memstream(&messages, &size);
 
 	assert_non_null(errors);
-	(void)db_config_read(place->file, errors, reading);
+	(void)db_config_read(place->file, NULL, errors, reading);
 	fclose(errors);
 	return messages;
 }
@@ -435,7 +435,7 @@ static void a_written_configuration_needs_no_profile(void **state)
 	db_config_write(reading.config, out);
 	fclose(out);
 	assert_null(strstr(text, "profile"));
-	assert_int_equal(db_load_text(text, "written", stderr, &again), 0);
+	assert_int_equal(db_load_text(&db_load_built_in, text, "written", stderr, &again), 0);
 	assert_true(db_config_same(reading.config, again));
 	db_config_free(again);
 	free(text);

@@ -164,7 +164,7 @@ static struct db_config *try_parse(const char *text)
 	int result;
 
 	assert_non_null(errors);
-	result = db_load_text(text, "test.conf", errors, &config);
+	result = db_load_text(&db_load_built_in, text, "test.conf", errors, &config);
 	fclose(errors);
 	free(messages);
 	return result == 0 ? config : NULL;

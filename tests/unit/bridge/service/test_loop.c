@@ -119,7 +119,7 @@ static void without_systemd_nobody_feeds_its_watchdog(void **state)
 static void buses_and_reloads_find_descriptors(void **state)
 {
 	(void)state;
-	service_keep_descriptors(&bench.service);
+	service_limit_clients(&bench.service);
 	assert_int_equal(fake.descriptors_kept, 24 + DB_CONTROL_SOCKET_DESCRIPTORS + 2 * 8);
 }
 

@@ -17,7 +17,7 @@ static struct plant *make_plant(const char *text, const struct plant *running)
 	struct db_config *config = NULL;
 	struct plant *plant = NULL;
 
-	assert_int_equal(db_load_text(text, "f", stderr, &config), 0);
+	assert_int_equal(db_load_text(&db_load_built_in, text, "f", stderr, &config), 0);
 	assert_int_equal(plant_new(&service, config, running, &last_number, &plant), 0);
 	return plant;
 }
