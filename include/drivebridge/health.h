@@ -158,8 +158,9 @@ struct db_alarms {
 struct db_alarms *db_health_alarms(struct db_health *health);
 
 /* The alarm of this id, which is acknowledged afterwards; one that was already stays as it is, and
- * *fresh is false. Null: there is none. */
-const struct db_alarm *db_alarms_acknowledge(struct db_alarms *alarms, uint64_t id, const char *by,
-                                             uint64_t wall_us, bool *fresh);
+ * *fresh is false. Null: there is none, or it is not of this drive ("": of whatever it is). */
+const struct db_alarm *db_alarms_acknowledge(struct db_alarms *alarms, uint64_t id,
+                                             const char *drive, const char *by, uint64_t wall_us,
+                                             bool *fresh);
 
 #endif

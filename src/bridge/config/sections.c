@@ -274,43 +274,41 @@ static bool is_interface_name(const char *text)
 	return true;
 }
 
-static void refuse_missing_port(const struct db_section *section, const struct db_bus_config *bus)
+/* A bus has either an interface or a device, as its transport needs it. */
+static void check_port(const struct db_section *section, const struct db_bus_config *bus)
 {
 	struct db_messages *messages = &section->load->messages;
+	const struct db_transport *transport = bus->transport;
+	bool given = db_section_has(section, "device") || db_section_has(section, "interface");
 
-	if (bus->transport && bus->transport->uses_interface)
+	/* Without a transport there was a message already, and the required key depends on it. */
+	if (!transport && (given || bus->driver))
+		return;
+	if (!given && transport && transport->uses_interface)
 		db_messages_add_error(
 			messages, section->line,
 			"bus '%s' has neither 'interface' nor 'device'; add interface = \"can0\" "
 			"for a CAN interface of the machine, or transport = slcan and device = "
 			"\"/dev/ttyACM0\" for a CAN adapter on a serial port",
 			section->title);
-	else
+	else if (!given)
 		db_messages_add_error(messages, section->line,
 		                      "bus '%s' has no key 'device', which must be given; add "
 		                      "device = \"/dev/ttyUSB0\", the path of the serial port",
 		                      section->title);
-}
-
-/* One of interface and device was given, but the wrong one, or both. */
-static void refuse_wrong_port(const struct db_section *section, const struct db_bus_config *bus)
-{
-	struct db_messages *messages = &section->load->messages;
-
-	if (bus->transport->uses_interface && bus->device)
+	else if (transport->uses_interface && bus->device)
 		db_messages_add_error(
 			messages, db_section_line(section, "device"),
 			"device = %s is for serial ports, but bus '%s' has transport = %s; set "
 			"transport = slcan if a CAN adapter is on this port, else remove it%s",
-			bus->device, section->title, bus->transport->name,
+			bus->device, section->title, transport->name,
 			bus->interface ? "" : " and give interface = \"can0\"");
-	else if (!bus->transport->uses_interface && bus->interface &&
-	         bus->transport->medium == DB_MEDIUM_CAN)
+	else if (!transport->uses_interface && bus->interface && transport->medium == DB_MEDIUM_CAN)
 		db_messages_add_error(
 			messages, db_section_line(section, "interface"),
 			"interface = %s is for transport = socketcan, but bus '%s' has transport = "
 			"%s; set transport = socketcan, or remove it%s",
-			bus->interface, section->title, bus->transport->name,
+			bus->interface, section->title, transport->name,
 			bus->device ? "" : " and give device = \"/dev/ttyACM0\"");
 }
 
@@ -406,7 +404,6 @@ static bool read_bus(struct db_load *load, size_t index, struct db_bus_config *b
 	struct db_section section = db_section_open(load, index);
 	db_time characters;
 	struct db_messages *messages = &load->messages;
-	bool given;
 
 	/* gcc's analyzer takes it for lost: db_config_free() frees it. */
 	bus->name = strdup(section.title);
@@ -417,7 +414,6 @@ static bool read_bus(struct db_load *load, size_t index, struct db_bus_config *b
 	bus->queue = QUEUE;
 	bus->options = db_section_read_options(&section);
 	bus->transport = read_transport(&section);
-	given = db_section_has(&section, "device") || db_section_has(&section, "interface");
 	if (bus->device && bus->device[0] != '/')
 		db_messages_add_error(messages, db_section_line(&section, "device"),
 		                      "device = %s is no whole path; one that begins with /, such "
@@ -428,11 +424,7 @@ static bool read_bus(struct db_load *load, size_t index, struct db_bus_config *b
 		                      "interface = %s is no name of a network interface; 1 to 15 "
 		                      "characters without / : and spaces, such as can0",
 		                      bus->interface);
-	/* Without a transport there was a message already, and the required key depends on it. */
-	if (!given && (bus->transport || !bus->driver))
-		refuse_missing_port(&section, bus);
-	else if (bus->transport)
-		refuse_wrong_port(&section, bus);
+	check_port(&section, bus);
 	fill_speed(&section, bus);
 	check_direction(&section, bus);
 	if (bus->driver && bus->driver->medium == DB_MEDIUM_SERIAL && bus->baud != 0 &&

@@ -129,18 +129,6 @@ void db_alarms_look(struct db_session *session, db_time now)
 
 /* --- acknowledging ---------------------------------------------------------------------------- */
 
-/* A tool whose users have some of the drives says of which one the alarm is to be. */
-static bool is_of_drive(const struct db_alarms *alarms, uint64_t id, const char *drive)
-{
-	for (size_t i = 0; i < alarms->count; i++) {
-		const struct db_alarm *alarm = &alarms->list[i];
-
-		if (alarm->id == id)
-			return alarm->kind == DB_ALARM_DRIVE && strcmp(alarm->name, drive) == 0;
-	}
-	return false;
-}
-
 static void record(struct db_session *session, const struct db_alarm *alarm, const char *comment)
 {
 	bool of_bus = alarm->kind == DB_ALARM_BUS;
@@ -166,8 +154,7 @@ void db_alarms_acknowledge_call(const struct db_call *call)
 {
 	struct db_session *session = call->session;
 	struct db_health *health = *session->control->setup.health;
-	const struct db_alarm *alarm = NULL;
-	struct db_alarms *alarms;
+	const struct db_alarm *alarm;
 	const char *comment = "";
 	char by[DB_CLIENT_TEXT_MAX];
 	const char *drive = "";
@@ -186,10 +173,9 @@ void db_alarms_acknowledge_call(const struct db_call *call)
 		db_session_fail_result(session, DB_RESULT_BUSY, "");
 		return;
 	}
-	alarms = db_health_alarms(health);
 	db_session_text(session, by);
-	if (drive[0] == '\0' || is_of_drive(alarms, (uint64_t)id, drive))
-		alarm = db_alarms_acknowledge(alarms, (uint64_t)id, by, db_clock_wall_us(), &fresh);
+	alarm = db_alarms_acknowledge(db_health_alarms(health), (uint64_t)id, drive, by,
+	                              db_clock_wall_us(), &fresh);
 	if (!alarm) {
 		db_session_fail(session, "io.drivebridge.Control.NoSuchAlarm",
 		                json_pack("{s:I}", "id", (json_int_t)id));

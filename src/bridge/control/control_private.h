@@ -42,7 +42,7 @@ struct db_control_socket {
 	struct db_log_source log;
 	struct db_rights rights;
 	struct db_actors actors;
-	struct db_ids *ids;
+	struct db_ids ids;
 	int listener;         /* -1: there is none */
 	char *path;           /* of the listener */
 	bool accepts;         /* it is being polled */

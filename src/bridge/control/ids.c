@@ -15,7 +15,7 @@ struct place {
 	char id[DB_ID_MAX + 1];
 };
 
-struct block {
+struct db_id_block {
 	char drive[DRIVE_NAME_MAX];
 	struct place places[DB_IDS_EACH];
 };
@@ -23,21 +23,10 @@ struct block {
 /* The handle of a call contains its place, and how often all places were used before. */
 #define PLACES_MAX ((uint64_t)DB_IDS_DRIVES * DB_IDS_EACH)
 
-struct db_ids {
-	uint64_t added;
-	struct block *blocks[DB_IDS_DRIVES]; /* null from the first unused one on */
-};
-
-struct db_ids *db_ids_new(void)
+void db_ids_clear(struct db_ids *ids)
 {
-	return calloc(1, sizeof(struct db_ids));
-}
-
-void db_ids_free(struct db_ids *ids)
-{
-	for (size_t i = 0; ids && i < DB_IDS_DRIVES; i++)
+	for (size_t i = 0; i < DB_IDS_DRIVES; i++)
 		free(ids->blocks[i]);
-	free(ids);
 }
 
 static size_t find_block(const struct db_ids *ids, const char *drive)
@@ -73,12 +62,12 @@ static bool may_be_forgotten(const struct place *place, db_time now)
 static size_t reserve_block(struct db_ids *ids, const char *drive, db_time now)
 {
 	size_t b = find_block(ids, drive);
-	struct block *spent = NULL;
+	struct db_id_block *spent = NULL;
 	uint64_t spent_order = 0;
 
 	if (b < DB_IDS_DRIVES) {
 		if (!ids->blocks[b]) {
-			ids->blocks[b] = calloc(1, sizeof(struct block));
+			ids->blocks[b] = calloc(1, sizeof(struct db_id_block));
 			if (!ids->blocks[b])
 				return DB_IDS_DRIVES;
 			memcpy(ids->blocks[b]->drive, drive, strlen(drive) + 1);
@@ -103,14 +92,15 @@ static size_t reserve_block(struct db_ids *ids, const char *drive, db_time now)
 	}
 	if (!spent)
 		return DB_IDS_DRIVES;
-	*spent = (struct block){ .drive = "" };
+	*spent = (struct db_id_block){ .drive = "" };
 	memcpy(spent->drive, drive, strlen(drive) + 1);
 	return find_block(ids, drive);
 }
 
 /* A free place of the block, or that of the oldest id that may be forgotten; DB_IDS_EACH: none, or
  * this user has its share. */
-static size_t choose_place(const struct block *block, const struct db_id_key *key, db_time now)
+static size_t choose_place(const struct db_id_block *block, const struct db_id_key *key,
+                           db_time now)
 {
 	size_t chosen = DB_IDS_EACH;
 	size_t count = 0;
@@ -163,7 +153,7 @@ struct db_id_call *db_ids_add(struct db_ids *ids, const struct db_id_key *key, d
 struct db_id_call *db_ids_at(struct db_ids *ids, uint64_t number)
 {
 	size_t at = (size_t)(number % PLACES_MAX);
-	struct block *block = ids->blocks[at / DB_IDS_EACH];
+	struct db_id_block *block = ids->blocks[at / DB_IDS_EACH];
 	struct db_id_call *call = block ? &block->places[at % DB_IDS_EACH].call : NULL;
 
 	return number != 0 && call && call->number == number ? call : NULL;

@@ -19,6 +19,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 /* Maximum length of an id in bytes, at least 1. */
 #define DB_ID_MAX 64
@@ -31,7 +32,13 @@
 /* The longest time that a call may wait, and how long its id is kept by default. */
 #define DB_IDS_TIME_MAX (120 * DB_NS_PER_S)
 
-struct db_ids;
+/* All zero at first. */
+struct db_ids {
+	uint64_t added;
+	struct db_id_block *blocks[DB_IDS_DRIVES]; /* null from the first unused one on */
+};
+
+void db_ids_clear(struct db_ids *ids);
 
 /* Identifies a call. The texts need only be valid during the function call. */
 struct db_id_key {
@@ -50,10 +57,6 @@ struct db_id_call {
 	uint16_t drive;              /* its present number in the registers ... */
 	uint32_t entry;              /* ... and the command's number in that drive's history */
 };
-
-/* Null without memory; freed with db_ids_free(), null is fine. */
-struct db_ids *db_ids_new(void);
-void db_ids_free(struct db_ids *ids);
 
 /* Null: the call is new. Valid until the next db_ids_add() or db_ids_drop(). */
 struct db_id_call *db_ids_find(struct db_ids *ids, const struct db_id_key *key);

@@ -21,41 +21,6 @@ static bool read_id(const struct db_call *call, const char **id)
 	return false;
 }
 
-/* How long the call may have waited here; false when the call was answered. */
-static bool read_within(const struct db_call *call, bool *limited, db_time *within)
-{
-	const json_t *value = json_object_get(call->parameters, "within_ms");
-	json_int_t ms = json_integer_value(value);
-
-	*limited = value && !json_is_null(value);
-	*within = DB_IDS_TIME_MAX;
-	if (!*limited)
-		return true;
-	*within = ms * DB_NS_PER_MS;
-	if (json_is_integer(value) && ms >= 1 && ms <= DB_IDS_TIME_MAX / DB_NS_PER_MS)
-		return true;
-	db_session_fail_parameter(call->session, "within_ms");
-	return false;
-}
-
-/* When it began to wait: when its caller sent it, which has the same clock, or when it was read
- * here. */
-static bool read_sent(const struct db_call *call, db_time *sent)
-{
-	const json_t *value = json_object_get(call->parameters, "sent_us");
-
-	*sent = call->session->client.arrived;
-	if (!value || json_is_null(value))
-		return true;
-	if (!json_is_integer(value) || json_integer_value(value) < 0 ||
-	    json_integer_value(value) > INT64_MAX / DB_NS_PER_US) {
-		db_session_fail_parameter(call->session, "sent_us");
-		return false;
-	}
-	*sent = json_integer_value(value) * DB_NS_PER_US;
-	return true;
-}
-
 bool db_once_begin(const struct db_call *call, const char *drive, bool stops)
 {
 	struct db_session *session = call->session;
@@ -63,18 +28,29 @@ bool db_once_begin(const struct db_call *call, const char *drive, bool stops)
 	db_time now = db_control_now(control);
 	const struct db_id_call *first;
 	struct db_id_key key;
+	int64_t within_ms;
+	int64_t sent_us;
 	db_time within;
 	db_time sent;
 	const char *id;
 	bool limited;
+	bool dated;
 	const struct db_actor *actor;
 
 	session->once = 0;
-	if (!read_id(call, &id) || !read_within(call, &limited, &within) || !read_sent(call, &sent))
+	if (!read_id(call, &id) ||
+	    !db_call_optional_number(call, "within_ms", 1, DB_IDS_TIME_MAX / DB_NS_PER_MS,
+	                             &within_ms, &limited) ||
+	    !db_call_optional_number(call, "sent_us", 0, INT64_MAX / DB_NS_PER_US, &sent_us,
+	                             &dated))
 		return false;
 	/* Both are harmless if late or repeated. */
 	if (stops)
 		return true;
+	within = limited ? within_ms * DB_NS_PER_MS : DB_IDS_TIME_MAX;
+	/* It began to wait when its caller sent it, which has the same clock, or when it was read
+	 * here. */
+	sent = dated ? sent_us * DB_NS_PER_US : session->client.arrived;
 	actor = db_actors_find(&session->control->actors, session->actor);
 	key = (struct db_id_key){
 		.user = actor ? actor->user : UINT32_MAX,
@@ -82,7 +58,7 @@ bool db_once_begin(const struct db_call *call, const char *drive, bool stops)
 		.drive = drive,
 		.id = id,
 	};
-	first = id ? db_ids_find(control->ids, &key) : NULL;
+	first = id ? db_ids_find(&control->ids, &key) : NULL;
 	if (first) {
 		session->once = first->number;
 		session->repeated = true;
@@ -102,7 +78,7 @@ bool db_once_begin(const struct db_call *call, const char *drive, bool stops)
 	}
 	if (!id)
 		return true;
-	first = db_ids_add(control->ids, &key, now + within, now);
+	first = db_ids_add(&control->ids, &key, now + within, now);
 	if (first)
 		session->once = first->number;
 	else
@@ -112,13 +88,13 @@ bool db_once_begin(const struct db_call *call, const char *drive, bool stops)
 
 void db_once_drop(struct db_session *session)
 {
-	db_ids_drop(session->control->ids, session->once);
+	db_ids_drop(&session->control->ids, session->once);
 	session->once = 0;
 }
 
 void db_once_note_begun(struct db_session *session, struct db_write_token token, uint32_t entry)
 {
-	struct db_id_call *call = db_ids_at(session->control->ids, session->once);
+	struct db_id_call *call = db_ids_at(&session->control->ids, session->once);
 
 	if (!call)
 		return;
@@ -129,7 +105,7 @@ void db_once_note_begun(struct db_session *session, struct db_write_token token,
 
 void db_once_end(struct db_session *session, enum db_result result, bool over)
 {
-	struct db_ids *ids = session->control->ids;
+	struct db_ids *ids = &session->control->ids;
 	struct db_id_call *call = db_ids_at(ids, session->once);
 
 	if (!call)
@@ -145,7 +121,7 @@ void db_once_end(struct db_session *session, enum db_result result, bool over)
 
 const struct db_id_call *db_once_first(const struct db_session *session)
 {
-	return db_ids_at(session->control->ids, session->once);
+	return db_ids_at(&session->control->ids, session->once);
 }
 
 void db_once_abandon(struct db_session *session)

@@ -545,14 +545,14 @@ void db_control_socket_answer(struct db_control_socket *control, struct db_write
 	if (!control)
 		return;
 	if (session && session->wait == DB_WAITS_FOR_STOPS) {
-		db_ids_end_by_token(control->ids, token, result);
+		db_ids_end_by_token(&control->ids, token, result);
 		db_stops_ended(session, token.sequence, result);
 		want_turn(control, true);
 		return;
 	}
 	if (!session || session->sequence != token.sequence ||
 	    (session->wait != DB_WAITS_FOR_WRITE && session->wait != DB_WAITS_FOR_RUN)) {
-		db_ids_end_by_token(control->ids, token, result);
+		db_ids_end_by_token(&control->ids, token, result);
 		return;
 	}
 	session->client.arrived = 0;
@@ -660,7 +660,6 @@ int db_control_socket_new(const struct db_control_socket_setup *setup,
 	made->log = setup->log;
 	made->listener = -1;
 	made->armed = DB_TIME_NEVER;
-	made->ids = db_ids_new();
 	made->last_id = DB_CLIENT_GROUP - 1; /* the next one is the first session's */
 	/* A number that no other run of the service has had, in all probability. */
 	do
@@ -679,8 +678,6 @@ int db_control_socket_new(const struct db_control_socket_setup *setup,
 	                        epoll_ctl(made->epoll, EPOLL_CTL_ADD, made->turn_fd, &turn) < 0 ?
 	                -errno :
 	                0;
-	if (!made->ids)
-		error = -ENOMEM;
 	if (error == 0)
 		error = sd_event_add_io(setup->loop, &made->io, made->epoll, EPOLLIN, on_ready,
 		                        made);
@@ -712,7 +709,7 @@ void db_control_socket_free(struct db_control_socket *control)
 		close(control->epoll);
 	if (control->turn_fd >= 0)
 		close(control->turn_fd);
-	db_ids_free(control->ids);
+	db_ids_clear(&control->ids);
 	free(control);
 }
 

@@ -169,18 +169,16 @@ static enum db_command take_command(const struct db_call *call)
 void db_stops_call(const struct db_call *call)
 {
 	struct db_session *session = call->session;
-	const json_t *wait = json_object_get(call->parameters, "wait_ms");
 	int64_t wait_ms = WAIT_MS;
+	bool given;
 	enum db_command command;
 	struct db_stops *stops;
 	json_t *names;
 	struct db_registers *registers = session->control->setup.registers;
 	const struct db_args none = { 0 };
 
-	if (!db_act_is_allowed(session) || !db_call_texts(call, "drives", &names))
-		return;
-	if (wait && !json_is_null(wait) &&
-	    !db_call_number(call, "wait_ms", 0, WAIT_MS_MAX, &wait_ms))
+	if (!db_act_is_allowed(session) || !db_call_texts(call, "drives", &names) ||
+	    !db_call_optional_number(call, "wait_ms", 0, WAIT_MS_MAX, &wait_ms, &given))
 		return;
 	if (json_array_size(names) > NAMES_MAX) {
 		db_session_fail_parameter(session, "drives");

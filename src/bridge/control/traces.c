@@ -162,17 +162,16 @@ void db_traces_follow(const struct db_call *call)
 {
 	struct db_session *session = call->session;
 	struct db_control_socket *control = session->control;
-	const json_t *number = json_object_get(call->parameters, "kept");
 	const struct db_trace_kept *found;
 	const struct db_trace *trace;
 	struct tracing *tracing;
 	bool past = false;
 	int64_t kept = 0;
+	bool given;
 	const char *bus;
 
 	if (!db_call_text(call, "bus", &bus) || !db_call_optional_flag(call, "past", &past) ||
-	    (number && !json_is_null(number) &&
-	     !db_call_number(call, "kept", 1, UINT32_MAX, &kept)))
+	    !db_call_optional_number(call, "kept", 1, UINT32_MAX, &kept, &given))
 		return;
 	tracing = calloc(1, sizeof(*tracing));
 	if (!tracing) {

@@ -170,14 +170,20 @@ void db_alarms_end(struct db_alarms *alarms, uint64_t wall_us)
 	}
 }
 
-const struct db_alarm *db_alarms_acknowledge(struct db_alarms *alarms, uint64_t id, const char *by,
-                                             uint64_t wall_us, bool *fresh)
+const struct db_alarm *db_alarms_acknowledge(struct db_alarms *alarms, uint64_t id,
+                                             const char *drive, const char *by, uint64_t wall_us,
+                                             bool *fresh)
 {
 	for (size_t i = 0; i < alarms->count; i++) {
 		struct db_alarm *alarm = &alarms->list[i];
 
 		if (alarm->id != id)
 			continue;
+		/* A tool whose users have some of the drives says of which one the alarm is to
+		 * be. */
+		if (drive[0] != '\0' &&
+		    (alarm->kind != DB_ALARM_DRIVE || strcmp(alarm->name, drive) != 0))
+			return NULL;
 		*fresh = alarm->acknowledged == 0;
 		if (*fresh) {
 			alarm->acknowledged = wall_us;

@@ -16,13 +16,14 @@
 
 static int open_ids(void **state)
 {
-	*state = db_ids_new();
+	*state = calloc(1, sizeof(struct db_ids));
 	return *state ? 0 : -1;
 }
 
 static int close_ids(void **state)
 {
-	db_ids_free(*state);
+	db_ids_clear(*state);
+	free(*state);
 	return 0;
 }
 

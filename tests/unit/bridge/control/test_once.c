@@ -33,8 +33,6 @@ static int begin(void **state)
 	(void)state;
 	memset(&control, 0, sizeof(control));
 	control.run = RUN;
-	control.ids = db_ids_new();
-	assert_non_null(control.ids);
 	assert_int_equal(sd_event_new(&control.setup.loop), 0);
 	control.epoll = epoll_create1(EPOLL_CLOEXEC);
 	assert_int_equal(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK, 0, ends), 0);
@@ -50,7 +48,7 @@ static int end(void **state)
 	(void)state;
 	db_session_free(session);
 	sd_event_unref(control.setup.loop);
-	db_ids_free(control.ids);
+	db_ids_clear(&control.ids);
 	close(client);
 	close(control.epoll);
 	return 0;

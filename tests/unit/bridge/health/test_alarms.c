@@ -25,7 +25,7 @@ static const struct db_alarm *acknowledge(struct db_alarms *alarms, uint64_t id,
 {
 	bool fresh;
 
-	return db_alarms_acknowledge(alarms, id, "control, user anna", now, &fresh);
+	return db_alarms_acknowledge(alarms, id, "", "control, user anna", now, &fresh);
 }
 
 static void an_alarm_from_its_coming_to_its_end(void **state)
@@ -49,7 +49,7 @@ static void an_alarm_from_its_coming_to_its_end(void **state)
 	assert_ptr_equal(acknowledge(&alarms, 1, 30), alarm);
 	assert_true(alarm->acknowledged == 30 && alarms.urgent);
 	/* The first one counts. */
-	assert_non_null(db_alarms_acknowledge(&alarms, 1, "somebody else", 40, &fresh));
+	assert_non_null(db_alarms_acknowledge(&alarms, 1, "", "somebody else", 40, &fresh));
 	assert_false(fresh);
 	assert_string_equal(alarm->by, "control, user anna");
 	assert_null(acknowledge(&alarms, 2, 50));
