@@ -52,4 +52,12 @@ static inline db_time db_clock_wall_offset(db_time (*read)(clockid_t))
 	return offset;
 }
 
+/* The same of an earlier moment, where both clocks are now at `now` and `wall_us`. */
+static inline uint64_t db_clock_wall_us_of(db_time moment, db_time now, uint64_t wall_us)
+{
+	uint64_t age = now > moment ? (uint64_t)((now - moment) / DB_NS_PER_US) : 0;
+
+	return wall_us > age ? wall_us - age : 0;
+}
+
 #endif

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "audit/audit_private.h"
 
+#include "drivebridge/hash.h"
 #include "drivebridge/result.h"
 
 #include <stdio.h>
@@ -8,36 +9,25 @@
 
 #define PERIOD (DB_FLOOD_PERIOD_S * DB_NS_PER_S)
 
-/* FNV-1a; if two subjects have the same hash, one is only counted together with the other. */
-static uint64_t hash(uint64_t value, const void *bytes, size_t size)
-{
-	const uint8_t *from = bytes;
-
-	for (size_t i = 0; i < size; i++)
-		value = (value ^ from[i]) * 1099511628211u;
-	return value;
-}
-
+/* If two subjects have the same hash, one is only counted together with the other. */
 static uint64_t hash_text(uint64_t value, const char *text)
 {
-	return hash(value, text ? text : "", text ? strlen(text) + 1 : 1);
+	return db_hash_add(value, text ? text : "", text ? strlen(text) + 1 : 1);
 }
 
 /* The place after those of the clients: what all clients together were denied. */
 #define DENIED DB_FLOODS_MAX
 
-#define HASH_BEGIN 14695981039346656037u
-
 /* The same client, over whichever connection: a user of this machine has all of its addresses. */
 static uint64_t subject_of_client(const struct db_audit_entry *entry)
 {
-	uint64_t value = HASH_BEGIN;
+	uint64_t value = DB_HASH_BEGIN;
 	uint32_t user;
 
 	if (db_client_user_of_address(entry->address, &user))
-		value = hash(value, &user, sizeof(user));
+		value = db_hash_add(value, &user, sizeof(user));
 	else
-		value = hash(value, entry->address, sizeof(entry->address));
+		value = db_hash_add(value, entry->address, sizeof(entry->address));
 	value = hash_text(value, entry->user);
 	return hash_text(value, entry->from);
 }
@@ -46,7 +36,7 @@ static uint64_t subject_of_kind(const struct db_audit_entry *entry, uint64_t cli
 {
 	const uint32_t numbers[] = { (uint32_t)entry->kind, entry->command, (uint32_t)entry->result,
 		                     entry->of != 0 };
-	uint64_t value = hash(client, numbers, sizeof(numbers));
+	uint64_t value = db_hash_add(client, numbers, sizeof(numbers));
 
 	value = hash_text(value, entry->drive);
 	value = hash_text(value, entry->what);

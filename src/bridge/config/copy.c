@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "config/config_private.h"
 
+#include "drivebridge/hash.h"
+
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,16 +14,6 @@
 /* Before each text: its length and its path. */
 #define PART "--- %zu bytes of %s\n"
 #define PROFILE_PART "+++ %zu bytes of %s\n"
-
-/* FNV-1a */
-static uint64_t sum_of(const char *text)
-{
-	uint64_t sum = UINT64_C(14695981039346656037);
-
-	for (; *text; text++)
-		sum = (sum ^ (uint8_t)*text) * UINT64_C(1099511628211);
-	return sum;
-}
 
 char *db_copy_write(const struct db_source *sources, size_t count)
 {
@@ -37,8 +29,8 @@ char *db_copy_write(const struct db_source *sources, size_t count)
 			fprintf(out, sources[i].profile ? PROFILE_PART "%s\n" : PART "%s\n",
 			        strlen(sources[i].text), sources[i].path, sources[i].text);
 	}
-	if (out &&
-	    (fclose(out) != 0 || !good || asprintf(&copy, HEAD "%s", sum_of(parts), parts) < 0))
+	if (out && (fclose(out) != 0 || !good ||
+	            asprintf(&copy, HEAD "%s", db_hash_add(DB_HASH_BEGIN, parts, size), parts) < 0))
 		copy = NULL;
 	free(parts);
 	return copy;
@@ -54,7 +46,7 @@ bool db_copy_read(const char *text, struct db_source **sources, size_t *count)
 	if (!at || at[1] == '\0')
 		return false;
 	at++;
-	snprintf(head, sizeof(head), HEAD, sum_of(at));
+	snprintf(head, sizeof(head), HEAD, db_hash_add(DB_HASH_BEGIN, at, strlen(at)));
 	if (strncmp(text, head, (size_t)(at - text)) != 0 || strlen(head) != (size_t)(at - text))
 		return false;
 	while (*at) {

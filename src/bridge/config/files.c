@@ -3,6 +3,7 @@
 #include "reader/source.h"
 
 #include "drivebridge/config.h"
+#include "drivebridge/hash.h"
 
 #include <dirent.h>
 #include <errno.h>
@@ -145,52 +146,43 @@ int db_files_read(const char *path, const char *edited, FILE *errors, struct db_
 
 /* --- whether they are others than before ------------------------------------------------------ */
 
-/* FNV-1a */
-static void add_bytes(uint64_t *sum, const void *bytes, size_t length)
-{
-	const unsigned char *at = bytes;
-
-	for (size_t i = 0; i < length; i++)
-		*sum = (*sum ^ at[i]) * UINT64_C(1099511628211);
-}
-
 /* The time of the last change of content, name, owner or mode is enough, except for a different
  * file with this name. */
-static void add_file(uint64_t *sum, const char *path)
+static uint64_t add_file(uint64_t sum, const char *path)
 {
 	struct stat about = { 0 };
 	int error = stat(path, &about) == 0 ? 0 : errno;
 
-	add_bytes(sum, &error, sizeof(error));
-	add_bytes(sum, &about.st_dev, sizeof(about.st_dev));
-	add_bytes(sum, &about.st_ino, sizeof(about.st_ino));
-	add_bytes(sum, &about.st_size, sizeof(about.st_size));
-	add_bytes(sum, &about.st_ctim.tv_sec, sizeof(about.st_ctim.tv_sec));
-	add_bytes(sum, &about.st_ctim.tv_nsec, sizeof(about.st_ctim.tv_nsec));
-	add_bytes(sum, &about.st_mtim.tv_sec, sizeof(about.st_mtim.tv_sec));
-	add_bytes(sum, &about.st_mtim.tv_nsec, sizeof(about.st_mtim.tv_nsec));
+	sum = db_hash_add(sum, &error, sizeof(error));
+	sum = db_hash_add(sum, &about.st_dev, sizeof(about.st_dev));
+	sum = db_hash_add(sum, &about.st_ino, sizeof(about.st_ino));
+	sum = db_hash_add(sum, &about.st_size, sizeof(about.st_size));
+	sum = db_hash_add(sum, &about.st_ctim.tv_sec, sizeof(about.st_ctim.tv_sec));
+	sum = db_hash_add(sum, &about.st_ctim.tv_nsec, sizeof(about.st_ctim.tv_nsec));
+	sum = db_hash_add(sum, &about.st_mtim.tv_sec, sizeof(about.st_mtim.tv_sec));
+	return db_hash_add(sum, &about.st_mtim.tv_nsec, sizeof(about.st_mtim.tv_nsec));
 }
 
 uint64_t db_config_signature(const char *path, const char *profiles)
 {
-	uint64_t sum = UINT64_C(14695981039346656037);
+	uint64_t sum = DB_HASH_BEGIN;
 	char *folder = name_beside(path, FOLDER);
 	char *edited = db_config_edited_path(path);
 	struct dirent **entries = NULL;
 	int found = folder ? scandir(folder, &entries, is_ours, by_name) : 0;
 	int error = found < 0 ? errno : 0;
 
-	add_file(&sum, path);
+	sum = add_file(sum, path);
 	if (edited)
-		add_file(&sum, edited);
+		sum = add_file(sum, edited);
 	free(edited);
-	add_bytes(&sum, &error, sizeof(error));
+	sum = db_hash_add(sum, &error, sizeof(error));
 	for (int i = 0; i < found; i++) {
 		char *entry;
 
-		add_bytes(&sum, entries[i]->d_name, strlen(entries[i]->d_name) + 1);
+		sum = db_hash_add(sum, entries[i]->d_name, strlen(entries[i]->d_name) + 1);
 		if (asprintf(&entry, "%s/%s", folder, entries[i]->d_name) >= 0) {
-			add_file(&sum, entry);
+			sum = add_file(sum, entry);
 			free(entry);
 		}
 		free(entries[i]);
@@ -198,6 +190,6 @@ uint64_t db_config_signature(const char *path, const char *profiles)
 	free(entries);
 	free(folder);
 	for (; profiles && *profiles; profiles += strlen(profiles) + 1)
-		add_file(&sum, profiles);
+		sum = add_file(sum, profiles);
 	return sum != 0 ? sum : 1;
 }

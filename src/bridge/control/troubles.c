@@ -4,6 +4,7 @@
 #include "control/message.h"
 #include "control/values.h"
 #include "drivebridge/clock.h"
+#include "drivebridge/hash.h"
 #include "drivebridge/trouble.h"
 
 #include <stdio.h>
@@ -25,7 +26,7 @@
 struct sent {
 	bool sent;
 	uint16_t cause;
-	uint32_t words; /* a hash of its texts */
+	uint64_t words; /* a hash of its texts */
 	db_time since;
 	uint64_t event;
 };
@@ -76,13 +77,6 @@ static const uint64_t events_about[DB_TROUBLE_COUNT] = {
 
 /* --- one of them ------------------------------------------------------------------------------ */
 
-static uint64_t wall_us_of(const struct db_control_socket *control, db_time moment)
-{
-	db_time age = db_control_now(control) - moment;
-
-	return db_clock_wall_us() - (uint64_t)(age > 0 ? age / DB_NS_PER_US : 0);
-}
-
 static void fill_bus(const struct db_control_socket *control, size_t place, struct record *record)
 {
 	const struct db_bus_config *bus = db_named_bus(control->setup.registers, place);
@@ -99,7 +93,8 @@ static void fill_bus(const struct db_control_socket *control, size_t place, stru
 		return;
 	record->bus = bus->name;
 	record->since = stats.down_since;
-	record->since_us = wall_us_of(control, stats.down_since);
+	record->since_us = db_clock_wall_us_of(stats.down_since, db_control_now(control),
+	                                       db_clock_wall_us());
 	db_trouble_port_advice(bus->driver->medium == DB_MEDIUM_SERIAL, (int)stats.last_error,
 	                       bus->device, stats.holder, port);
 	about.port_advice = port;
@@ -149,27 +144,21 @@ static bool fill_drive(const struct db_control_socket *control, const struct db_
 		         db_error_text(about.driver, about.error, error));
 	if (record->cause == DB_TROUBLE_NONE)
 		return true;
-	record->since_us = wall_us_of(control, trouble.since);
+	record->since_us = db_clock_wall_us_of(trouble.since, db_control_now(control),
+	                                       db_clock_wall_us());
 	about.late_ms = trouble.late_ms;
 	db_trouble_advice(record->cause, &about, record->advice);
 	return true;
 }
 
-/* FNV-1a. */
-static uint32_t hash(const char *text, uint32_t before)
-{
-	for (; *text; text++)
-		before = (before ^ (unsigned char)*text) * 16777619u;
-	return before;
-}
-
 /* True if it differs from the one sent last; then it replaces that. */
 static bool is_news(struct sent *sent, const struct record *record)
 {
+	uint64_t words = db_hash_add(DB_HASH_BEGIN, record->advice, strlen(record->advice));
 	const struct sent now = {
 		.sent = true,
 		.cause = (uint16_t)record->cause,
-		.words = hash(record->detail, hash(record->advice, 2166136261u)),
+		.words = db_hash_add(words, record->detail, strlen(record->detail)),
 		.since = record->since,
 		.event = record->has_event ? record->event.number : sent->event,
 	};

@@ -6,6 +6,8 @@
  */
 #include "service/service_private.h"
 
+#include "drivebridge/hash.h"
+
 #include <errno.h>
 #include <inttypes.h>
 #include <limits.h>
@@ -39,7 +41,7 @@ static bool is_drivebridge(const struct sockaddr_un *name, socklen_t length, pid
 int alone_take(const char *path, pid_t *holder)
 {
 	struct sockaddr_un name = { .sun_family = AF_UNIX };
-	uint64_t hash = UINT64_C(14695981039346656037);
+	uint64_t hash;
 	char real[PATH_MAX];
 	socklen_t length = offsetof(struct sockaddr_un, sun_path) + 1;
 	int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
@@ -49,9 +51,8 @@ int alone_take(const char *path, pid_t *holder)
 		return -errno;
 	if (!realpath(path, real))
 		snprintf(real, sizeof(real), "%s", path);
-	/* FNV-1a. A socket's name has no room for every path. */
-	for (const char *at = real; *at; at++)
-		hash = (hash ^ (uint8_t)*at) * UINT64_C(1099511628211);
+	/* A socket's name has no room for every path. */
+	hash = db_hash_add(DB_HASH_BEGIN, real, strlen(real));
 	length += (socklen_t)snprintf(name.sun_path + 1, sizeof(name.sun_path) - 1,
 	                              "drivebridge-%016" PRIx64, hash);
 	if (bind(fd, (const struct sockaddr *)&name, length) == 0 && listen(fd, 1) == 0)

@@ -40,13 +40,6 @@ void health_set_drives(struct service *service)
 
 /* --- alarms ----------------------------------------------------------------------------------- */
 
-static uint64_t wall_us_of(db_time moment, db_time now, uint64_t wall)
-{
-	uint64_t age = now > moment ? (uint64_t)((now - moment) / DB_NS_PER_US) : 0;
-
-	return wall > age ? wall - age : 0;
-}
-
 static void see_buses(struct service *service, db_time now, uint64_t wall)
 {
 	const struct db_bus_config *bus;
@@ -68,7 +61,7 @@ static void see_buses(struct service *service, db_time now, uint64_t wall)
 				      .detail = cause == DB_TROUBLE_PORT && stats.last_error != 0 ?
 		                                        strerror((int)stats.last_error) :
 		                                        "",
-				      .since_us = wall_us_of(stats.down_since, now, wall),
+				      .since_us = db_clock_wall_us_of(stats.down_since, now, wall),
 			      });
 	}
 }
@@ -98,7 +91,7 @@ static void see_drives(struct service *service, db_time now, uint64_t wall)
 		                                        db_error_text(drive->bus->config->driver,
 		                                                      error, text) :
 		                                        "",
-				      .since_us = wall_us_of(trouble.since, now, wall),
+				      .since_us = db_clock_wall_us_of(trouble.since, now, wall),
 			      });
 	}
 }

@@ -37,7 +37,7 @@ static int on_hangup(sd_event_source *source, const struct signalfd_siginfo *inf
 				 .what = "asked for",
 				 .text = text,
 			 });
-	reload_ask(service);
+	(void)reload_ask(service);
 	return 0;
 }
 

@@ -388,13 +388,14 @@ static bool read_files(struct service *service, struct reading *reading)
 	return reading->config;
 }
 
-void reload_ask(struct service *service)
+bool reload_ask(void *context)
 {
+	struct service *service = context;
 	struct reading reading = { 0 };
 
 	if (service->reload) {
 		service->reload_again = true;
-		return;
+		return false;
 	}
 	sd_notifyf(0, "RELOADING=1\nMONOTONIC_USEC=%" PRIu64,
 	           (uint64_t)(db_clock_now() / DB_NS_PER_US));
@@ -414,6 +415,7 @@ void reload_ask(struct service *service)
 	free(reading.messages);
 	if (!service->reload)
 		end_reload(service);
+	return true;
 }
 
 void reload_step(struct service *service)
@@ -432,7 +434,7 @@ void reload_step(struct service *service)
 		if (!service->reload_again)
 			return;
 		service->reload_again = false;
-		reload_ask(service);
+		(void)reload_ask(service);
 	}
 }
 

@@ -70,15 +70,6 @@ static int listen_for_clients(struct service *service)
 	return error;
 }
 
-static bool ask_reload(void *context)
-{
-	struct service *service = context;
-	bool begins = !service->reload;
-
-	reload_ask(service);
-	return begins;
-}
-
 static bool read_secure_status(void *context, struct db_secure_status *status)
 {
 	const struct service *service = context;
@@ -107,7 +98,7 @@ static const struct db_trace *find_trace(void *context, const char *name, uint32
 static int listen_for_tools(struct service *service)
 {
 	static const struct db_control_socket_ops ops = {
-		.reload = ask_reload,
+		.reload = reload_ask,
 		.configuration = configuration_report,
 		.edit = edit_begin,
 		.server_stats = service_read_server_stats,

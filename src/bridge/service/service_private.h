@@ -149,8 +149,9 @@ typedef void reload_tell_fn(void *context, const struct db_bus_config *bus,
 int reload_foresee(struct service *service, struct db_config *config, struct plant **next,
                    reload_tell_fn *tell, void *context);
 
-/* SIGHUP: begins a reload, or remembers that another one is wanted. */
-void reload_ask(struct service *service);
+/* Of a struct service: begins a reload, which may be over when this returns. False: one is in
+ * progress, and another one follows it. */
+bool reload_ask(void *context);
 
 /* Continues the current reload as far as possible. Called in every turn of the loop. */
 void reload_step(struct service *service);

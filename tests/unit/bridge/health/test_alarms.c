@@ -56,6 +56,25 @@ static void an_alarm_from_its_coming_to_its_end(void **state)
 	db_alarms_clear(&alarms);
 }
 
+static void who_names_a_drive_acknowledges_no_alarm_of_another(void **state)
+{
+	struct db_alarms alarms = { 0 };
+	bool fresh;
+
+	(void)state;
+	see(&alarms, "feeder", DB_TROUBLE_NO_ANSWER, 5);
+	db_alarms_see(&alarms, &(struct db_alarm_seen){ .kind = DB_ALARM_BUS,
+	                                                .cause = DB_TROUBLE_PORT,
+	                                                .name = "feeder",
+	                                                .detail = "" });
+	assert_null(db_alarms_acknowledge(&alarms, 1, "turner", "anna", 30, &fresh));
+	assert_null(db_alarms_acknowledge(&alarms, 2, "feeder", "anna", 30, &fresh));
+	assert_true(alarms.list[0].acknowledged == 0 && alarms.list[1].acknowledged == 0);
+	assert_non_null(db_alarms_acknowledge(&alarms, 1, "feeder", "anna", 30, &fresh));
+	assert_true(fresh && alarms.list[0].acknowledged == 30);
+	db_alarms_clear(&alarms);
+}
+
 static void what_comes_again_is_the_same_until_it_was_seen(void **state)
 {
 	struct db_alarms alarms = { 0 };
@@ -161,6 +180,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(an_alarm_from_its_coming_to_its_end),
+		cmocka_unit_test(who_names_a_drive_acknowledges_no_alarm_of_another),
 		cmocka_unit_test(what_comes_again_is_the_same_until_it_was_seen),
 		cmocka_unit_test(the_least_important_ones_go),
 		cmocka_unit_test(the_file_has_everything_or_is_refused),
