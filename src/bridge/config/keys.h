@@ -54,6 +54,9 @@ struct db_config_key {
 	const char *words; /* separated by spaces, "" when it has none */
 	unsigned first;    /* enum value of the first word */
 	enum db_config_scope scope;
+	/* It describes a kind of drives, so that a profile may have it, and not a single one, its
+	 * place or the machine. */
+	bool of_kind;
 	/* Offset of the member of the section's struct that holds the value: unsigned, enum, bool,
 	 * double, char *, uint64_t or a pointer, by its kind. A list's count follows it directly.
 	 * Both 0 for a profile and for a family's option. */

@@ -32,41 +32,6 @@ struct profiles {
 
 #define PROFILE_NONE ((size_t)-1)
 
-/* Keys, in addition to a family's own, that describe a kind of drive, and not a single one, its
- * place or the machine. */
-static const struct {
-	const char *section;
-	const char *name;
-} of_kind[] = {
-	{ "bus", "bitrate" },
-	{ "bus", "baud" },
-	{ "bus", "parity" },
-	{ "bus", "stop-bits" },
-	{ "bus", "turnaround-us" },
-	{ "bus", "drive-latency-ms" },
-	{ "bus", "retries" },
-	{ "bus", "save-interval-s" },
-	{ "drive", "counts-per-unit" },
-	{ "drive", "unit-name" },
-	{ "drive", "stop-reaction-ms" },
-	{ "drive", "on-stop-failure" },
-	{ "drive", "max-velocity" },
-	{ "drive", "max-acceleration" },
-	{ "drive", "in-position-window" },
-	{ "drive", "settling-ms" },
-	{ "drive", "layout" },
-	{ "drive", "vendor-word-order" },
-};
-
-static bool is_of_kind(const char *section, const char *name)
-{
-	for (size_t i = 0; i < sizeof(of_kind) / sizeof(of_kind[0]); i++) {
-		if (strcmp(of_kind[i].section, section) == 0 && strcmp(of_kind[i].name, name) == 0)
-			return true;
-	}
-	return false;
-}
-
 /* The key in the section itself, not in its base. */
 static const struct db_reader_key *find_own(const struct db_reader *reader, size_t section,
                                             const char *name)
@@ -384,7 +349,7 @@ static bool check_key(const struct profiles *profiles, const struct profile *pro
 		                      key->name);
 		return false;
 	}
-	if (known && !is_of_kind(section, key->name)) {
+	if (known && !known->of_kind) {
 		db_messages_add_error(
 			messages, key->line,
 			"%s is no setting of a kind of drives; write it in the section of each %s",

@@ -18,23 +18,19 @@
 
 /* --- what is a stop --------------------------------------------------------------------------- */
 
-/* DB_CMD_NONE: no stop. */
-static enum db_command find_stop(const char *name)
+/* A stop by its name or its code, as a register's value may be written; DB_CMD_NONE: no stop. */
+static enum db_command find_stop(const json_t *command)
 {
-	const struct db_command_row *row = db_command_find_name(name);
+	json_int_t code = json_integer_value(command);
 
-	return row && db_command_is_stop(row->code) ? row->code : DB_CMD_NONE;
-}
+	if (json_is_string(command)) {
+		const struct db_command_row *row = db_command_find_name(json_string_value(command));
 
-/* True for a stop by its name or its code, as a register's value may be written. */
-static bool is_stop(const json_t *command)
-{
-	if (json_is_integer(command)) {
-		json_int_t code = json_integer_value(command);
-
-		return code > 0 && code < DB_CMD_LIMIT && db_command_is_stop((enum db_command)code);
+		code = row ? (json_int_t)row->code : 0;
 	}
-	return json_is_string(command) && find_stop(json_string_value(command)) != DB_CMD_NONE;
+	if (code <= 0 || code >= DB_CMD_LIMIT || !db_command_is_stop((enum db_command)code))
+		return DB_CMD_NONE;
+	return (enum db_command)code;
 }
 
 bool db_stops_has_place(const struct db_message *message)
@@ -45,7 +41,7 @@ bool db_stops_has_place(const struct db_message *message)
 		return false;
 	method += strlen(CONTROL);
 	if (strcmp(method, "Run") == 0)
-		return is_stop(json_object_get(message->parameters, "command"));
+		return find_stop(json_object_get(message->parameters, "command")) != DB_CMD_NONE;
 	if (strcmp(method, "Write") == 0) {
 		const json_t *values = json_object_get(message->parameters, "values");
 		const char *drive = json_string_value(
@@ -54,7 +50,7 @@ bool db_stops_has_place(const struct db_message *message)
 		if (drive && drive[0] == '\0')
 			return json_object_get(values, "group_stop") ||
 			       json_object_get(values, "group_stop_units");
-		return is_stop(json_object_get(values, "command"));
+		return find_stop(json_object_get(values, "command")) != DB_CMD_NONE;
 	}
 	return strcmp(method, "Stop") == 0 || strcmp(method, "Introduce") == 0;
 }
@@ -159,7 +155,7 @@ static enum db_command take_command(const struct db_call *call)
 	if (!wanted || json_is_null(wanted))
 		return DB_CMD_STOP;
 	if (json_is_string(wanted))
-		command = find_stop(json_string_value(wanted));
+		command = find_stop(wanted);
 	if (command == DB_CMD_NONE)
 		db_session_fail_value(call->session, "command",
 		                      "it is stop, quick_stop or disable");
