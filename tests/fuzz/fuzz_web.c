@@ -81,7 +81,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	check_host(lines[1], lines[2]);
 	if (db_web_sessions_find(sessions, lines[3], 0))
 		abort();
-	(void)db_web_tab_is_good(lines[3]);
+	(void)db_web_tabs_judge(lines[3], NULL);
+	(void)db_web_tabs_judge(NULL, lines[3]);
 	if (db_web_address_parse(lines[4], &address) && !db_web_network_is_good(lines[4]))
 		abort();
 	(void)db_web_endpoint_parse(lines[4], &endpoint, &length);

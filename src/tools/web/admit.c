@@ -123,16 +123,16 @@ static void refuse_deed(struct db_web_request *request, enum db_may may, const c
 	else
 		snprintf(deed, NOTED_MAX, "%s", good ? what : request->route.name);
 	db_grant_explain(&request->grant, may, drive, why, sizeof(why));
-	db_web_service_note(service,
-	                    &(struct db_link_note){ .kind = "denied",
-	                                            .what = deed,
-	                                            .user = caller.user,
-	                                            .from = caller.from,
-	                                            .drive = known ? drive : NULL,
-	                                            .text = known || !drive || !drive[0] ?
-	                                                            why :
-	                                                            "of a drive that is not there",
-	                                            .refused = true });
+	db_plant_note(service->plant,
+	              &(struct db_link_note){ .kind = "denied",
+	                                      .what = deed,
+	                                      .user = caller.user,
+	                                      .from = caller.from,
+	                                      .drive = known ? drive : NULL,
+	                                      .text = known || !drive || !drive[0] ?
+	                                                      why :
+	                                                      "of a drive that is not there",
+	                                      .refused = true });
 	db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "NotAllowed", "%s", why);
 }
 
@@ -144,6 +144,7 @@ static void check_post(struct db_web_request *request)
 	const char *site = head(request, "Sec-Fetch-Site");
 	const char *tab = head(request, "X-Tab");
 	const char *call = head(request, "X-Call");
+	const char *wrong = db_web_tabs_judge(tab, call);
 
 	if (!db_web_origin_is_good(head(request, MHD_HTTP_HEADER_ORIGIN),
 	                           head(request, MHD_HTTP_HEADER_HOST)) ||
@@ -166,14 +167,12 @@ static void check_post(struct db_web_request *request)
 		db_web_request_refuse(request, MHD_HTTP_CONTENT_TOO_LARGE, "TooLong",
 		                      "the body may have %zu bytes",
 		                      db_web_body_max(&request->route));
-	else if (tab && !db_web_tab_is_good(tab))
-		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
-		                      "X-Tab is 16 to 32 hexadecimal digits");
-	else if (call && !db_web_call_number_read(call, &request->call))
-		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest",
-		                      "X-Call is a number from 1");
-	else if (tab)
-		snprintf(request->tab, sizeof(request->tab), "%s", tab);
+	else if (wrong)
+		db_web_request_refuse(request, MHD_HTTP_BAD_REQUEST, "BadRequest", "%s", wrong);
+	if (request->status != 0)
+		return;
+	snprintf(request->tab, sizeof(request->tab), "%s", tab ? tab : "");
+	request->call = call ? strtoull(call, NULL, 10) : 0;
 }
 
 /* A download, which the browser makes by itself from a link of the page. */
@@ -191,10 +190,21 @@ static void check_download(struct db_web_request *request)
 		refuse_deed(request, request->route.needs, NULL, NULL);
 }
 
-static void check_head(struct db_web_request *request, unsigned hosts)
+void db_web_admit(struct db_web_request *request)
 {
-	if (hosts != 1 || !db_web_host_is_good(head(request, MHD_HTTP_HEADER_HOST),
-	                                       &request->server->config->hosts))
+	struct head_lines lines = { .hosts = 0 };
+	const char *cookie;
+
+	(void)MHD_get_connection_values(request->connection, MHD_HEADER_KIND, count_line, &lines);
+	find_peer(request, lines.forwarded);
+	cookie = MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND,
+	                                     request->secure ? DB_WEB_COOKIE_SECURE :
+	                                                       DB_WEB_COOKIE);
+	take_session(request, cookie ? cookie : "");
+	if (cookie && cookie[0] == DB_WEB_NOBODY && db_web_secret_is_good(cookie + 1))
+		snprintf(request->token, sizeof(request->token), "%s", cookie + 1);
+	if (lines.hosts != 1 || !db_web_host_is_good(head(request, MHD_HTTP_HEADER_HOST),
+	                                             &request->server->config->hosts))
 		db_web_request_refuse(
 			request, MHD_HTTP_MISDIRECTED_REQUEST, "WrongHost",
 			"this gateway is called by its address, or by a name that its "
@@ -210,22 +220,6 @@ static void check_head(struct db_web_request *request, unsigned hosts)
 	else if (request->route.kind != DB_WEB_FILE && request->route.kind != DB_WEB_SESSION &&
 	         request->route.kind != DB_WEB_METRICS)
 		check_post(request);
-}
-
-void db_web_admit(struct db_web_request *request)
-{
-	struct head_lines lines = { .hosts = 0 };
-	const char *cookie;
-
-	(void)MHD_get_connection_values(request->connection, MHD_HEADER_KIND, count_line, &lines);
-	find_peer(request, lines.forwarded);
-	cookie = MHD_lookup_connection_value(request->connection, MHD_COOKIE_KIND,
-	                                     request->secure ? DB_WEB_COOKIE_SECURE :
-	                                                       DB_WEB_COOKIE);
-	take_session(request, cookie ? cookie : "");
-	if (cookie && cookie[0] == DB_WEB_NOBODY && db_web_secret_is_good(cookie + 1))
-		snprintf(request->token, sizeof(request->token), "%s", cookie + 1);
-	check_head(request, lines.hosts);
 }
 
 void db_web_admit_again(struct db_web_request *request)

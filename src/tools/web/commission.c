@@ -160,7 +160,7 @@ static void begin(struct db_web_request *request)
 	commission->next = server->commissions;
 	server->commissions = commission;
 	/* NULL: the request was answered with the reason. */
-	commission->stream = db_web_stream_begin_fed(request, lose_page, commission);
+	commission->stream = db_web_stream_begin_own(request, NULL, lose_page, commission);
 	if (!commission->stream ||
 	    sd_event_add_io(server->loop, &commission->told, db_web_round_fd(commission->round),
 	                    EPOLLIN, on_told, commission) < 0)

@@ -38,11 +38,6 @@ struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_p
 	return connections;
 }
 
-void db_web_connections_free(struct db_web_connections *connections)
-{
-	free(connections);
-}
-
 static bool is_same(const struct db_web_address *one, const struct db_web_address *other)
 {
 	return memcmp(one, other, sizeof(*one)) == 0;

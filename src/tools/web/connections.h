@@ -46,11 +46,9 @@ struct db_web_connections;
 /* At least so many may have sent no whole request yet. */
 #define DB_WEB_CONNECTIONS_HEADLESS 8
 
-/* `seed` is random, see users/attempts.h. NULL without memory. Freed with
- * db_web_connections_free(), NULL is allowed. */
+/* `seed` is random, see users/attempts.h. NULL without memory. Freed with free(). */
 struct db_web_connections *db_web_connections_new(unsigned most, unsigned most_per_address,
                                                   uint64_t seed);
-void db_web_connections_free(struct db_web_connections *connections);
 
 /*
  * True if there is a place for one more of this address, and it may come already; a proxy's

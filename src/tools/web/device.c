@@ -8,12 +8,6 @@
 #define DIGEST_BYTES 32
 #define ID_LENGTH (DB_WEB_SECRET_TEXT - 1)
 
-static void write_hex(const unsigned char *bytes, size_t count, char *text)
-{
-	for (size_t i = 0; i < count; i++)
-		snprintf(text + 2 * i, 3, "%02x", bytes[i]);
-}
-
 static bool authenticate(const char *id, const char *user, const char *hash, char *digits)
 {
 	char text[DB_WEB_SECRET_TEXT + DB_USERS_NAME_MAX + 16];
@@ -26,7 +20,7 @@ static bool authenticate(const char *id, const char *user, const char *hash, cha
 	if (gnutls_hmac_fast(GNUTLS_MAC_SHA256, hash, strlen(hash), text, strlen(text), digest) !=
 	    0)
 		return false;
-	write_hex(digest, sizeof(digest), digits);
+	db_web_hex_write(digest, sizeof(digest), digits);
 	return true;
 }
 
@@ -35,7 +29,7 @@ bool db_web_device_write(const struct db_web_secret *device, const char *user, c
 {
 	char id[DB_WEB_SECRET_TEXT];
 
-	db_web_secret_write(device, id);
+	db_web_hex_write(device->bytes, DB_WEB_SECRET_BYTES, id);
 	snprintf(text, DB_WEB_DEVICE_TEXT, "%s.", id);
 	return authenticate(id, user, hash, text + ID_LENGTH + 1);
 }
@@ -64,7 +58,7 @@ void db_web_device_name(const char *user, bool secure, char name[DB_WEB_DEVICE_N
 
 	/* Whoever looks into a browser reads no names of users there. */
 	(void)gnutls_hash_fast(GNUTLS_DIG_SHA256, user, strlen(user), digest);
-	write_hex(digest, 8, digits);
+	db_web_hex_write(digest, 8, digits);
 	snprintf(name, DB_WEB_DEVICE_NAME, "%sdrivebridge-device-%s", secure ? "__Host-" : "",
 	         digits);
 }

@@ -26,16 +26,16 @@ static void answer_configuration(struct db_web_request *request, json_t *paramet
 		if (!users)
 			return;
 	}
-	db_web_service_note(request->server->service,
-	                    &(struct db_link_note){
-				    .kind = "users",
-				    .what = "backup",
-				    .user = caller.user,
-				    .from = caller.from,
-				    .text = appoints ? "the configuration and the names of users "
-	                                               "were taken as a file" :
-	                                               "the configuration was taken as a file",
-			    });
+	db_plant_note(request->server->service->plant,
+	              &(struct db_link_note){
+			      .kind = "users",
+			      .what = "backup",
+			      .user = caller.user,
+			      .from = caller.from,
+			      .text = appoints ? "the configuration and the names of users "
+	                                         "were taken as a file" :
+	                                         "the configuration was taken as a file",
+		      });
 	/* Names alone: a key never leaves its machine this way. */
 	certificates = json_array();
 	if (path && path[0] != '\0')

@@ -2,13 +2,8 @@
 #include "web/grip.h"
 #include "web/tokens.h"
 
-const char *db_web_grip_end_name(enum db_web_grip_end end)
-{
-	static const char *const names[] = { "",       "released", "late",   "refused", "stopped",
-		                             "logout", "lost",     "ending", "old",     "done" };
-
-	return names[end];
-}
+const char *const db_web_grip_ends[] = { "",       "released", "late",   "refused", "stopped",
+	                                 "logout", "lost",     "ending", "old",     "done" };
 
 void db_web_grip_finish(struct db_web_grip *grip, enum db_web_grip_end end)
 {

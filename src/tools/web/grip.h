@@ -32,9 +32,7 @@ enum db_web_grip_end {
 	DB_WEB_GRIP_DONE,   /* a sequence has come to its end */
 };
 
-/* "", "released", "late", "refused", "stopped", "logout", "lost", "ending", "old",
- * "done". */
-const char *db_web_grip_end_name(enum db_web_grip_end end);
+extern const char *const db_web_grip_ends[]; /* "", "released" ..., as pages know them */
 
 struct db_web_grip {
 	uint64_t number;          /* of the latest grip; 0: there was none */

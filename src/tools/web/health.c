@@ -125,13 +125,11 @@ void db_web_alarms(struct db_web_request *request)
 
 void db_web_acknowledge(struct db_web_request *request)
 {
-	const char *why = NULL;
 	struct db_link *link;
 
 	db_web_log_action(request, request->route.name, request->parameters);
 	/* Its drive is not commanded, so it is not fed either. */
-	if (!db_web_tabs_begin(request, NULL))
-		return;
-	link = db_web_tabs_link(request, NULL, &why);
-	db_web_call(request, link, ANSWER_WITHIN);
+	link = db_web_tabs_begin(request, NULL);
+	if (link)
+		db_web_call(request, link, ANSWER_WITHIN);
 }

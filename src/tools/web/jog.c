@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/jog.h"
+#include "client/lanes.h"
 #include "client/log.h"
 #include "web/service.h"
 #include "web/stops.h"
@@ -64,7 +65,7 @@ static void on_stop_answer(void *data, json_t *parameters, const struct db_clien
 static void send_stop(struct db_web_jog *jog)
 {
 	jog->stops++;
-	if (!db_web_stops_send(jog->server->stops, &jog->caller, "Run",
+	if (!db_web_stops_send(jog->server, &jog->caller, "Run",
 	                       json_pack("{s:s, s:s}", "drive", jog->drive, "command", "stop"),
 	                       on_stop_answer, jog))
 		jog->stops--;
@@ -77,7 +78,7 @@ static void stop_drive(struct db_web_jog *jog)
 	db_time now = db_client_now();
 
 	db_client_log(DB_CLIENT_NOTICE, "%s: jog of %s ended: %s", jog->caller.text, jog->drive,
-	              db_web_grip_end_name(jog->grip.end));
+	              db_web_grip_ends[jog->grip.end]);
 	jog->server->counts.late_jogs += jog->grip.end == DB_WEB_GRIP_OVERDUE;
 	jog->velocity_sent = 0;
 	jog->stop_again = now + STOP_AGAIN;
@@ -227,7 +228,7 @@ static bool change_drive(struct db_web_jog *jog, struct db_web_request *request,
 		return false;
 	}
 	/* The service continues a stop that the other drive has not confirmed. */
-	db_web_stops_forget(jog->server->stops, jog);
+	db_stops_forget(db_lanes_stops(jog->server->lanes), jog);
 	jog->stops = 0;
 	snprintf(jog->drive, sizeof(jog->drive), "%s", beat->drive);
 	return true;
@@ -279,11 +280,11 @@ bool db_web_jog_take(struct db_web_jog *jog, struct db_web_request *request)
 	settle(jog);
 	/* Of a former grip there is nothing more to tell: it is over. */
 	mine = beat.grip == jog->grip.number;
-	db_web_request_answer(
-		request, MHD_HTTP_OK,
-		json_pack("{s:b, s:s, s:s, s:s}", "held", mine && db_web_grip_is_held(&jog->grip),
-	                  "why", mine ? db_web_grip_end_name(jog->grip.end) : "released", "text",
-	                  mine ? jog->text : "", "result", mine ? jog->result : ""));
+	db_web_request_answer(request, MHD_HTTP_OK,
+	                      json_pack("{s:b, s:s, s:s, s:s}", "held",
+	                                mine && db_web_grip_is_held(&jog->grip), "why",
+	                                mine ? db_web_grip_ends[jog->grip.end] : "released", "text",
+	                                mine ? jog->text : "", "result", mine ? jog->result : ""));
 	return true;
 }
 
@@ -336,7 +337,7 @@ void db_web_jog_lose(struct db_web_jog *jog)
 		                      "it is told to stop over another one" :
 		                      "its watchdog is to stop it");
 		(void)db_web_stops_send(
-			jog->server->stops, &jog->caller, "Run",
+			jog->server, &jog->caller, "Run",
 			json_pack("{s:s, s:s}", "drive", jog->drive, "command", "stop"), NULL,
 			NULL);
 	}
@@ -386,7 +387,7 @@ void db_web_jog_free(struct db_web_jog *jog)
 {
 	if (!jog)
 		return;
-	db_web_stops_forget(jog->server->stops, jog);
+	db_stops_forget(db_lanes_stops(jog->server->lanes), jog);
 	sd_event_source_disable_unref(jog->timer);
 	free(jog);
 }

@@ -72,7 +72,7 @@ void db_web_login_tell(struct db_web_request *request)
 			                      "no random numbers are to be had; try again");
 			return;
 		}
-		db_web_secret_write(&secret, request->token);
+		db_web_hex_write(secret.bytes, DB_WEB_SECRET_BYTES, request->token);
 		snprintf(value, sizeof(value), "%c%s", DB_WEB_NOBODY, request->token);
 		db_web_request_set_cookie(request, value);
 	}
@@ -230,11 +230,11 @@ void db_web_login_end(struct db_web_request *request, const struct db_web_work *
 		db_client_log(DB_CLIENT_NOTICE, "%s: logged in as %s, %s%s%s", caller.text, user,
 		              role, request->weak ? "; the password is weak: " : "",
 		              request->weak ? request->weak : "");
-		db_web_service_note(server->service, &(struct db_link_note){ .kind = "login",
-		                                                             .what = "in",
-		                                                             .user = user,
-		                                                             .from = caller.from,
-		                                                             .text = role });
+		db_plant_note(server->service->plant, &(struct db_link_note){ .kind = "login",
+		                                                              .what = "in",
+		                                                              .user = user,
+		                                                              .from = caller.from,
+		                                                              .text = role });
 		server->counts.logins++;
 		begin_session(request);
 		return;
@@ -242,13 +242,12 @@ void db_web_login_end(struct db_web_request *request, const struct db_web_work *
 	/* An unknown name may be a password typed in the wrong field. */
 	log_login(request, " failed", request->known ? user : "an unknown user",
 	          changed ? "the user was changed meanwhile" : work->why);
-	db_web_service_note(
-		server->service,
-		&(struct db_link_note){ .kind = "login",
-	                                .what = "in",
-	                                .from = caller.from,
-	                                .text = request->known ? user : "an unknown user",
-	                                .refused = true });
+	db_plant_note(server->service->plant,
+	              &(struct db_link_note){ .kind = "login",
+	                                      .what = "in",
+	                                      .from = caller.from,
+	                                      .text = request->known ? user : "an unknown user",
+	                                      .refused = true });
 	server->counts.failed_logins++;
 	db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginFailed",
 	                      "the user or the password is wrong");
@@ -262,10 +261,11 @@ void db_web_logout(struct db_web_request *request)
 		struct db_web_caller caller = db_web_request_caller(request);
 
 		db_web_log_action(request, "logged out", NULL);
-		db_web_service_note(server->service, &(struct db_link_note){ .kind = "login",
-		                                                             .what = "out",
-		                                                             .user = caller.user,
-		                                                             .from = caller.from });
+		db_plant_note(server->service->plant,
+		              &(struct db_link_note){ .kind = "login",
+		                                      .what = "out",
+		                                      .user = caller.user,
+		                                      .from = caller.from });
 		end_session(server, request->session);
 	}
 	request->user[0] = '\0';
@@ -288,11 +288,11 @@ static void end_other(struct db_web_request *request, const struct db_web_sessio
 	db_web_address_write(&session->from, address);
 	snprintf(text, sizeof(text), "another session, from %s", address);
 	db_client_log(DB_CLIENT_NOTICE, "%s: logged out %s", caller.text, text);
-	db_web_service_note(request->server->service, &(struct db_link_note){ .kind = "login",
-	                                                                      .what = "out",
-	                                                                      .user = caller.user,
-	                                                                      .from = caller.from,
-	                                                                      .text = text });
+	db_plant_note(request->server->service->plant, &(struct db_link_note){ .kind = "login",
+	                                                                       .what = "out",
+	                                                                       .user = caller.user,
+	                                                                       .from = caller.from,
+	                                                                       .text = text });
 	end_session(request->server, session->id);
 }
 
@@ -381,11 +381,11 @@ void db_web_login_review(struct db_web_server *server)
 		return;
 	/* Who has changed the file may be no user of the page: root did. */
 	if (server->users_stamp != 0)
-		db_web_service_note(server->service,
-		                    &(struct db_link_note){ .kind = "users",
-		                                            .what = "changed",
-		                                            .from = "page",
-		                                            .text = server->config->users_file });
+		db_plant_note(server->service->plant,
+		              &(struct db_link_note){ .kind = "users",
+		                                      .what = "changed",
+		                                      .from = "page",
+		                                      .text = server->config->users_file });
 	server->users_stamp = stamp;
 	/* If the file cannot be read, there are no users. */
 	(void)db_users_load(&review.users, server->config->users_file, &db_web_keeper, stderr);

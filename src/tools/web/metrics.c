@@ -70,7 +70,7 @@ static void on_metrics(void *data, json_t *parameters, const struct db_client_er
 		(void)fclose(out);
 	}
 	if (request)
-		db_web_request_answer_text(request, text, METRICS_TYPE);
+		db_web_request_answer_text(request, MHD_HTTP_OK, text, METRICS_TYPE);
 	free(ticket);
 }
 

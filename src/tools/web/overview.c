@@ -284,7 +284,7 @@ void db_web_overview_begin(struct db_web_request *request)
 {
 	struct db_web_overview *overview = request->server->overview;
 
-	db_web_stream_begin_shared(request, choose_next, overview);
+	(void)db_web_stream_begin_own(request, choose_next, NULL, overview);
 	db_web_overview_tick(overview, db_client_now());
 }
 

@@ -439,7 +439,7 @@ static bool begin_stream(struct db_web_parameters *job, struct db_web_request *r
 		json_object_get(request->parameters, "standing"));
 	job->paused = db_client_now();
 	job->page = request;
-	job->stream = db_web_stream_begin_fed(request, lose_page, job);
+	job->stream = db_web_stream_begin_own(request, NULL, lose_page, job);
 	return job->stream;
 }
 

@@ -96,8 +96,18 @@ struct db_web_request *db_web_request_find(const struct db_web_server *server, u
 	return request;
 }
 
-void db_web_request_resume(struct db_web_request *request)
+void db_web_request_answer_text(struct db_web_request *request, unsigned status, char *text,
+                                const char *type)
 {
+	if (request->status != 0) {
+		free(text);
+		return;
+	}
+	request->text = text;
+	/* Without memory for the text the connection ends. */
+	request->status = text ? status : MHD_HTTP_INTERNAL_SERVER_ERROR;
+	request->type = type;
+	request->answer_by = DB_TIME_NEVER;
 	if (!request->suspended)
 		return;
 	request->suspended = false;
@@ -107,28 +117,10 @@ void db_web_request_resume(struct db_web_request *request)
 
 void db_web_request_answer(struct db_web_request *request, unsigned status, json_t *body)
 {
-	if (request->status == 0) {
-		request->text = body ? json_dumps(body, JSON_COMPACT) : NULL;
-		/* Without memory for the text the connection ends. */
-		request->status = request->text ? status : MHD_HTTP_INTERNAL_SERVER_ERROR;
-		request->type = JSON_TYPE;
-		request->answer_by = DB_TIME_NEVER;
-		db_web_request_resume(request);
-	}
-	json_decref(body);
-}
+	char *text = body && request->status == 0 ? json_dumps(body, JSON_COMPACT) : NULL;
 
-void db_web_request_answer_text(struct db_web_request *request, char *text, const char *type)
-{
-	if (request->status != 0) {
-		free(text);
-		return;
-	}
-	request->text = text;
-	request->status = text ? MHD_HTTP_OK : MHD_HTTP_INTERNAL_SERVER_ERROR;
-	request->type = type;
-	request->answer_by = DB_TIME_NEVER;
-	db_web_request_resume(request);
+	db_web_request_answer_text(request, status, text, JSON_TYPE);
+	json_decref(body);
 }
 
 void db_web_request_refuse(struct db_web_request *request, unsigned status, const char *error,
@@ -306,9 +298,9 @@ struct db_web_caller db_web_request_caller(const struct db_web_request *request)
 void db_web_request_set_cookie(struct db_web_request *request, const char *value)
 {
 	snprintf(request->cookie, sizeof(request->cookie),
-	         "%s=%s; Path=/; HttpOnly; SameSite=Strict%s%s",
+	         "%s=%s; Path=/; HttpOnly; SameSite=Strict%s",
 	         request->secure ? DB_WEB_COOKIE_SECURE : DB_WEB_COOKIE, value,
-	         request->secure ? "; Secure" : "", value[0] ? "" : "; Max-Age=0");
+	         request->secure ? "; Secure" : "");
 }
 
 void db_web_request_free(struct db_web_request *request)

@@ -76,7 +76,8 @@ struct db_web_request *db_web_request_find(const struct db_web_server *server, u
 void db_web_request_answer(struct db_web_request *request, unsigned status, json_t *body);
 
 /* Answers with a text, which is taken over. */
-void db_web_request_answer_text(struct db_web_request *request, char *text, const char *type);
+void db_web_request_answer_text(struct db_web_request *request, unsigned status, char *text,
+                                const char *type);
 
 /* Answers with an error of this server. */
 void db_web_request_refuse(struct db_web_request *request, unsigned status, const char *error,
@@ -87,9 +88,6 @@ void db_web_request_fail(struct db_web_request *request, const struct db_client_
 
 /* The error in the form of an answer: a new object. `status` may be NULL. */
 json_t *db_web_error_describe(const struct db_client_error *error, unsigned *status);
-
-/* There is an answer, or a stream: the connection continues. */
-void db_web_request_resume(struct db_web_request *request);
 
 /* Hands its answer to the daemon. */
 enum MHD_Result db_web_request_send(struct db_web_request *request);
@@ -103,7 +101,7 @@ struct db_web_caller {
 };
 struct db_web_caller db_web_request_caller(const struct db_web_request *request);
 
-/* Sets its cookie to this value; "": removes it. */
+/* Sets its cookie to this value. */
 void db_web_request_set_cookie(struct db_web_request *request, const char *value);
 
 /* The cookie's name where the connection is encrypted, and where it is not. */

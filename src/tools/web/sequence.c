@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/sequence.h"
+#include "client/lanes.h"
 #include "client/log.h"
 #include "web/service.h"
 #include "web/stops.h"
@@ -94,7 +95,7 @@ static void send_stop(struct db_web_sequence *sequence)
 		return;
 	}
 	sequence->stops++;
-	if (!db_web_stops_send(sequence->server->stops, &sequence->caller, "Stop",
+	if (!db_web_stops_send(sequence->server, &sequence->caller, "Stop",
 	                       json_pack("{s:o}", "drives", drives),
 	                       sequence->act ? on_stop_answer : NULL, sequence) ||
 	    !sequence->act)
@@ -106,7 +107,7 @@ static void stop_drives(struct db_web_sequence *sequence)
 	db_time now = db_client_now();
 
 	db_client_log(DB_CLIENT_NOTICE, "%s: sequence ended at step %zu: %s", sequence->caller.text,
-	              sequence->at + 1, db_web_grip_end_name(sequence->grip.end));
+	              sequence->at + 1, db_web_grip_ends[sequence->grip.end]);
 	sequence->server->counts.late_jogs += sequence->grip.end == DB_WEB_GRIP_OVERDUE;
 	sequence->moves = false;
 	sequence->stop_again = now + STOP_AGAIN;
@@ -338,7 +339,7 @@ static void handle_beat(struct db_web_sequence *sequence, const struct db_web_re
 		send_step(sequence);
 }
 
-bool db_web_sequence_take(struct db_web_sequence *sequence, struct db_web_request *request)
+const char *db_web_sequence_take(struct db_web_sequence *sequence, struct db_web_request *request)
 {
 	json_int_t grip = json_integer_value(json_object_get(request->parameters, "grip"));
 	json_int_t beat = json_integer_value(json_object_get(request->parameters, "beat"));
@@ -357,7 +358,7 @@ bool db_web_sequence_take(struct db_web_sequence *sequence, struct db_web_reques
 			"the newest one of the overview, \"steps\": 1 to %d of {\"drive\", "
 			"\"position\", \"velocity\", \"wait_ms\": at most %d}}",
 			DB_WEB_STEPS_MAX, DB_WEB_STEP_WAIT_MAX);
-		return false;
+		return NULL;
 	}
 	sequence->caller = db_web_request_caller(request);
 	handle_beat(sequence, request, (uint64_t)grip, (uint64_t)beat, db_client_now());
@@ -368,17 +369,12 @@ bool db_web_sequence_take(struct db_web_sequence *sequence, struct db_web_reques
 	left = sequence->next_at - db_client_now();
 	if (sequence->moves || left < 0 || !held)
 		left = 0;
-	db_web_request_answer(
-		request, MHD_HTTP_OK,
-		json_pack("{s:b, s:s, s:s, s:i, s:b, s:I}", "held", held, "why",
-	                  mine ? db_web_grip_end_name(sequence->grip.end) : "released", "text",
-	                  mine ? sequence->text : "", "step", (int)sequence->at + 1, "moves",
-	                  sequence->moves, "wait_ms", (json_int_t)(left / DB_NS_PER_MS)));
-	return true;
-}
-
-const char *db_web_sequence_drive(const struct db_web_sequence *sequence)
-{
+	db_web_request_answer(request, MHD_HTTP_OK,
+	                      json_pack("{s:b, s:s, s:s, s:i, s:b, s:I}", "held", held, "why",
+	                                mine ? db_web_grip_ends[sequence->grip.end] : "released",
+	                                "text", mine ? sequence->text : "", "step",
+	                                (int)sequence->at + 1, "moves", sequence->moves, "wait_ms",
+	                                (json_int_t)(left / DB_NS_PER_MS)));
 	return sequence->moves ? sequence->steps[sequence->at].drive : NULL;
 }
 
@@ -463,7 +459,7 @@ void db_web_sequence_free(struct db_web_sequence *sequence)
 {
 	if (!sequence)
 		return;
-	db_web_stops_forget(sequence->server->stops, sequence);
+	db_stops_forget(db_lanes_stops(sequence->server->lanes), sequence);
 	sd_event_source_disable_unref(sequence->timer);
 	free(sequence);
 }

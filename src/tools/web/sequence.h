@@ -26,13 +26,10 @@ void db_web_sequence_free(struct db_web_sequence *sequence);
 /*
  * A beat: {"grip", "beat", "held", "token", "steps"}, where `steps` of the first one is the list
  * [{"drive", "position", "velocity", "wait_ms"}]; velocity 0: the drive's own. Later beats need
- * none. Carries it out, and answers the request with the state of the grip. False when it is no
- * valid beat; then the answer is that error.
+ * none. Carries it out, and answers the request with the state of the grip, or with an error when
+ * it is no valid beat. Returns the drive that moves for it now; NULL: none.
  */
-bool db_web_sequence_take(struct db_web_sequence *sequence, struct db_web_request *request);
-
-/* The drive that moves now; NULL: none. */
-const char *db_web_sequence_drive(const struct db_web_sequence *sequence);
+const char *db_web_sequence_take(struct db_web_sequence *sequence, struct db_web_request *request);
 
 /* The drive, or every one with NULL, is being stopped by another button of the page: if it is one
  * of the sequence, the grip is over. */

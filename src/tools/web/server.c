@@ -15,7 +15,6 @@
 #include "web/request.h"
 #include "web/service.h"
 #include "web/setup.h"
-#include "web/stops.h"
 #include "web/stream.h"
 #include "web/tabs.h"
 #include "web/trail.h"
@@ -458,7 +457,8 @@ static int on_tick(sd_event_source *source, uint64_t us, void *data)
 	db_web_parameters_tick(server, now);
 	db_web_setup_tick(server, now);
 	db_web_commission_tick(server, now);
-	db_web_stops_tick(server->stops);
+	if (db_web_service_is_up(server->service))
+		db_stops_prepare(db_lanes_stops(server->lanes));
 	db_web_stream_tick(server, now);
 	db_web_trail_tick(server->trail, now);
 	/* What the service has not answered in time fails. */
@@ -597,13 +597,11 @@ static bool start(struct db_web_server *server)
 	server->service = db_web_service_new(server, on_service_changed, db_web_overview_take_token,
 	                                     server);
 	server->lanes = db_web_tabs_make_lanes(server);
-	if (server->lanes)
-		server->stops = db_web_stops_new(server);
 	server->trail = db_web_trail_new(server);
 	if (server->service)
 		server->overview = db_web_overview_new(server);
 	if (!server->connections || !server->sessions || !server->hasher || !server->asker ||
-	    !server->stops || !server->overview || !server->trail ||
+	    !server->lanes || !server->overview || !server->trail ||
 	    sd_event_add_defer(server->loop, &server->turn, on_turn, server) < 0 ||
 	    sd_event_add_time_relative(server->loop, &server->pause, CLOCK_MONOTONIC, 0,
 	                               PAUSE_ACCURACY_US, on_pause, server) < 0 ||
@@ -661,7 +659,6 @@ int db_web_serve(const void *config, sd_event *loop)
 	stop_daemon(&server);
 	/* Before the objects that wait for its answers. */
 	db_lanes_free(server.lanes);
-	free(server.stops);
 	db_web_trail_free(server.trail);
 	db_web_service_free(server.service);
 	db_web_parameters_free(&server);
@@ -671,7 +668,7 @@ int db_web_serve(const void *config, sd_event *loop)
 	db_web_hasher_free(server.asker);
 	db_web_sessions_free(server.sessions);
 	db_web_page_free(server.page);
-	db_web_connections_free(server.connections);
+	free(server.connections);
 	db_web_tls_free(server.tls);
 	sd_event_source_disable_unref(server.ready);
 	sd_event_source_disable_unref(server.turn);

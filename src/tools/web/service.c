@@ -148,11 +148,6 @@ void db_web_service_tick(struct db_web_service *service, db_time now)
 		                               service) == 0;
 }
 
-void db_web_service_note(const struct db_web_service *service, const struct db_link_note *note)
-{
-	db_plant_note(service->plant, note);
-}
-
 json_t *db_web_service_stops(const struct db_web_service *service)
 {
 	json_t *names = json_array();

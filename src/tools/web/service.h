@@ -23,8 +23,8 @@ typedef void db_web_service_changed_fn(void *data);
 /* Called with each token of its clock. */
 typedef void db_web_service_token_fn(void *data, const char *token);
 
-/* The other files of this room read it; only overview.c has its plant read again, and `changed` is
- * called when that differs. */
+/* The other files of this room read it, and add notes to the audit trail over its plant; only
+ * overview.c has its plant read again, and `changed` is called when that differs. */
 struct db_web_service {
 	struct db_web_server *server;
 	db_web_service_changed_fn *changed;
@@ -48,9 +48,6 @@ void db_web_service_free(struct db_web_service *service);
 void db_web_service_tick(struct db_web_service *service, db_time now);
 
 bool db_web_service_is_up(const struct db_web_service *service);
-
-/* Adds to the audit trail what a user did here. */
-void db_web_service_note(const struct db_web_service *service, const struct db_link_note *note);
 
 /* The commands that stop a drive, which pages send past everything that waits: a new array of their
  * names. Without a connection those that were known last. */

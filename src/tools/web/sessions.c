@@ -30,10 +30,10 @@ void db_web_sessions_free(struct db_web_sessions *sessions)
 	free(sessions);
 }
 
-void db_web_secret_write(const struct db_web_secret *secret, char text[DB_WEB_SECRET_TEXT])
+void db_web_hex_write(const unsigned char *bytes, size_t count, char *text)
 {
-	for (size_t i = 0; i < DB_WEB_SECRET_BYTES; i++)
-		snprintf(text + 2 * i, 3, "%02x", secret->bytes[i]);
+	for (size_t i = 0; i < count; i++)
+		snprintf(text + 2 * i, 3, "%02x", bytes[i]);
 }
 
 bool db_web_secret_is_good(const char *text)
@@ -76,8 +76,8 @@ const struct db_web_session *db_web_sessions_begin(struct db_web_sessions *sessi
 			place = session;
 	}
 	explicit_bzero(place, sizeof(*place));
-	db_web_secret_write(&secrets[0], place->id);
-	db_web_secret_write(&secrets[1], place->token);
+	db_web_hex_write(secrets[0].bytes, DB_WEB_SECRET_BYTES, place->id);
+	db_web_hex_write(secrets[1].bytes, DB_WEB_SECRET_BYTES, place->token);
 	place->number = ++sessions->last_number;
 	place->from = *from;
 	snprintf(place->user, sizeof(place->user), "%s", user->name);

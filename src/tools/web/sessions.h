@@ -51,10 +51,10 @@ struct db_web_sessions;
 struct db_web_sessions *db_web_sessions_new(db_time idle, db_time longest);
 void db_web_sessions_free(struct db_web_sessions *sessions);
 
-/* Lower hexadecimal digits. */
-void db_web_secret_write(const struct db_web_secret *secret, char text[DB_WEB_SECRET_TEXT]);
+/* Two lower hexadecimal digits for each byte, and the zero byte. */
+void db_web_hex_write(const unsigned char *bytes, size_t count, char *text);
 
-/* True if a text has such digits. */
+/* True if a text has such digits, as many as a secret. */
 bool db_web_secret_is_good(const char *text);
 
 /* True if two texts are equal, in a time that does not depend on where they differ. */

@@ -319,7 +319,7 @@ void db_web_setup_begin(struct db_web_request *request)
 	setup->move.bus = setup->bus;
 	setup->next = server->setups;
 	server->setups = setup;
-	setup->stream = db_web_stream_begin_fed(request, lose_page, setup);
+	setup->stream = db_web_stream_begin_own(request, NULL, lose_page, setup);
 	if (setup->stream && setup->bus && setup->finds)
 		go_on(setup);
 	else

@@ -25,7 +25,7 @@ struct db_web_parameters;
 struct db_web_request;
 struct db_web_service;
 struct db_web_setup;
-struct db_web_stops;
+struct db_web_stop;
 struct db_web_stream;
 struct db_web_tab;
 struct db_web_trail;
@@ -67,7 +67,7 @@ struct db_web_server {
 	uint64_t users_stamp; /* of the file of users when sessions were last checked against it */
 	struct db_web_service *service;
 	struct db_lanes *lanes;
-	struct db_web_stops *stops;
+	struct db_web_stop *stops; /* of pages, without an answer yet */
 	struct db_web_overview *overview;
 	struct db_web_request *requests;
 	struct db_web_stream *streams;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Stops of pages (client/stops.h), and what is answered to their browsers. One thread. */
+/* Stops of pages, which go past the server's lanes (client/stops.h), and what is answered to their
+ * browsers. One thread. */
 #ifndef DRIVEBRIDGE_WEB_STOPS_H
 #define DRIVEBRIDGE_WEB_STOPS_H
 
@@ -9,26 +10,15 @@
 /* Most unconfirmed stops at the same time, of all pages. */
 #define DB_WEB_STOPS_MAX 8
 
-struct db_web_stops;
-
-/* They go past the server's lanes, which are freed before them. NULL without memory; the
- * caller frees them. */
-struct db_web_stops *db_web_stops_new(struct db_web_server *server);
-
 /* Sends it for the user, and answers the request. If its page repeats it because it had no answer
  * yet, the new request waits for the answer to the first call, and the former request is answered
  * with pending: the service does not get the same stop twice. False then. */
-bool db_web_stops_call(struct db_web_stops *stops, struct db_web_request *request, db_time within);
+bool db_web_stops_call(struct db_web_request *request, db_time within);
 
 /* Sends what stops one drive (Run, with its command stop) or a list of at least one (Stop); takes
  * the parameters over. `answer`: as of db_stops_send(). False when there will be no answer. */
-bool db_web_stops_send(struct db_web_stops *stops, const struct db_web_caller *caller,
+bool db_web_stops_send(struct db_web_server *server, const struct db_web_caller *caller,
                        const char *method, json_t *parameters, db_client_answer_fn *answer,
                        void *data);
-
-/* The receiver of these answers no longer exists. */
-void db_web_stops_forget(struct db_web_stops *stops, const void *data);
-
-void db_web_stops_tick(struct db_web_stops *stops);
 
 #endif

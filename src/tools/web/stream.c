@@ -498,28 +498,18 @@ void db_web_stream_begin(struct db_web_request *request)
 	attach(stream);
 }
 
-void db_web_stream_begin_shared(struct db_web_request *request, db_web_stream_next_fn *next,
-                                void *data)
-{
-	struct db_web_stream *stream = make(request);
-
-	if (!stream)
-		return;
-	stream->next = next;
-	stream->data = data;
-	attach(stream);
-}
-
-struct db_web_stream *db_web_stream_begin_fed(struct db_web_request *request,
-                                              void (*gone)(void *data), void *data)
+struct db_web_stream *db_web_stream_begin_own(struct db_web_request *request,
+                                              db_web_stream_next_fn *next, void (*gone)(void *data),
+                                              void *data)
 {
 	struct db_web_stream *stream = make(request);
 
 	if (!stream)
 		return NULL;
-	attach(stream);
+	stream->next = next;
 	stream->gone = gone;
 	stream->data = data;
+	attach(stream);
 	return stream;
 }
 

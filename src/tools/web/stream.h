@@ -39,15 +39,13 @@ typedef struct db_web_text *db_web_stream_next_fn(void *data, unsigned seen[DB_W
 /* Begins a streaming call of the service, or answers the request with the reason why not. */
 void db_web_stream_begin(struct db_web_request *request);
 
-/* Begins a stream with texts from `next`, which is called when there is room and after
- * db_web_stream_poke(). */
-void db_web_stream_begin_shared(struct db_web_request *request, db_web_stream_next_fn *next,
-                                void *data);
-
-/* Begins a stream that is fed from here; NULL: the request is answered with the reason. `gone` is
- * called when the browser has closed it; after that it must not be used. */
-struct db_web_stream *db_web_stream_begin_fed(struct db_web_request *request,
-                                              void (*gone)(void *data), void *data);
+/* Begins a stream with texts of this program; NULL: the request is answered with the reason. They
+ * come from `next`, which is called when there is room and after db_web_stream_poke(); NULL: it is
+ * fed by the functions below. `gone` (NULL: nobody needs it) is called when the browser has closed
+ * it; after that it must not be used. */
+struct db_web_stream *db_web_stream_begin_own(struct db_web_request *request,
+                                              db_web_stream_next_fn *next, void (*gone)(void *data),
+                                              void *data);
 
 /* Sends an event, with an object as its text. */
 void db_web_stream_feed(struct db_web_stream *stream, const char *event, const char *json);

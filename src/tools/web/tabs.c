@@ -38,23 +38,19 @@ struct db_web_tab {
 	db_time heard;
 };
 
-bool db_web_tab_is_good(const char *id)
+const char *db_web_tabs_judge(const char *tab, const char *call)
 {
-	size_t length = strlen(id);
+	size_t length = tab ? strlen(tab) : 0;
 
-	return length >= 16 && length <= DB_WEB_TAB_MAX &&
-	       strspn(id, "0123456789abcdefABCDEF") == length;
-}
-
-bool db_web_call_number_read(const char *text, uint64_t *number)
-{
-	size_t length = strlen(text);
-
+	if (tab && (length < 16 || length > DB_WEB_TAB_MAX ||
+	            strspn(tab, "0123456789abcdefABCDEF") != length))
+		return "X-Tab is 16 to 32 hexadecimal digits";
+	length = call ? strlen(call) : 0;
 	/* The integers that JavaScript represents exactly. */
-	if (length < 1 || length > 15 || strspn(text, "0123456789") != length || text[0] == '0')
-		return false;
-	*number = strtoull(text, NULL, 10);
-	return true;
+	if (call &&
+	    (length < 1 || length > 15 || strspn(call, "0123456789") != length || call[0] == '0'))
+		return "X-Call is a number from 1";
+	return NULL;
 }
 
 static void free_tab(struct db_web_tab *tab)
@@ -197,7 +193,7 @@ static void stop(struct db_web_request *request, const char *drive)
 {
 	struct db_web_tab *tab = find_tab(request);
 	bool waits = tab && db_link_waiting(tab->lane->link) > 0;
-	bool is_new = db_web_stops_call(request->server->stops, request, ACT_WITHIN);
+	bool is_new = db_web_stops_call(request, ACT_WITHIN);
 
 	if (waits && is_new)
 		(void)db_link_tell(tab->lane->link, request->route.name,
@@ -240,29 +236,35 @@ static struct db_web_tab *require_tab(struct db_web_request *request)
 	return tab;
 }
 
-/* True if it is the call's turn; if not, the request has been answered with the reason. */
-static bool check_turn(struct db_web_tab *tab, struct db_web_request *request)
+struct db_link *db_web_tabs_begin(struct db_web_request *request, const char *drive)
 {
+	struct db_web_tab *tab = require_tab(request);
+
+	if (!tab)
+		return NULL;
 	switch (db_web_order_take(&tab->order, request->call)) {
 	case DB_WEB_TURN_REPEATED:
 		db_web_request_refuse(request, MHD_HTTP_CONFLICT, "Repeated",
 		                      "this call came before and is not carried out again; the "
 		                      "history of the drive tells how it ended");
-		return false;
+		return NULL;
 	case DB_WEB_TURN_OVERTAKEN:
 		db_web_request_refuse(request, MHD_HTTP_CONFLICT, "Overtaken",
 		                      "a stop overtook this call, and it was not carried out");
-		return false;
+		return NULL;
 	case DB_WEB_TURN_NOW:
 	default:
-		return true;
+		break;
 	}
+	if (drive)
+		(void)db_lane_command(tab->lane, drive, db_client_now());
+	return tab->lane->link;
 }
 
 void db_web_tabs_act(struct db_web_request *request)
 {
 	bool to_end = json_is_true(json_object_get(request->parameters, "until_end"));
-	struct db_web_tab *tab;
+	struct db_link *link;
 	const char *drive;
 
 	/* The page asks for checks while somebody types. */
@@ -273,23 +275,9 @@ void db_web_tabs_act(struct db_web_request *request)
 		stop(request, drive);
 		return;
 	}
-	tab = require_tab(request);
-	if (!tab || !check_turn(tab, request))
-		return;
-	if (drive && drive[0] != '\0')
-		(void)db_lane_command(tab->lane, drive, db_client_now());
-	db_web_call(request, tab->lane->link, to_end ? MOTION_WITHIN : ACT_WITHIN);
-}
-
-bool db_web_tabs_begin(struct db_web_request *request, const char *drive)
-{
-	struct db_web_tab *tab = require_tab(request);
-
-	if (!tab || !check_turn(tab, request))
-		return false;
-	if (drive)
-		(void)db_lane_command(tab->lane, drive, db_client_now());
-	return true;
+	link = db_web_tabs_begin(request, drive && drive[0] != '\0' ? drive : NULL);
+	if (link)
+		db_web_call(request, link, to_end ? MOTION_WITHIN : ACT_WITHIN);
 }
 
 struct db_link *db_web_tabs_link(const struct db_web_request *request, const char *drive,
@@ -347,8 +335,8 @@ void db_web_tabs_sequence(struct db_web_request *request)
 		db_web_request_answer(request, MHD_HTTP_OK,
 		                      json_pack("{s:b, s:s, s:s}", "held", 0, "why", "refused",
 		                                "text", "a drive is jogged, or is being stopped"));
-	} else if (db_web_sequence_take(tab->sequence, request)) {
-		drive = db_web_sequence_drive(tab->sequence);
+	} else {
+		drive = db_web_sequence_take(tab->sequence, request);
 		if (drive)
 			(void)db_lane_command(tab->lane, drive, db_client_now());
 	}

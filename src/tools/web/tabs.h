@@ -19,22 +19,20 @@
 /* The lanes of the server's pages, and of all stops. NULL without memory. */
 struct db_lanes *db_web_tabs_make_lanes(struct db_web_server *server);
 
-/* True for a possible id of a page. */
-bool db_web_tab_is_good(const char *id);
-
-/* Reads the number of a call. False: it is not valid, and `number` is unchanged. */
-bool db_web_call_number_read(const char *text, uint64_t *number);
+/* What is wrong with a page's id or the number of its call, in words; NULL: nothing. Either may be
+ * NULL: it is not given. */
+const char *db_web_tabs_judge(const char *tab, const char *call);
 
 /* Carries out an acting call, and answers the request. A stop goes past everything that waits, and
  * ends the grips that move the stopped drives. */
 void db_web_tabs_act(struct db_web_request *request);
 
-/* A request that acts on this drive (NULL: on none that is to be fed) with several calls begins: as
- * its first call. False: it has been answered with the reason why not. */
-bool db_web_tabs_begin(struct db_web_request *request, const char *drive);
+/* A request that acts on this drive (NULL: on none that is to be fed) begins. The connection for
+ * its first call; NULL: it has been answered with the reason why not. */
+struct db_link *db_web_tabs_begin(struct db_web_request *request, const char *drive);
 
-/* The connection for its next call; NULL: the page is gone. `why` is set if the request may not act
- * any more: for that reason, or because a stop that the page sent later has overtaken it. Valid
+/* The connection for a further call; NULL: the page is gone. `why` is set if the request may not
+ * act any more: for that reason, or because a stop that the page sent later has overtaken it. Valid
  * until the loop goes on. */
 struct db_link *db_web_tabs_link(const struct db_web_request *request, const char *drive,
                                  const char **why);

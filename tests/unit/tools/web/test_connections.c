@@ -73,7 +73,7 @@ static void test_the_oldest_of_the_busiest_goes(void **state)
 	db_web_connections_remove(connections, first[0]);
 	db_web_connections_remove(connections, first[1]);
 	assert_int_equal(db_web_connections_count(connections), MOST_STRANGERS);
-	db_web_connections_free(connections);
+	free(connections);
 }
 
 static void test_places_are_kept_for_who_is_logged_in(void **state)
@@ -101,7 +101,7 @@ static void test_places_are_kept_for_who_is_logged_in(void **state)
 		db_web_connections_remove(connections, leaver);
 		hear(next, false, i % 2, i % 2);
 	}
-	db_web_connections_free(connections);
+	free(connections);
 }
 
 static void test_who_has_one_does_not_go_for_who_has_many(void **state)
@@ -124,7 +124,7 @@ static void test_who_has_one_does_not_go_for_who_has_many(void **state)
 		db_web_connections_remove(connections, leaver);
 		hear(next, false, true, true);
 	}
-	db_web_connections_free(connections);
+	free(connections);
 }
 
 static void test_an_address_that_is_logged_in_goes_last(void **state)
@@ -143,7 +143,7 @@ static void test_an_address_that_is_logged_in_goes_last(void **state)
 		if (leaver)
 			db_web_connections_remove(connections, leaver);
 	}
-	db_web_connections_free(connections);
+	free(connections);
 }
 
 static void test_a_network_of_ipv6_is_one_address(void **state)
@@ -161,7 +161,7 @@ static void test_a_network_of_ipv6_is_one_address(void **state)
 		leaver = db_web_connections_add(connections, &address, true, NULL);
 		first = first ? first : leaver;
 	}
-	db_web_connections_free(connections);
+	free(connections);
 }
 
 static void test_who_opens_one_after_another_waits(void **state)
@@ -182,7 +182,7 @@ static void test_who_opens_one_after_another_waits(void **state)
 	now += DB_WEB_CONNECTION_EVERY;
 	assert_true(db_web_connections_admit(connections, &address, true, now, &leaver));
 	assert_false(db_web_connections_admit(connections, &address, true, now, &leaver));
-	db_web_connections_free(connections);
+	free(connections);
 }
 
 static unsigned closed;
@@ -224,7 +224,7 @@ static void test_who_sends_no_head_is_closed(void **state)
 	assert_int_equal(closed, 0);
 	db_web_connections_tick(connections, count_closed);
 	assert_int_equal(closed, 1);
-	db_web_connections_free(connections);
+	free(connections);
 }
 
 static void test_an_address_that_has_many_gives_way_to_itself(void **state)
@@ -244,7 +244,7 @@ static void test_an_address_that_has_many_gives_way_to_itself(void **state)
 	/* What a proxy brings is not counted. */
 	assert_true(db_web_connections_admit(connections, &address, false, 0, &leaver));
 	assert_null(leaver);
-	db_web_connections_free(connections);
+	free(connections);
 }
 
 static void test_who_asks_stays(void **state)
@@ -276,7 +276,7 @@ static void test_who_asks_stays(void **state)
 		hear(next, true, true, true);
 	}
 	assert_null(come(connections, 2, &leaver));
-	db_web_connections_free(connections);
+	free(connections);
 }
 
 int main(void)
