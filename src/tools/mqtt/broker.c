@@ -366,10 +366,13 @@ static bool is_choked(const struct db_mqtt_broker *broker)
 	       (broker->gate && db_mqtt_gate_is_choked(broker->gate));
 }
 
-struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker)
+struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker, db_time *due)
 {
 	struct pollfd poll_fd = { .fd = -1, .events = POLLIN };
 
+	*due = db_time_min(*due, broker->state == AWAY ? broker->retry.due : broker->misc_at);
+	if (broker->state != AWAY && broker->state != CONNECTED)
+		*due = db_time_min(*due, broker->give_up_at);
 	if (!broker->client)
 		return poll_fd;
 	poll_fd.fd = find_fd(broker);
@@ -379,15 +382,6 @@ struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker)
 	    (broker->gate && db_mqtt_gate_is_choked(broker->gate)))
 		poll_fd.events |= POLLOUT;
 	return poll_fd;
-}
-
-db_time db_mqtt_broker_due(const struct db_mqtt_broker *broker)
-{
-	if (broker->state == AWAY)
-		return broker->retry.due;
-	if (broker->state != CONNECTED && broker->give_up_at < broker->misc_at)
-		return broker->give_up_at;
-	return broker->misc_at;
 }
 
 /* Sends the library's bytes, as far as there is room. False: the connection is lost. */

@@ -61,9 +61,9 @@ struct db_mqtt_broker *db_mqtt_broker_new(const struct db_mqtt_config *config,
                                           const struct db_mqtt_broker_ops *ops, void *context);
 void db_mqtt_broker_free(struct db_mqtt_broker *broker);
 
-/* For poll(); fd -1: there is no connection. */
-struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker);
-db_time db_mqtt_broker_due(const struct db_mqtt_broker *broker);
+/* For poll(); fd -1: there is no connection. *due is brought forward to when there is work without
+ * an event. */
+struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker, db_time *due);
 
 /* Does the work that is due. `revents` from poll(). */
 void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time now);

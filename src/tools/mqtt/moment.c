@@ -10,8 +10,9 @@
 /* The years 1970 to 9999: no clock shows others. */
 #define SECONDS_MAX INT64_C(253402300799)
 
-void db_mqtt_moment_write(int64_t us, char text[DB_MQTT_MOMENT_MAX])
+json_t *db_mqtt_moment_describe(int64_t us)
 {
+	char text[40];
 	time_t seconds = us / US_PER_S;
 	struct tm utc;
 	size_t used;
@@ -21,15 +22,8 @@ void db_mqtt_moment_write(int64_t us, char text[DB_MQTT_MOMENT_MAX])
 		us = 0;
 		(void)gmtime_r(&seconds, &utc);
 	}
-	used = strftime(text, DB_MQTT_MOMENT_MAX, "%Y-%m-%dT%H:%M:%S", &utc);
-	snprintf(text + used, DB_MQTT_MOMENT_MAX - used, ".%06dZ", (int)(us % US_PER_S));
-}
-
-json_t *db_mqtt_moment_describe(int64_t us)
-{
-	char text[DB_MQTT_MOMENT_MAX];
-
-	db_mqtt_moment_write(us, text);
+	used = strftime(text, sizeof(text), "%Y-%m-%dT%H:%M:%S", &utc);
+	snprintf(text + used, sizeof(text) - used, ".%06dZ", (int)(us % US_PER_S));
 	return json_string(text);
 }
 

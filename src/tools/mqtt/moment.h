@@ -7,12 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define DB_MQTT_MOMENT_MAX 40
-
-/* Microseconds since 1970-01-01 UTC. */
-void db_mqtt_moment_write(int64_t us, char text[DB_MQTT_MOMENT_MAX]);
-
-/* The same as a JSON text: a new one. */
+/* Of microseconds since 1970-01-01 UTC: a new JSON text. */
 json_t *db_mqtt_moment_describe(int64_t us);
 
 /* Also with another offset from UTC and with fewer digits after the seconds; false when it is no

@@ -689,7 +689,7 @@ static void close_node(void *form)
 	clear_devices(node->devices, node->count);
 	db_mqtt_points_free(node->points);
 	db_mqtt_store_free(node->store);
-	db_mqtt_aliases_close(&node->aliases);
+	json_decref(node->aliases.known);
 	free(node);
 }
 
@@ -703,7 +703,8 @@ static void *open_node(const struct db_mqtt_config *config)
 	node->death = topic_of(node, "NDEATH", "");
 	node->store = db_mqtt_store_new(config->buffer_messages,
 	                                (size_t)config->buffer_kib * BYTES_PER_KIB);
-	if (db_mqtt_aliases_open(&node->aliases))
+	node->aliases.known = json_object();
+	if (node->aliases.known)
 		node->points = db_mqtt_points_new(&node->aliases, "", "");
 	if (node->store && node->points && add_points(node))
 		return node;

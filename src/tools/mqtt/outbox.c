@@ -77,14 +77,6 @@ static struct sample *take_first(struct db_mqtt_outbox *outbox, struct lane *lan
 	return sample;
 }
 
-/* NULL: nothing waits. */
-static struct sample *take_next(struct db_mqtt_outbox *outbox)
-{
-	struct lane *lane = find_first(outbox);
-
-	return lane ? take_first(outbox, lane) : NULL;
-}
-
 static void free_sample(struct db_mqtt_outbox *outbox, struct sample *sample)
 {
 	outbox->stats.bytes -= sample->bytes;
@@ -96,8 +88,8 @@ void db_mqtt_outbox_free(struct db_mqtt_outbox *outbox)
 	if (!outbox)
 		return;
 	db_mqtt_outbox_start_over(outbox);
-	for (struct sample *sample; (sample = take_next(outbox)) != NULL;)
-		free_sample(outbox, sample);
+	for (struct lane *lane; (lane = find_first(outbox)) != NULL;)
+		free_sample(outbox, take_first(outbox, lane));
 	for (size_t i = 0; i < outbox->retained_count; i++) {
 		free(outbox->retained[i].topic);
 		free(outbox->retained[i].payload);
@@ -215,12 +207,13 @@ bool db_mqtt_outbox_next(struct db_mqtt_outbox *outbox, struct db_mqtt_message *
 void db_mqtt_outbox_sent(struct db_mqtt_outbox *outbox, int number)
 {
 	struct flight flight = { .number = number, .retained = outbox->next_retained };
+	struct lane *lane = find_first(outbox);
 
 	if (flight.retained < outbox->retained_count) {
 		outbox->retained[flight.retained].wanted = false;
 		outbox->retained[flight.retained].under_way = number > 0;
-	} else {
-		flight.sample = take_next(outbox);
+	} else if (lane) {
+		flight.sample = take_first(outbox, lane);
 	}
 	if (number > 0) {
 		outbox->window[outbox->under_way++] = flight;

@@ -8,18 +8,6 @@
 /* The metric of a drive whose values are one instance of a template. */
 #define INSTANCE "drive"
 
-bool db_mqtt_aliases_open(struct db_mqtt_aliases *aliases)
-{
-	*aliases = (struct db_mqtt_aliases){ .known = json_object() };
-	return aliases->known != NULL;
-}
-
-void db_mqtt_aliases_close(struct db_mqtt_aliases *aliases)
-{
-	json_decref(aliases->known);
-	aliases->known = NULL;
-}
-
 /* DB_MQTT_NO_ALIAS without memory. */
 static int64_t take_alias(struct db_mqtt_aliases *aliases, const char *owner, const char *name)
 {

@@ -14,12 +14,9 @@
  * their meaning.
  */
 struct db_mqtt_aliases {
-	json_t *known; /* by owner and name */
+	json_t *known; /* by owner and name: an object, the caller's */
 	int64_t next;
 };
-
-bool db_mqtt_aliases_open(struct db_mqtt_aliases *aliases); /* false without memory */
-void db_mqtt_aliases_close(struct db_mqtt_aliases *aliases);
 
 enum db_mqtt_point_kind {
 	DB_MQTT_VALUE,    /* a register that is published, or a value of the node */

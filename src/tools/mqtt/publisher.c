@@ -440,10 +440,9 @@ db_time db_mqtt_publisher_turn(void *context, db_time now, int64_t us)
 	if (publisher->ops->turn)
 		due = db_time_min(due,
 		                  publisher->ops->turn(publisher->form, publisher->broker, now));
-	watched = db_mqtt_broker_watch(publisher->broker);
+	watched = db_mqtt_broker_watch(publisher->broker, &due);
 	db_waker_arm(&publisher->broker_waker, publisher->loop, watched.fd,
 	             (uint32_t)watched.events);
-	due = db_time_min(due, db_mqtt_broker_due(publisher->broker));
 	if (publisher->ops->is_open(publisher->form))
 		due = db_time_min(due, publisher->echo_at);
 	return db_time_min(due, publisher->figures_at);

@@ -7,6 +7,14 @@
 
 #include <cmocka.h>
 
+static void expect_text(int64_t us, const char *text)
+{
+	json_t *described = db_mqtt_moment_describe(us);
+
+	assert_string_equal(json_string_value(described), text);
+	json_decref(described);
+}
+
 static void test_there_and_back(void **state)
 {
 	static const struct {
@@ -19,21 +27,17 @@ static void test_there_and_back(void **state)
 		{ 1772366400000125, "2026-03-01T12:00:00.000125Z" },
 		{ 253402300799999999, "9999-12-31T23:59:59.999999Z" },
 	};
-	char text[DB_MQTT_MOMENT_MAX];
 	int64_t us;
 
 	(void)state;
 	for (size_t i = 0; i < sizeof(moments) / sizeof(moments[0]); i++) {
-		db_mqtt_moment_write(moments[i].us, text);
-		assert_string_equal(text, moments[i].text);
-		assert_true(db_mqtt_moment_read(text, &us));
+		expect_text(moments[i].us, moments[i].text);
+		assert_true(db_mqtt_moment_read(moments[i].text, &us));
 		assert_int_equal(us, moments[i].us);
 	}
 	/* A clock that cannot be. */
-	db_mqtt_moment_write(-1, text);
-	assert_string_equal(text, moments[0].text);
-	db_mqtt_moment_write(INT64_MAX, text);
-	assert_string_equal(text, moments[0].text);
+	expect_text(-1, moments[0].text);
+	expect_text(INT64_MAX, moments[0].text);
 }
 
 static void test_other_ways_to_write_it(void **state)
