@@ -26,7 +26,7 @@ struct call {
 
 struct db_client {
 	int fd;
-	struct db_frames *frames;
+	struct db_frames frames;
 	char *out; /* bytes not sent yet */
 	size_t out_size;
 	struct call *first; /* in the order in which they are answered */
@@ -77,11 +77,9 @@ int db_client_open(const char *path, struct db_client **client, struct db_client
 	opened = calloc(1, sizeof(*opened));
 	if (opened) {
 		opened->last = &opened->first;
-		opened->frames = db_frames_new(MESSAGE_MAX);
+		opened->frames.limit = MESSAGE_MAX;
 		opened->fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-	}
-	if (!opened || !opened->frames) {
-		db_client_close(opened);
+	} else {
 		db_client_error_set(error, DB_CLIENT_NO_MEMORY, "no memory");
 		return -1;
 	}
@@ -112,20 +110,16 @@ void db_client_close(struct db_client *client)
 	}
 	if (client->fd >= 0)
 		(void)close(client->fd);
-	db_frames_free(client->frames);
+	free(client->frames.bytes);
 	db_client_error_clear(&client->lost);
 	free(client->out);
 	free(client);
 }
 
-int db_client_fd(const struct db_client *client)
+struct pollfd db_client_poll_fd(const struct db_client *client)
 {
-	return client->fd;
-}
-
-short db_client_poll_events(const struct db_client *client)
-{
-	return client->out_size > 0 ? POLLIN | POLLOUT : POLLIN;
+	return (struct pollfd){ .fd = client->fd,
+		                .events = client->out_size > 0 ? POLLIN | POLLOUT : POLLIN };
 }
 
 unsigned db_client_waiting(const struct db_client *client)
@@ -270,7 +264,7 @@ static void hand_over_all(struct db_client *client)
 	int taken;
 
 	while (client->lost.name[0] == '\0' &&
-	       (taken = db_frames_take(client->frames, &message)) != 0) {
+	       (taken = db_frames_take(&client->frames, &message)) != 0) {
 		if (taken < 0 || !hand_over(client, message))
 			give_up(client, DB_CLIENT_BAD_ANSWER,
 			        taken == -EMSGSIZE ?
@@ -299,7 +293,7 @@ int db_client_handle(struct db_client *client)
 			give_up(client, BUSY, "the service has no room for one more session");
 		else if (count <= 0)
 			give_up(client, DB_CLIENT_LOST, "the service has closed the connection");
-		else if (db_frames_add(client->frames, bytes, (size_t)count) != 0)
+		else if (db_frames_add(&client->frames, bytes, (size_t)count) != 0)
 			give_up(client, DB_CLIENT_NO_MEMORY, "no memory");
 		else
 			hand_over_all(client);
@@ -347,8 +341,7 @@ int db_client_call(struct db_client *client, const char *method, json_t *paramet
 		return -1;
 	}
 	while (!waiter.done) {
-		struct pollfd poll_fd = { .fd = client->fd,
-			                  .events = db_client_poll_events(client) };
+		struct pollfd poll_fd = db_client_poll_fd(client);
 		db_time left = deadline - db_client_now();
 
 		if (left <= 0) {

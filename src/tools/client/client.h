@@ -4,8 +4,8 @@
  * service answers the calls of one connection in their order: a client that has to send something
  * while a call waits needs a second connection.
  *
- * Either each call is waited for (db_client_call()), or the owner of a loop polls db_client_fd()
- * and calls db_client_handle(); both may be mixed. One thread at a time.
+ * Either each call is waited for (db_client_call()), or the owner of a loop polls
+ * db_client_poll_fd() and calls db_client_handle(); both may be mixed. One thread at a time.
  */
 #ifndef DRIVEBRIDGE_CLIENT_CLIENT_H
 #define DRIVEBRIDGE_CLIENT_CLIENT_H
@@ -13,6 +13,7 @@
 #include "client/error.h"
 
 #include <jansson.h>
+#include <poll.h>
 #include <stdbool.h>
 
 struct db_client;
@@ -33,10 +34,8 @@ int db_client_open(const char *path, struct db_client **client, struct db_client
 /* Waiting calls are dropped without an answer. NULL is allowed. */
 void db_client_close(struct db_client *client);
 
-/* For poll(): the descriptor, and the events to wait for (POLLIN, and POLLOUT while bytes are left
- * to send). */
-int db_client_fd(const struct db_client *client);
-short db_client_poll_events(const struct db_client *client);
+/* For poll(): POLLIN, and POLLOUT while bytes are left to send. */
+struct pollfd db_client_poll_fd(const struct db_client *client);
 
 /* Calls whose last answer has not arrived. */
 unsigned db_client_waiting(const struct db_client *client);

@@ -8,32 +8,6 @@
 /* Memory that is kept for the next message; more, needed for a long one, is freed. */
 #define KEPT_MAX ((size_t)64 * 1024)
 
-struct db_frames {
-	char *bytes;
-	size_t size;     /* of the allocated memory */
-	size_t begin;    /* of the message being received */
-	size_t end;      /* of the bytes received */
-	size_t searched; /* no zero byte before this position */
-	size_t limit;
-};
-
-struct db_frames *db_frames_new(size_t limit)
-{
-	struct db_frames *frames = calloc(1, sizeof(*frames));
-
-	if (frames)
-		frames->limit = limit;
-	return frames;
-}
-
-void db_frames_free(struct db_frames *frames)
-{
-	if (!frames)
-		return;
-	free(frames->bytes);
-	free(frames);
-}
-
 int db_frames_add(struct db_frames *frames, const void *bytes, size_t count)
 {
 	size_t size = frames->size > 0 ? frames->size : 4096;

@@ -12,11 +12,15 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-struct db_frames;
-
-/* No message may be longer than `limit` bytes. NULL without memory; freed with db_frames_free(). */
-struct db_frames *db_frames_new(size_t limit);
-void db_frames_free(struct db_frames *frames);
+/* All 0 at first but for the limit. */
+struct db_frames {
+	size_t limit;    /* no message may be longer */
+	char *bytes;     /* freed by the owner at the end */
+	size_t size;     /* of the allocated memory */
+	size_t begin;    /* of the message being received */
+	size_t end;      /* of the bytes received */
+	size_t searched; /* no zero byte before this position */
+};
 
 /* Appends received bytes. 0 or -ENOMEM. */
 int db_frames_add(struct db_frames *frames, const void *bytes, size_t count);

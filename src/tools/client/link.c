@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "client/link.h"
 
-#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,7 +31,7 @@ static void watch(struct db_link *link)
 {
 	uint32_t events = link->held ? 0 : EPOLLIN;
 
-	if (db_client_poll_events(link->client) & EPOLLOUT)
+	if (db_client_poll_fd(link->client).events & POLLOUT)
 		events |= EPOLLOUT;
 	(void)sd_event_source_set_io_events(link->source, events);
 }
@@ -92,8 +91,8 @@ struct db_link *db_link_open(sd_event *loop, const char *path, db_link_lost_fn *
 		free(link);
 		return NULL;
 	}
-	if (sd_event_add_io(loop, &link->source, db_client_fd(link->client), EPOLLIN, on_ready,
-	                    link) < 0) {
+	if (sd_event_add_io(loop, &link->source, db_client_poll_fd(link->client).fd, EPOLLIN,
+	                    on_ready, link) < 0) {
 		db_client_error_set(error, DB_CLIENT_NO_MEMORY, "no memory");
 		free_link(link);
 		return NULL;
@@ -240,20 +239,7 @@ void db_link_introduce_now(struct db_link *link, const char *user, const char *f
 		(void)db_link_tell(link, "Introduce", parameters);
 }
 
-json_t *db_link_note_words(const struct db_link_note *note)
+struct pollfd db_link_poll_fd(const struct db_link *link)
 {
-	return json_pack("{s:s, s:s, s:s*, s:s*, s:s*, s:s*, s:b}", "kind", note->kind, "what",
-	                 note->what, "user", note->user, "from", note->from, "text", note->text,
-	                 "drive", note->drive, "refused", note->refused);
-}
-
-void db_link_note(struct db_link *link, const struct db_link_note *note)
-{
-	(void)db_link_tell(link, "Note", db_link_note_words(note));
-}
-
-int db_link_fd(const struct db_link *link, short *events)
-{
-	*events = db_client_poll_events(link->client);
-	return db_client_fd(link->client);
+	return db_client_poll_fd(link->client);
 }

@@ -48,32 +48,15 @@ const char *db_link_user(const struct db_link *link);
 /* The same as db_link_introduce(), without an answer that a later call would wait for. */
 void db_link_introduce_now(struct db_link *link, const char *user, const char *from);
 
-/* What a user did at this tool, for the audit trail. Texts in UTF-8; NULL: none. */
-struct db_link_note {
-	const char *kind; /* "login", "users" or "denied" */
-	const char *what; /* "in", "changed", a command; up to 31 bytes */
-	const char *user;
-	const char *from; /* as above */
-	const char *text; /* details; up to 255 bytes */
-	const char *drive;
-	bool refused;
-};
-
-/* The parameters of the call that adds it. */
-json_t *db_link_note_words(const struct db_link_note *note);
-
-/* Adds it to the trail of a service that has one. */
-void db_link_note(struct db_link *link, const struct db_link_note *note);
-
 /* Calls whose last answer has not arrived. */
 unsigned db_link_waiting(const struct db_link *link);
 
 /* True: answers are not read, so that the service sees a slow reader. */
 void db_link_hold(struct db_link *link, bool hold);
 
-/* For a caller that has to wait while the loop does not run: the descriptor with the events of
- * poll(), and reading what has arrived. */
-int db_link_fd(const struct db_link *link, short *events);
+/* For a caller that has to wait while the loop does not run: as db_client_poll_fd(), and reading
+ * what has arrived. */
+struct pollfd db_link_poll_fd(const struct db_link *link);
 void db_link_handle(struct db_link *link);
 
 #endif

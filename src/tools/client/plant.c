@@ -498,9 +498,17 @@ bool db_plant_is_stop(const struct db_plant *plant, const char *command)
 	return json_object_get(plant->stops, command);
 }
 
-void db_plant_note(struct db_plant *plant, const struct db_link_note *note)
+/* The parameters of the call that adds it. */
+static json_t *note_words(const struct db_plant_note *note)
 {
-	struct db_link_note kept = *note;
+	return json_pack("{s:s, s:s, s:s*, s:s*, s:s*, s:s*, s:b}", "kind", note->kind, "what",
+	                 note->what, "user", note->user, "from", note->from, "text", note->text,
+	                 "drive", note->drive, "refused", note->refused);
+}
+
+void db_plant_note(struct db_plant *plant, const struct db_plant_note *note)
+{
+	struct db_plant_note kept = *note;
 	char text[256];
 	char when[sizeof("2026-11-29T12:00:00Z")];
 	time_t now = (time_t)(db_client_wall_us() / 1000000);
@@ -508,7 +516,7 @@ void db_plant_note(struct db_plant *plant, const struct db_link_note *note)
 
 	if (db_plant_reader(plant)) {
 		if (plant->takes_notes)
-			db_link_note(plant->links[CALLS], note);
+			(void)db_link_tell(plant->links[CALLS], "Note", note_words(note));
 		return;
 	}
 	if (json_array_size(plant->notes) >= DB_PLANT_NOTES ||
@@ -519,7 +527,7 @@ void db_plant_note(struct db_plant *plant, const struct db_link_note *note)
 	snprintf(text, sizeof(text), "at %s, when there was no service%s%s", when,
 	         note->text && note->text[0] ? ": " : "", note->text ? note->text : "");
 	kept.text = text;
-	(void)json_array_append_new(plant->notes, db_link_note_words(&kept));
+	(void)json_array_append_new(plant->notes, note_words(&kept));
 }
 
 struct db_link *db_plant_reader(const struct db_plant *plant)

@@ -92,11 +92,22 @@ void db_plant_subscribe(struct db_plant *plant, json_t *drives, json_t *names, u
 /* For calls that only read. NULL while the service is not there. */
 struct db_link *db_plant_reader(const struct db_plant *plant);
 
-/* Adds to the audit trail what a user did at this tool, if the service has one and this tool may
+/* What a user did at this tool, for the audit trail. Texts in UTF-8; NULL: none. */
+struct db_plant_note {
+	const char *kind; /* "login", "users" or "denied" */
+	const char *what; /* "in", "changed", a command; up to 31 bytes */
+	const char *user;
+	const char *from; /* where the user is */
+	const char *text; /* details; up to 255 bytes */
+	const char *drive;
+	bool refused;
+};
+
+/* Adds it to the audit trail, if the service has one and this tool may
  * command there. While there is no service, up to DB_PLANT_NOTES are kept, with their time, and
  * added when it comes; more are counted. */
 #define DB_PLANT_NOTES 64
-void db_plant_note(struct db_plant *plant, const struct db_link_note *note);
+void db_plant_note(struct db_plant *plant, const struct db_plant_note *note);
 
 /* Reads the description again, unless an answer is awaited anyway. */
 void db_plant_refresh(struct db_plant *plant);

@@ -85,10 +85,10 @@ static bool check_users(const struct db_program *program, void *config, size_t *
 	good = db_users_load(&users, path, program->keeper, stderr);
 	*count = users.count;
 	db_users_former(path, program->keeper, former, sizeof(former));
-	if (db_users_count_former(&users) > 0)
+	if (users.former > 0)
 		db_client_log(DB_CLIENT_WARNING,
 		              "%zu users are still in %s; %s --move-users puts them into %s",
-		              db_users_count_former(&users), former, program->name, path);
+		              users.former, former, program->name, path);
 	db_users_clear(&users);
 	return good;
 }
@@ -164,6 +164,7 @@ int db_program_main(const struct db_program *program, int argc, char **argv)
 		{ .name = "check", .flag = &checks },
 	};
 	size_t count = 2;
+	int tasks;
 	char host[64] = "gateway";
 	void *config;
 	int status;
@@ -184,7 +185,8 @@ int db_program_main(const struct db_program *program, int argc, char **argv)
 	status = db_client_options_read(program->name, program->usage, options, argc, argv);
 	if (status >= 0)
 		return status;
-	if (!db_users_task_is_good(&task)) {
+	tasks = db_users_count_tasks(&task);
+	if (tasks < 0) {
 		fputs(program->usage, stderr);
 		return DB_CLIENT_EXIT_USAGE;
 	}
@@ -202,7 +204,7 @@ int db_program_main(const struct db_program *program, int argc, char **argv)
 		free(*text_at(config, program->option_at));
 		*text_at(config, program->option_at) = strdup(text);
 	}
-	if (db_users_task_is_given(&task))
+	if (tasks > 0)
 		status = db_users_administer(program->keeper, *text_at(config, program->users_at),
 		                             *(unsigned *)((char *)config + program->least_at),
 		                             &task);

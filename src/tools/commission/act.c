@@ -110,8 +110,7 @@ bool db_commission_act_wait(struct db_commission_act *act, int fd, int timeout_m
 		                 { .fd = act->asker->fd, .events = POLLIN } };
 
 	for (size_t i = 0; i < 3; i++)
-		fds[2 + i] = (struct pollfd){ .fd = db_client_fd(clients[i]),
-			                      .events = db_client_poll_events(clients[i]) };
+		fds[2 + i] = db_client_poll_fd(clients[i]);
 	(void)poll(fds, 5, timeout_ms);
 	for (size_t i = 0; i < 3; i++) {
 		if (db_client_handle(clients[i]) != 0)

@@ -220,16 +220,16 @@ static bool run_jog(struct jog *jog, int signals)
 	struct pollfd fds[] = {
 		{ .fd = STDIN_FILENO, .events = POLLIN },
 		{ .fd = signals, .events = POLLIN },
-		{ .fd = db_client_fd(jog->ctl->client) },
-		{ .fd = db_client_fd(jog->stopper) },
+		{ .fd = -1 },
+		{ .fd = -1 },
 	};
 	int signal_number = 0;
 	int direction;
 	db_time now;
 
 	while (signal_number == 0 || signal_number == SIGWINCH) {
-		fds[2].events = db_client_poll_events(jog->ctl->client);
-		fds[3].events = db_client_poll_events(jog->stopper);
+		fds[2] = db_client_poll_fd(jog->ctl->client);
+		fds[3] = db_client_poll_fd(jog->stopper);
 		/* Short enough for the next deadline: a key's release or the next reading. */
 		(void)poll(fds, sizeof(fds) / sizeof(fds[0]), 20);
 		if (db_client_handle(jog->ctl->client) != 0 || db_client_handle(jog->stopper) != 0)
@@ -278,12 +278,8 @@ static enum db_ctl_status end_jog(struct jog *jog, bool connected)
 	if (connected && (jog->told != 0 || jog->moves > 0))
 		stop(jog);
 	while (connected && jog->stops > 0 && !jog->confirmed && db_client_now() < deadline) {
-		struct pollfd fds[] = {
-			{ .fd = db_client_fd(jog->ctl->client),
-			  .events = db_client_poll_events(jog->ctl->client) },
-			{ .fd = db_client_fd(jog->stopper),
-			  .events = db_client_poll_events(jog->stopper) },
-		};
+		struct pollfd fds[] = { db_client_poll_fd(jog->ctl->client),
+			                db_client_poll_fd(jog->stopper) };
 
 		(void)poll(fds, 2, 100);
 		connected = db_client_handle(jog->ctl->client) == 0 &&

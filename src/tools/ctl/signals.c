@@ -44,8 +44,7 @@ int db_ctl_signals_read(int fd)
 
 int db_ctl_follow(struct db_ctl *ctl, int signals, int timeout_ms)
 {
-	struct pollfd fds[2] = { { .fd = db_client_fd(ctl->client),
-		                   .events = db_client_poll_events(ctl->client) },
+	struct pollfd fds[2] = { db_client_poll_fd(ctl->client),
 		                 { .fd = signals, .events = POLLIN } };
 	int ready = poll(fds, 2, timeout_ms);
 	int number = db_ctl_signals_read(signals);

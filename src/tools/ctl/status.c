@@ -50,8 +50,6 @@ static void keep_troubles(void *data, json_t *parameters, const struct db_client
 static enum db_ctl_status read_all(struct db_ctl *ctl, struct row *rows, size_t count,
                                    struct db_client_troubles *troubles)
 {
-	struct pollfd poll_fd = { .fd = db_client_fd(ctl->client) };
-
 	for (size_t i = 0; i < count; i++) {
 		json_t *names = db_ctl_process_names(rows[i].registers);
 		json_t *parameters;
@@ -64,7 +62,8 @@ static enum db_ctl_status read_all(struct db_ctl *ctl, struct row *rows, size_t 
 	(void)db_client_send(ctl->client, "Troubles", json_pack("{s:[]}", "drives"), false,
 	                     keep_troubles, troubles);
 	while (db_client_waiting(ctl->client) > 0) {
-		poll_fd.events = db_client_poll_events(ctl->client);
+		struct pollfd poll_fd = db_client_poll_fd(ctl->client);
+
 		if (poll(&poll_fd, 1, DB_CTL_TIMEOUT_MS) <= 0)
 			return db_ctl_complain(ctl, DB_CTL_UNREACHABLE, DB_CLIENT_TIMEOUT,
 			                       "the service does not answer within %d ms",

@@ -111,8 +111,7 @@ static void stop_over(struct stopping *stopping, struct db_client *client)
 		db_client_error_set(&stopping->error, DB_CLIENT_LOST,
 		                    "the service has closed the connection");
 	while (!stopping->ended && stopping->error.name[0] == '\0') {
-		struct pollfd fd = { .fd = db_client_fd(client),
-			             .events = db_client_poll_events(client) };
+		struct pollfd fd = db_client_poll_fd(client);
 		db_time now = db_client_now();
 		db_time due = stopping->warn_at < stopping->deadline ? stopping->warn_at :
 		                                                       stopping->deadline;

@@ -171,21 +171,21 @@ static bool read_keys(const struct pollfd *terminal)
 static void run_watch(struct watch *watch, int signals)
 {
 	struct pollfd fds[] = {
-		{ .fd = db_client_fd(watch->ctl->client) },
+		{ .fd = -1 },
 		{ .fd = signals, .events = POLLIN },
-		{ .fd = watch->figures_client ? db_client_fd(watch->figures_client) : -1 },
+		{ .fd = -1 },
 		/* A script's stream has no keys. */
 		{ .fd = watch->ctl->json ? -1 : STDIN_FILENO, .events = POLLIN },
-		{ .fd = db_client_fd(watch->troubles_client) },
+		{ .fd = -1 },
 	};
 	int signal_number;
 	time_t asked_at = 0;
 
 	while (!watch->ended) {
-		fds[0].events = db_client_poll_events(watch->ctl->client);
+		fds[0] = db_client_poll_fd(watch->ctl->client);
 		if (watch->figures_client)
-			fds[2].events = db_client_poll_events(watch->figures_client);
-		fds[4].events = db_client_poll_events(watch->troubles_client);
+			fds[2] = db_client_poll_fd(watch->figures_client);
+		fds[4] = db_client_poll_fd(watch->troubles_client);
 		(void)poll(fds, sizeof(fds) / sizeof(fds[0]), FIGURES_EVERY_MS);
 		signal_number = db_ctl_signals_read(signals);
 		watch->changed = watch->changed || signal_number == SIGWINCH;

@@ -300,10 +300,10 @@ void db_opcua_access_review(struct db_opcua_access *access)
 		return;
 	if (access->users_stamp != 0)
 		access->note(access->context,
-		             &(struct db_link_note){ .kind = "users",
-		                                     .what = "changed",
-		                                     .from = "OPC UA",
-		                                     .text = access->config->users });
+		             &(struct db_plant_note){ .kind = "users",
+		                                      .what = "changed",
+		                                      .from = "OPC UA",
+		                                      .text = access->config->users });
 	access->users_stamp = stamp;
 	/* If the file cannot be read, there are no users. */
 	(void)db_users_load(&users, access->config->users, &db_opcua_keeper, stderr);
@@ -326,12 +326,12 @@ void db_opcua_access_review(struct db_opcua_access *access)
 static void note_login(const struct db_opcua_access *access, const char *user, const char *from,
                        const char *text, bool refused)
 {
-	access->note(access->context, &(struct db_link_note){ .kind = "login",
-	                                                      .what = "in",
-	                                                      .user = user,
-	                                                      .from = from,
-	                                                      .text = text,
-	                                                      .refused = refused });
+	access->note(access->context, &(struct db_plant_note){ .kind = "login",
+	                                                       .what = "in",
+	                                                       .user = user,
+	                                                       .from = from,
+	                                                       .text = text,
+	                                                       .refused = refused });
 }
 
 static UA_StatusCode activate_session(UA_Server *server, UA_AccessControl *control,
@@ -430,13 +430,13 @@ UA_StatusCode db_opcua_access_deny(const struct db_opcua_access *access,
 	if (!session)
 		return UA_STATUSCODE_BADUSERACCESSDENIED;
 	db_grant_explain(&session->grant, may, drive, why, sizeof(why));
-	access->note(access->context, &(struct db_link_note){ .kind = "denied",
-	                                                      .what = what,
-	                                                      .user = session->user,
-	                                                      .from = session->from,
-	                                                      .drive = of,
-	                                                      .text = why,
-	                                                      .refused = true });
+	access->note(access->context, &(struct db_plant_note){ .kind = "denied",
+	                                                       .what = what,
+	                                                       .user = session->user,
+	                                                       .from = session->from,
+	                                                       .drive = of,
+	                                                       .text = why,
+	                                                       .refused = true });
 	return UA_STATUSCODE_BADUSERACCESSDENIED;
 }
 

@@ -15,7 +15,7 @@
 #ifndef DRIVEBRIDGE_OPCUA_ACCESS_H
 #define DRIVEBRIDGE_OPCUA_ACCESS_H
 
-#include "client/link.h"
+#include "client/plant.h"
 #include "opcua/config.h"
 #include "opcua/network.h"
 #include "users/users.h"
@@ -44,7 +44,7 @@ struct db_opcua_session {
 typedef void db_opcua_left_fn(void *context, unsigned session);
 
 /* What a user did is to be noted, see db_opcua_plant_note(). */
-typedef void db_opcua_note_fn(void *context, const struct db_link_note *note);
+typedef void db_opcua_note_fn(void *context, const struct db_plant_note *note);
 
 struct db_opcua_access;
 

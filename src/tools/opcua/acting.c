@@ -260,7 +260,7 @@ static void wait_for(struct call *call)
 			break;
 		until = until - now < FEED_SHORTEST ? until - now : FEED_SHORTEST;
 		patience = (struct timespec){ .tv_nsec = until };
-		fds[0].fd = db_link_fd(connection, &fds[0].events);
+		fds[0] = db_link_poll_fd(connection);
 		if (acting->awaited == 0)
 			others = db_opcua_network_watch(acting->network, fds + 1,
 			                                DB_OPCUA_NETWORK_PLACES);

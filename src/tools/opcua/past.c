@@ -158,9 +158,8 @@ static UA_StatusCode search(struct db_opcua_past *past, unsigned session,
 		return status;
 	while (past->link && (now = db_client_now()) < until) {
 		struct timespec patience = { .tv_nsec = until - now };
-		struct pollfd place = { .fd = -1 };
+		struct pollfd place = db_link_poll_fd(past->link);
 
-		place.fd = db_link_fd(past->link, &place.events);
 		if (ppoll(&place, 1, &patience, NULL) > 0)
 			db_link_handle(past->link);
 	}

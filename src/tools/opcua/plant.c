@@ -281,7 +281,7 @@ bool db_opcua_plant_has_audit(const struct db_opcua_plant *plant)
 	return json_object_get(plant->known, "audit_trouble");
 }
 
-void db_opcua_plant_note(const struct db_opcua_plant *plant, const struct db_link_note *note)
+void db_opcua_plant_note(const struct db_opcua_plant *plant, const struct db_plant_note *note)
 {
 	db_plant_note(plant->plant, note);
 }

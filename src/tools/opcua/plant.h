@@ -54,7 +54,7 @@ bool db_opcua_plant_is_known(const struct db_opcua_plant *plant);
 /* True if the service takes what is for its audit trail. */
 bool db_opcua_plant_has_audit(const struct db_opcua_plant *plant);
 /* Adds to the audit trail what a user did here. */
-void db_opcua_plant_note(const struct db_opcua_plant *plant, const struct db_link_note *note);
+void db_opcua_plant_note(const struct db_opcua_plant *plant, const struct db_plant_note *note);
 
 /* As db_plant_is_stop(). */
 bool db_opcua_plant_is_stop(const struct db_opcua_plant *plant, const char *command);

@@ -287,7 +287,7 @@ static void lose_session(void *context, unsigned session)
 	db_opcua_acting_drop(server->acting, session);
 }
 
-static void note(void *context, const struct db_link_note *said)
+static void note(void *context, const struct db_plant_note *said)
 {
 	const struct db_opcua_server *server = context;
 

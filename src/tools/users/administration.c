@@ -51,19 +51,16 @@ static bool read_password(const struct db_users_keeper *keeper, const char *user
 	return good;
 }
 
-bool db_users_task_is_given(const struct db_users_task *task)
-{
-	return task->add || task->remove || task->list || task->move;
-}
-
-bool db_users_task_is_good(const struct db_users_task *task)
+int db_users_count_tasks(const struct db_users_task *task)
 {
 	int tasks = (task->add != NULL) + (task->remove != NULL) + task->list + task->move;
 	enum db_role role;
 
 	return tasks <= 1 && (task->add != NULL) == (task->role != NULL) &&
-	       (task->add || (!task->drives && !task->pam)) &&
-	       (!task->role || db_role_read(task->role, &role));
+	                       (task->add || (!task->drives && !task->pam)) &&
+	                       (!task->role || db_role_read(task->role, &role)) ?
+	               tasks :
+	               -1;
 }
 
 static int add(const struct db_users_keeper *keeper, const char *path, unsigned least,

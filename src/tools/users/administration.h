@@ -16,11 +16,9 @@ struct db_users_task {
 	bool move; /* the users of the program's file of before into the one of all */
 };
 
-/* True if anything is to be done. */
-bool db_users_task_is_given(const struct db_users_task *task);
-
-/* True if it is a valid task, or none: one at a time, and a user is not added without a role. */
-bool db_users_task_is_good(const struct db_users_task *task);
+/* 1: there is something to be done; 0: there is not; -1: it is not valid. One task at a time, and a
+ * user is not added without a role. */
+int db_users_count_tasks(const struct db_users_task *task);
 
 /*
  * Carries it out. A password is asked for twice on a terminal, else it is a line of standard input;

@@ -112,6 +112,7 @@ static bool add_users(struct db_users *users, const char *text, const char *path
 					why = "this name stands there already";
 				user->former = former;
 				users->count += !why && !same;
+				users->former += former && !why && !same;
 			}
 		}
 		if (why && out)
@@ -227,15 +228,6 @@ const struct db_user *db_users_find(const struct db_users *users, const char *na
 			return &users->list[i];
 	}
 	return NULL;
-}
-
-size_t db_users_count_former(const struct db_users *users)
-{
-	size_t count = 0;
-
-	for (size_t i = 0; i < users->count; i++)
-		count += users->list[i].former;
-	return count;
 }
 
 static uint64_t stamp_file(const char *path)

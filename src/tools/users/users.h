@@ -50,6 +50,7 @@ struct db_users_keeper {
 struct db_users {
 	struct db_user *list;
 	size_t count;
+	size_t former; /* of these, from the keeper's file of before */
 };
 
 /* True for a valid user name: 1 to 32 ASCII letters, digits, '.', '-' and '_', a letter or digit
@@ -70,9 +71,6 @@ void db_users_clear(struct db_users *users);
 
 /* NULL: there is no user of this name. */
 const struct db_user *db_users_find(const struct db_users *users, const char *name);
-
-/* How many are from the keeper's file of before. */
-size_t db_users_count_former(const struct db_users *users);
 
 /* A number that changes when one of the files does; 0: both are missing. */
 uint64_t db_users_stamp(const char *path, const struct db_users_keeper *keeper);

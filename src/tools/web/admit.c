@@ -124,15 +124,15 @@ static void refuse_deed(struct db_web_request *request, enum db_may may, const c
 		snprintf(deed, NOTED_MAX, "%s", good ? what : request->route.name);
 	db_grant_explain(&request->grant, may, drive, why, sizeof(why));
 	db_plant_note(service->plant,
-	              &(struct db_link_note){ .kind = "denied",
-	                                      .what = deed,
-	                                      .user = caller.user,
-	                                      .from = caller.from,
-	                                      .drive = known ? drive : NULL,
-	                                      .text = known || !drive || !drive[0] ?
-	                                                      why :
-	                                                      "of a drive that is not there",
-	                                      .refused = true });
+	              &(struct db_plant_note){ .kind = "denied",
+	                                       .what = deed,
+	                                       .user = caller.user,
+	                                       .from = caller.from,
+	                                       .drive = known ? drive : NULL,
+	                                       .text = known || !drive || !drive[0] ?
+	                                                       why :
+	                                                       "of a drive that is not there",
+	                                       .refused = true });
 	db_web_request_refuse(request, MHD_HTTP_FORBIDDEN, "NotAllowed", "%s", why);
 }
 

@@ -27,7 +27,7 @@ static void answer_configuration(struct db_web_request *request, json_t *paramet
 			return;
 	}
 	db_plant_note(request->server->service->plant,
-	              &(struct db_link_note){
+	              &(struct db_plant_note){
 			      .kind = "users",
 			      .what = "backup",
 			      .user = caller.user,

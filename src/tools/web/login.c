@@ -230,11 +230,11 @@ void db_web_login_end(struct db_web_request *request, const struct db_web_work *
 		db_client_log(DB_CLIENT_NOTICE, "%s: logged in as %s, %s%s%s", caller.text, user,
 		              role, request->weak ? "; the password is weak: " : "",
 		              request->weak ? request->weak : "");
-		db_plant_note(server->service->plant, &(struct db_link_note){ .kind = "login",
-		                                                              .what = "in",
-		                                                              .user = user,
-		                                                              .from = caller.from,
-		                                                              .text = role });
+		db_plant_note(server->service->plant, &(struct db_plant_note){ .kind = "login",
+		                                                               .what = "in",
+		                                                               .user = user,
+		                                                               .from = caller.from,
+		                                                               .text = role });
 		server->counts.logins++;
 		begin_session(request);
 		return;
@@ -243,11 +243,11 @@ void db_web_login_end(struct db_web_request *request, const struct db_web_work *
 	log_login(request, " failed", request->known ? user : "an unknown user",
 	          changed ? "the user was changed meanwhile" : work->why);
 	db_plant_note(server->service->plant,
-	              &(struct db_link_note){ .kind = "login",
-	                                      .what = "in",
-	                                      .from = caller.from,
-	                                      .text = request->known ? user : "an unknown user",
-	                                      .refused = true });
+	              &(struct db_plant_note){ .kind = "login",
+	                                       .what = "in",
+	                                       .from = caller.from,
+	                                       .text = request->known ? user : "an unknown user",
+	                                       .refused = true });
 	server->counts.failed_logins++;
 	db_web_request_refuse(request, MHD_HTTP_UNAUTHORIZED, "LoginFailed",
 	                      "the user or the password is wrong");
@@ -262,10 +262,10 @@ void db_web_logout(struct db_web_request *request)
 
 		db_web_log_action(request, "logged out", NULL);
 		db_plant_note(server->service->plant,
-		              &(struct db_link_note){ .kind = "login",
-		                                      .what = "out",
-		                                      .user = caller.user,
-		                                      .from = caller.from });
+		              &(struct db_plant_note){ .kind = "login",
+		                                       .what = "out",
+		                                       .user = caller.user,
+		                                       .from = caller.from });
 		end_session(server, request->session);
 	}
 	request->user[0] = '\0';
@@ -288,11 +288,11 @@ static void end_other(struct db_web_request *request, const struct db_web_sessio
 	db_web_address_write(&session->from, address);
 	snprintf(text, sizeof(text), "another session, from %s", address);
 	db_client_log(DB_CLIENT_NOTICE, "%s: logged out %s", caller.text, text);
-	db_plant_note(request->server->service->plant, &(struct db_link_note){ .kind = "login",
-	                                                                       .what = "out",
-	                                                                       .user = caller.user,
-	                                                                       .from = caller.from,
-	                                                                       .text = text });
+	db_plant_note(request->server->service->plant, &(struct db_plant_note){ .kind = "login",
+	                                                                        .what = "out",
+	                                                                        .user = caller.user,
+	                                                                        .from = caller.from,
+	                                                                        .text = text });
 	end_session(request->server, session->id);
 }
 
@@ -382,10 +382,10 @@ void db_web_login_review(struct db_web_server *server)
 	/* Who has changed the file may be no user of the page: root did. */
 	if (server->users_stamp != 0)
 		db_plant_note(server->service->plant,
-		              &(struct db_link_note){ .kind = "users",
-		                                      .what = "changed",
-		                                      .from = "page",
-		                                      .text = server->config->users_file });
+		              &(struct db_plant_note){ .kind = "users",
+		                                       .what = "changed",
+		                                       .from = "page",
+		                                       .text = server->config->users_file });
 	server->users_stamp = stamp;
 	/* If the file cannot be read, there are no users. */
 	(void)db_users_load(&review.users, server->config->users_file, &db_web_keeper, stderr);

@@ -267,12 +267,12 @@ void db_web_users_end(struct db_web_server *server, struct db_web_request *reque
 	log_end(request, work, caller.text);
 	snprintf(detail, sizeof(detail), "%s: %s, %.48s", work->fresh.name,
 	         db_role_name(work->fresh.grant.role), work->fresh.grant.drives);
-	db_plant_note(server->service->plant, &(struct db_link_note){ .kind = "users",
-	                                                              .what = what,
-	                                                              .user = caller.user,
-	                                                              .from = caller.from,
-	                                                              .text = detail,
-	                                                              .refused = !work->done });
+	db_plant_note(server->service->plant, &(struct db_plant_note){ .kind = "users",
+	                                                               .what = what,
+	                                                               .user = caller.user,
+	                                                               .from = caller.from,
+	                                                               .text = detail,
+	                                                               .refused = !work->done });
 	if (!request)
 		return;
 	if (work->right && work->compares)

@@ -325,7 +325,7 @@ static void test_what_cannot_be_sent_at_once_waits(void **state)
 		                                json_pack("{s:s}", "t", long_text), false, hear,
 		                                &heard),
 		                 0);
-	assert_int_equal(db_client_poll_events(fake->client), POLLIN | POLLOUT);
+	assert_int_equal(db_client_poll_fd(fake->client).events, POLLIN | POLLOUT);
 	while (zeros < 20) {
 		ssize_t count = recv(fake->connection, bytes, sizeof(bytes), MSG_DONTWAIT);
 
@@ -333,7 +333,7 @@ static void test_what_cannot_be_sent_at_once_waits(void **state)
 			zeros += bytes[i] == '\0' ? 1 : 0;
 		assert_int_equal(db_client_handle(fake->client), 0);
 	}
-	assert_int_equal(db_client_poll_events(fake->client), POLLIN);
+	assert_int_equal(db_client_poll_fd(fake->client).events, POLLIN);
 	free(long_text);
 }
 

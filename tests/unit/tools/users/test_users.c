@@ -288,7 +288,7 @@ static void test_users_of_before_count(void **state)
 	make_plant(&plant, "anna:operator:" OTHER "\nrudi:reader:" OTHER "\n");
 	assert_true(db_users_load(&users, plant.path, &keeper, stderr));
 	assert_int_equal(users.count, 2);
-	assert_int_equal(db_users_count_former(&users), 2);
+	assert_int_equal(users.former, 2);
 	assert_int_equal(db_users_find(&users, "anna")->grant.role, DB_ROLE_ENGINEER);
 	db_users_clear(&users);
 	stamp = db_users_stamp(plant.path, &keeper);
@@ -299,7 +299,7 @@ static void test_users_of_before_count(void **state)
 	assert_int_not_equal(db_users_stamp(plant.path, &keeper), stamp);
 	assert_true(db_users_load(&users, plant.path, &keeper, stderr));
 	assert_int_equal(users.count, 2);
-	assert_int_equal(db_users_count_former(&users), 1);
+	assert_int_equal(users.former, 1);
 	assert_int_equal(db_users_find(&users, "anna")->grant.role, DB_ROLE_OBSERVER);
 	db_users_clear(&users);
 	assert_true(db_users_remove(plant.path, "anna", NULL, stderr));
@@ -323,7 +323,7 @@ static void test_users_of_before_move(void **state)
 	assert_int_not_equal(access(plant.former, F_OK), 0);
 	assert_true(db_users_load(&users, plant.path, &keeper, stderr));
 	assert_int_equal(users.count, 2);
-	assert_int_equal(db_users_count_former(&users), 0);
+	assert_int_equal(users.former, 0);
 	assert_int_equal(db_users_find(&users, "anna")->grant.role, DB_ROLE_ENGINEER);
 	assert_string_equal(db_users_find(&users, "rudi")->hash, OTHER);
 	db_users_clear(&users);
