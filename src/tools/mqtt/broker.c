@@ -353,17 +353,11 @@ static void start(struct db_mqtt_broker *broker, db_time now)
 	broker->misc_at = now + MISC_INTERVAL;
 }
 
-/* The descriptor of the connection. */
-static int find_fd(const struct db_mqtt_broker *broker)
-{
-	return broker->gate ? db_mqtt_gate_fd(broker->gate) : mosquitto_socket(broker->client);
-}
-
 /* True if bytes wait for room on their way to the broker. */
 static bool is_choked(const struct db_mqtt_broker *broker)
 {
 	return mosquitto_want_write(broker->client) ||
-	       (broker->gate && db_mqtt_gate_is_choked(broker->gate));
+	       (broker->gate && (db_mqtt_gate_poll_fd(broker->gate).events & POLLOUT));
 }
 
 struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker, db_time *due)
@@ -375,11 +369,13 @@ struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker, db_time 
 		*due = db_time_min(*due, broker->give_up_at);
 	if (!broker->client)
 		return poll_fd;
-	poll_fd.fd = find_fd(broker);
+	if (broker->gate)
+		poll_fd = db_mqtt_gate_poll_fd(broker->gate);
+	else
+		poll_fd.fd = mosquitto_socket(broker->client);
 	/* During the TLS handshake the library always asks to write, although it waits for the
 	 * other side. */
-	if (broker->state == CONNECTING || (broker->state == CONNECTED && is_choked(broker)) ||
-	    (broker->gate && db_mqtt_gate_is_choked(broker->gate)))
+	if (broker->state == CONNECTING || (broker->state == CONNECTED && is_choked(broker)))
 		poll_fd.events |= POLLOUT;
 	return poll_fd;
 }
@@ -458,12 +454,14 @@ static int read_some(struct db_mqtt_broker *broker)
 
 static void serve(struct db_mqtt_broker *broker, short revents, db_time now)
 {
+	int fd = broker->gate ? db_mqtt_gate_poll_fd(broker->gate).fd :
+	                        mosquitto_socket(broker->client);
 	socklen_t size = sizeof(int);
 	int cause = 0;
 	int result;
 
 	if (broker->state == CONNECTING && (revents & (POLLERR | POLLHUP)) &&
-	    getsockopt(find_fd(broker), SOL_SOCKET, SO_ERROR, &cause, &size) == 0 && cause != 0)
+	    getsockopt(fd, SOL_SOCKET, SO_ERROR, &cause, &size) == 0 && cause != 0)
 		set_reason(broker, "%s", strerror(cause));
 	result = read_some(broker);
 	if (!result && mosquitto_socket(broker->client) >= 0) {
@@ -540,10 +538,13 @@ void db_mqtt_broker_leave(struct db_mqtt_broker *broker, const char *why, db_tim
 	give_up(broker, now);
 }
 
-void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time now)
+void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time now, int64_t us)
 {
 	int result = 0;
 
+	if (broker->files)
+		db_certificate_pair_look(&broker->files->pair, broker->config->certificate_file,
+		                         us / 1000000);
 	if (broker->state == AWAY && now >= broker->retry.due)
 		start(broker, now);
 	else if (broker->state != AWAY && revents != 0)
@@ -573,13 +574,6 @@ void db_mqtt_broker_renew(struct db_mqtt_broker *broker)
 		db_client_log(DB_CLIENT_NOTICE,
 		              "without tls there is nothing to be read again; the configuration is "
 		              "read at a start");
-}
-
-void db_mqtt_broker_look(struct db_mqtt_broker *broker, int64_t us)
-{
-	if (broker->files)
-		db_certificate_pair_look(&broker->files->pair, broker->config->certificate_file,
-		                         us / 1000000);
 }
 
 void db_mqtt_broker_subscribe(struct db_mqtt_broker *broker, const char *filter, int qos, bool kept)

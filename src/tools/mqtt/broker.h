@@ -65,15 +65,12 @@ void db_mqtt_broker_free(struct db_mqtt_broker *broker);
  * an event. */
 struct pollfd db_mqtt_broker_watch(const struct db_mqtt_broker *broker, db_time *due);
 
-/* Does the work that is due. `revents` from poll(). */
-void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time now);
+/* Does the work that is due, and says in the log that the certificate ends. `revents` from poll();
+ * `us`: microseconds since 1970-01-01 UTC. */
+void db_mqtt_broker_handle(struct db_mqtt_broker *broker, short revents, db_time now, int64_t us);
 
 /* Reads the files of TLS again, for the next connection; what cannot be used stays as it was. */
 void db_mqtt_broker_renew(struct db_mqtt_broker *broker);
-
-/* To be called now and then: says in the log that the certificate ends. `us`: microseconds since
- * 1970-01-01 UTC. */
-void db_mqtt_broker_look(struct db_mqtt_broker *broker, int64_t us);
 
 /* Subscribes to messages of this filter. `kept`: also to those that the broker has retained.
  * Quality of service 0: each at most once; 1: none is lost while the connection lasts. */

@@ -64,9 +64,11 @@ void db_mqtt_gate_close(struct db_mqtt_gate *gate)
 	free(gate);
 }
 
-int db_mqtt_gate_fd(const struct db_mqtt_gate *gate)
+struct pollfd db_mqtt_gate_poll_fd(const struct db_mqtt_gate *gate)
 {
-	return gate->broker;
+	return (struct pollfd){ .fd = gate->broker,
+		                .events = gate->out_sent < gate->out_used ? POLLIN | POLLOUT :
+		                                                            POLLIN };
 }
 
 enum db_mqtt_gate_end db_mqtt_gate_receive(struct db_mqtt_gate *gate)
@@ -104,7 +106,7 @@ bool db_mqtt_gate_send(struct db_mqtt_gate *gate)
 		ssize_t sent;
 
 		/* The library's next bytes for the broker. */
-		if (!db_mqtt_gate_is_choked(gate)) {
+		if (gate->out_sent == gate->out_used) {
 			ssize_t got = recv(gate->library, gate->out, OUT_MAX, MSG_DONTWAIT);
 
 			gate->out_sent = 0;
@@ -118,9 +120,4 @@ bool db_mqtt_gate_send(struct db_mqtt_gate *gate)
 			return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
 		gate->out_sent += (size_t)sent;
 	}
-}
-
-bool db_mqtt_gate_is_choked(const struct db_mqtt_gate *gate)
-{
-	return gate->out_sent < gate->out_used;
 }

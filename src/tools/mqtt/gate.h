@@ -10,6 +10,7 @@
 #ifndef DRIVEBRIDGE_MQTT_GATE_H
 #define DRIVEBRIDGE_MQTT_GATE_H
 
+#include <poll.h>
 #include <stdbool.h>
 
 struct db_mqtt_gate;
@@ -19,8 +20,8 @@ struct db_mqtt_gate;
 struct db_mqtt_gate *db_mqtt_gate_open(int library, bool version_5);
 void db_mqtt_gate_close(struct db_mqtt_gate *gate);
 
-/* The descriptor of the connection. */
-int db_mqtt_gate_fd(const struct db_mqtt_gate *gate);
+/* For poll(): the descriptor of the connection, with POLLOUT while bytes wait for room. */
+struct pollfd db_mqtt_gate_poll_fd(const struct db_mqtt_gate *gate);
 
 enum db_mqtt_gate_end {
 	DB_MQTT_GATE_OPEN,
@@ -36,8 +37,5 @@ enum db_mqtt_gate_end db_mqtt_gate_receive(struct db_mqtt_gate *gate);
 /* Sends the library's bytes to the broker, as far as there is room. False with errno: the
  * connection is broken. */
 bool db_mqtt_gate_send(struct db_mqtt_gate *gate);
-
-/* True if bytes wait for room. */
-bool db_mqtt_gate_is_choked(const struct db_mqtt_gate *gate);
 
 #endif

@@ -641,10 +641,7 @@ static void on_sent(void *form, int number, bool refused, db_time now)
 		bool history = node->prepared.what == HISTORY;
 		enum db_mqtt_shelf shelf = history ? DB_MQTT_SHELF_LATER : DB_MQTT_SHELF_NOW;
 
-		if (refused)
-			db_mqtt_store_drop(node->store, shelf);
-		else
-			db_mqtt_store_sent(node->store, shelf, now);
+		db_mqtt_store_sent(node->store, shelf, refused, now);
 		node->history_left -= history;
 		break;
 	}

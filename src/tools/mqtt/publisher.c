@@ -430,13 +430,12 @@ db_time db_mqtt_publisher_turn(void *context, db_time now, int64_t us)
 	struct pollfd watched;
 	db_time due;
 
-	db_mqtt_broker_look(publisher->broker, us);
 	due = db_plant_tend(publisher->plant, now);
 	if (now >= publisher->figures_at)
 		publish_figures(publisher);
 	if (now >= publisher->echo_at && publisher->ops->is_open(publisher->form))
 		send_echo(publisher);
-	db_mqtt_broker_handle(publisher->broker, happened, now);
+	db_mqtt_broker_handle(publisher->broker, happened, now, us);
 	if (publisher->ops->turn)
 		due = db_time_min(due,
 		                  publisher->ops->turn(publisher->form, publisher->broker, now));
