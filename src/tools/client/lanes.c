@@ -67,7 +67,7 @@ void db_lanes_free(struct db_lanes *lanes)
 	if (!lanes)
 		return;
 	(void)db_lanes_drop(lanes);
-	db_stops_free(lanes->stops);
+	free(lanes->stops);
 	free(lanes);
 }
 

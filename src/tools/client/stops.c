@@ -80,13 +80,6 @@ bool db_stops_drop(struct db_stops *stops)
 	return any;
 }
 
-void db_stops_free(struct db_stops *stops)
-{
-	if (stops)
-		(void)db_stops_drop(stops);
-	free(stops);
-}
-
 static void lose_standby(void *data)
 {
 	struct db_stops *stops = data;

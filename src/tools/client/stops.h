@@ -18,11 +18,9 @@ struct db_stops;
 /* The error of a stop that was sent and continues, and whose end will not be known. */
 #define DB_STOPS_PENDING "io.drivebridge.Client.Pending"
 
-/* For this number of stops without an answer. The path must outlive it. NULL without memory. */
+/* For this number of stops without an answer. The path must outlive it. NULL without memory;
+ * freed with free(), after db_stops_drop(). */
 struct db_stops *db_stops_new(sd_event *loop, const char *path, size_t places);
-
-/* As db_stops_drop(). NULL is allowed. */
-void db_stops_free(struct db_stops *stops);
 
 /* Opens the connection for stops without an answer, if it is not open: while the service is there
  * and has room. */

@@ -178,34 +178,28 @@ static bool is_made_of_name(const char *text, const char *user)
 	return left < BESIDE_NAME_MIN;
 }
 
-/* The word in "!P4ssw0rd123": what is neither a letter nor stands for one is left out at both ends,
- * and inside it stands for its letter. */
-static void find_word(const char *text, char *word, size_t size)
+/* As it stands, or by the word in "!P4ssw0rd123": what is neither a letter nor stands for one is
+ * left out at both ends, and inside it stands for its letter. */
+static bool is_common(const char *text)
 {
 	static const char signs[] = "0134578@$!";
 	static const char letters[] = "oieastbasi";
+	char word[DB_PASSWORD_MAX + 1];
 	size_t begin = 0;
 	size_t end = strlen(text);
+	bool found = false;
 
 	while (text[begin] && !isalpha((unsigned char)text[begin]))
 		begin++;
 	while (end > begin && !isalpha((unsigned char)text[end - 1]))
 		end--;
-	snprintf(word, size, "%.*s", (int)(end - begin), text + begin);
+	snprintf(word, sizeof(word), "%.*s", (int)(end - begin), text + begin);
 	for (char *at = word; *at; at++) {
 		const char *sign = strchr(signs, *at);
 
 		if (sign)
 			*at = letters[sign - signs];
 	}
-}
-
-static bool is_common(const char *text)
-{
-	char word[DB_PASSWORD_MAX + 1];
-	bool found = false;
-
-	find_word(text, word, sizeof(word));
 	for (size_t i = 0; i < sizeof(common) / sizeof(common[0]); i++)
 		found = found || strcmp(word, common[i]) == 0;
 	for (size_t i = 0; i < sizeof(patterns) / sizeof(patterns[0]); i++)

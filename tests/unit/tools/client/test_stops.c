@@ -107,7 +107,8 @@ static int close_world(void **state)
 {
 	struct world *world = *state;
 
-	db_stops_free(world->stops);
+	(void)db_stops_drop(world->stops);
+	free(world->stops);
 	(void)sd_event_unref(world->loop);
 	for (size_t i = 0; i < world->count; i++)
 		(void)close(world->connections[i]);
