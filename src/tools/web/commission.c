@@ -68,16 +68,17 @@ static int on_told(sd_event_source *source, int fd, uint32_t events, void *data)
 	struct db_web_commission *commission = data;
 	const char *event;
 	char *json;
+	bool over;
 
 	(void)source;
 	(void)fd;
 	(void)events;
-	while (db_web_round_take(commission->round, &event, &json)) {
+	while (db_web_round_take(commission->round, &event, &json, &over)) {
 		if (commission->stream)
 			db_web_stream_feed(commission->stream, event, json);
 		free(json);
 	}
-	if (db_web_round_is_over(commission->round))
+	if (over)
 		dispose(commission);
 	return 0;
 }

@@ -287,7 +287,7 @@ int db_web_round_fd(const struct db_web_round *round)
 	return round->out;
 }
 
-bool db_web_round_take(struct db_web_round *round, const char **event, char **json)
+bool db_web_round_take(struct db_web_round *round, const char **event, char **json, bool *over)
 {
 	struct told *told;
 	uint64_t count;
@@ -300,6 +300,7 @@ bool db_web_round_take(struct db_web_round *round, const char **event, char **js
 		if (!round->first)
 			round->last = &round->first;
 	}
+	*over = !told && round->over;
 	(void)pthread_mutex_unlock(&round->mutex);
 	if (!told)
 		return false;
@@ -307,16 +308,6 @@ bool db_web_round_take(struct db_web_round *round, const char **event, char **js
 	*json = told->json;
 	free(told);
 	return true;
-}
-
-bool db_web_round_is_over(struct db_web_round *round)
-{
-	bool over;
-
-	(void)pthread_mutex_lock(&round->mutex);
-	over = round->over && !round->first;
-	(void)pthread_mutex_unlock(&round->mutex);
-	return over;
 }
 
 bool db_web_round_is_late(struct db_web_round *round)

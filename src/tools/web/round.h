@@ -34,13 +34,11 @@ void db_web_round_free(struct db_web_round *round);
 int db_web_round_fd(const struct db_web_round *round);
 
 /*
- * The next text, NULL: nothing now. `event` gets its name: step, ask, moving, stood, verdicts,
- * failed or result, `json` an object, which the caller frees.
+ * The next text. `event` gets its name: step, ask, moving, stood, verdicts, failed or result,
+ * `json` an object, which the caller frees. False: nothing now; with `over` nothing follows either,
+ * and freeing it does not wait.
  */
-bool db_web_round_take(struct db_web_round *round, const char **event, char **json);
-
-/* True: nothing follows, and freeing it does not wait. */
-bool db_web_round_is_over(struct db_web_round *round);
+bool db_web_round_take(struct db_web_round *round, const char **event, char **json, bool *over);
 
 /* True if a motion was ended because its page did not hold it in time. */
 bool db_web_round_is_late(struct db_web_round *round);

@@ -243,25 +243,6 @@ static int on_overdue(sd_event_source *source, uint64_t us, void *data)
 
 /* --- the page's beats ------------------------------------------------------------------------- */
 
-static bool read_step(const json_t *json, struct step *step)
-{
-	const char *drive = json_string_value(json_object_get(json, "drive"));
-	const char *position = json_string_value(json_object_get(json, "position"));
-	const json_t *velocity = json_object_get(json, "velocity");
-	double wait_ms = json_number_value(json_object_get(json, "wait_ms"));
-
-	if (!drive || drive[0] == '\0' || strlen(drive) >= sizeof(step->drive) || !position ||
-	    strlen(position) >= sizeof(step->position) ||
-	    (velocity && !json_is_null(velocity) && !json_is_number(velocity)) ||
-	    !(wait_ms >= 0.0 && wait_ms <= DB_WEB_STEP_WAIT_MAX))
-		return false;
-	snprintf(step->drive, sizeof(step->drive), "%s", drive);
-	snprintf(step->position, sizeof(step->position), "%s", position);
-	step->velocity = json_number_value(velocity);
-	step->wait = (db_time)wait_ms * DB_NS_PER_MS;
-	return true;
-}
-
 /* The number of steps; 0: it is no list of them. */
 static size_t read_steps(const json_t *json, struct step steps[DB_WEB_STEPS_MAX])
 {
@@ -272,8 +253,20 @@ static size_t read_steps(const json_t *json, struct step steps[DB_WEB_STEPS_MAX]
 		return 0;
 	json_array_foreach(json, i, one)
 	{
-		if (!read_step(one, &steps[i]))
+		const char *drive = json_string_value(json_object_get(one, "drive"));
+		const char *position = json_string_value(json_object_get(one, "position"));
+		const json_t *velocity = json_object_get(one, "velocity");
+		double wait_ms = json_number_value(json_object_get(one, "wait_ms"));
+
+		if (!drive || drive[0] == '\0' || strlen(drive) >= DRIVE_MAX || !position ||
+		    strlen(position) >= POSITION_MAX ||
+		    (velocity && !json_is_null(velocity) && !json_is_number(velocity)) ||
+		    !(wait_ms >= 0.0 && wait_ms <= DB_WEB_STEP_WAIT_MAX))
 			return 0;
+		snprintf(steps[i].drive, DRIVE_MAX, "%s", drive);
+		snprintf(steps[i].position, POSITION_MAX, "%s", position);
+		steps[i].velocity = json_number_value(velocity);
+		steps[i].wait = (db_time)wait_ms * DB_NS_PER_MS;
 	}
 	return json_array_size(json);
 }
