@@ -3,6 +3,7 @@
 #include "client/clock.h"
 #include "client/events.h"
 #include "client/log.h"
+#include "words/value.h"
 
 #include <malloc.h>
 #include <stdio.h>
@@ -290,7 +291,7 @@ static void begin(struct db_plant *plant)
 /* What is kept of an answer about the drive that is being read: drives of a kind share one. */
 static json_t *keep(const struct db_plant *plant, json_t *received, bool commands)
 {
-	const char *name = db_client_text(plant->drives[plant->known].description, "name");
+	const char *name = db_words_text(plant->drives[plant->known].description, "name");
 	json_t *kept = plant->ops->keep ?
 	                       plant->ops->keep(plant->context, name, received, commands) :
 	                       json_incref(received);
@@ -322,7 +323,7 @@ static void on_commands(void *data, json_t *parameters, const struct db_client_e
 	json_array_foreach(commands, i, command)
 	{
 		if (json_is_true(json_object_get(command, "stops")))
-			(void)json_object_set_new(plant->stops, db_client_text(command, "name"),
+			(void)json_object_set_new(plant->stops, db_words_text(command, "name"),
 			                          json_true());
 	}
 	plant->drives[plant->known].commands = keep(plant, commands, true);
@@ -332,7 +333,7 @@ static void on_commands(void *data, json_t *parameters, const struct db_client_e
 
 static void ask_commands(struct db_plant *plant)
 {
-	const char *name = db_client_text(plant->drives[plant->known].description, "name");
+	const char *name = db_words_text(plant->drives[plant->known].description, "name");
 
 	if (name[0] != '\0') {
 		call(plant, CALLS, "Commands", json_pack("{s:s}", "drive", name), on_commands);
@@ -363,7 +364,7 @@ static void ask_next(struct db_plant *plant)
 	else if (plant->wishes.registers)
 		call(plant, CALLS, "Registers",
 		     json_pack("{s:s}", "drive",
-		               db_client_text(plant->drives[plant->known].description, "name")),
+		               db_words_text(plant->drives[plant->known].description, "name")),
 		     on_registers);
 	else
 		ask_commands(plant);

@@ -8,7 +8,6 @@
 #define DRIVEBRIDGE_CLIENT_PLANT_H
 
 #include "client/link.h"
-#include "client/objects.h"
 #include "client/troubles.h"
 #include "drivebridge/time.h"
 

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "client/troubles.h"
+#include "words/value.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -48,7 +49,7 @@ const char *const db_client_needs[] = { "nothing", "hint", "look", "act" };
 
 enum db_client_need db_client_trouble_need(const json_t *record)
 {
-	const char *need = db_client_text(record, "need");
+	const char *need = db_words_text(record, "need");
 	size_t at = DB_CLIENT_FINE;
 
 	if (!record)
@@ -60,8 +61,8 @@ enum db_client_need db_client_trouble_need(const json_t *record)
 
 void db_client_trouble_words(const json_t *record, char text[DB_CLIENT_TROUBLE_WORDS_MAX])
 {
-	const char *cause = db_client_text(record, "cause");
-	const char *detail = db_client_text(record, "detail");
+	const char *cause = db_words_text(record, "cause");
+	const char *detail = db_words_text(record, "detail");
 
 	if (strcmp(cause, "none") == 0)
 		cause = "";

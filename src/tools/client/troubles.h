@@ -8,7 +8,6 @@
 #define DRIVEBRIDGE_CLIENT_TROUBLES_H
 
 #include "client/error.h"
-#include "client/objects.h"
 
 #include <jansson.h>
 #include <stdbool.h>

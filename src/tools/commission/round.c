@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "commission/round.h"
-#include "client/objects.h"
 #include "commission/judge.h"
 #include "commission/section.h"
 #include "words/value.h"
@@ -87,7 +86,7 @@ static bool do_step(struct db_commission_round *round, size_t index)
 		if (round->act.interrupted)
 			return false;
 	}
-	if (!db_client_has_text(round->done, step->name))
+	if (!db_words_has_text(round->done, step->name))
 		(void)json_array_append_new(round->done, json_string(step->name));
 	return asker->end(asker->data, step, round->engine.verdicts, round->done);
 }
@@ -100,10 +99,9 @@ void db_commission_round_run(struct db_commission_round *round, int only)
 	bool interrupted;
 
 	for (int i = 0; db_commission_list[i].name && goes_on; i++) {
-		if (only >= 0 ?
-		            i == only :
-		            !db_commission_list[i].chosen &&
-		                    !db_client_has_text(round->done, db_commission_list[i].name))
+		if (only >= 0 ? i == only :
+		                !db_commission_list[i].chosen &&
+		                        !db_words_has_text(round->done, db_commission_list[i].name))
 			goes_on = do_step(round, (size_t)i);
 	}
 	/* At the end, also after an interruption, the drive on the bench has no power. */

@@ -21,9 +21,9 @@ json_t *db_ctl_process_names(const json_t *registers)
 
 void db_ctl_judge(const json_t *record, struct db_ctl_judgement *judgement)
 {
-	const char *cause = db_client_text(record, "cause");
-	const char *detail = db_client_text(record, "detail");
-	const char *advice = db_client_text(record, "advice");
+	const char *cause = db_words_text(record, "cause");
+	const char *detail = db_words_text(record, "detail");
+	const char *advice = db_words_text(record, "advice");
 
 	judgement->need = db_client_trouble_need(record);
 	snprintf(judgement->cause, sizeof(judgement->cause), "%s",

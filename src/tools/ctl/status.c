@@ -232,7 +232,7 @@ static bool has_trouble_of_bus(const struct row *row, const struct db_client_tro
 	const json_t *bus = json_object_get(troubles->buses, db_words_text(row->drive, "bus"));
 
 	return row->judgement.need != DB_CLIENT_FINE &&
-	       strcmp(db_client_text(bus, "cause"), row->judgement.cause) == 0;
+	       strcmp(db_words_text(bus, "cause"), row->judgement.cause) == 0;
 }
 
 /* The number of each need; `hints` of the gateway itself are among them. */

@@ -3,6 +3,7 @@
 
 #include "client/log.h"
 #include "client/plant.h"
+#include "words/value.h"
 
 #include <string.h>
 
@@ -31,7 +32,7 @@ json_t *db_mqtt_choose_registers(const struct db_mqtt_config *config, const json
 
 	json_array_foreach(registers, i, reg)
 	{
-		const char *name = db_client_text(reg, "name");
+		const char *name = db_words_text(reg, "name");
 
 		/* Process data come first, up to the first writable register. */
 		process = process && !json_is_true(json_object_get(reg, "writable"));
@@ -55,13 +56,13 @@ json_t *db_mqtt_collect_names(const struct db_mqtt_config *config,
 
 		json_array_foreach(chosen, place, reg)
 		{
-			if (!db_client_has_text(names, db_client_text(reg, "name")))
+			if (!db_words_has_text(names, db_words_text(reg, "name")))
 				(void)json_array_append(names, json_object_get(reg, "name"));
 		}
 		json_decref(chosen);
 	}
 	for (const char *at = config->values.names; at && *at; at += strlen(at) + 1) {
-		if (!db_client_has_text(names, at))
+		if (!db_words_has_text(names, at))
 			db_client_log(DB_CLIENT_WARNING, "values: no drive has a register '%s'",
 			              at);
 	}

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/device.h"
 
-#include "client/objects.h"
 #include "mqtt/choice.h"
+#include "words/value.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -28,7 +28,7 @@ json_t *db_mqtt_device_keep(const struct db_mqtt_config *config, json_t *receive
 		bool argument = json_is_true(json_object_get(reg, "writable")) &&
 		                !json_is_true(json_object_get(reg, "parameter"));
 
-		if (argument || db_client_named(chosen, db_client_text(reg, "name")))
+		if (argument || db_words_look_up(chosen, db_words_text(reg, "name")))
 			(void)json_array_append(kept, reg);
 	}
 	json_decref(chosen);
@@ -70,8 +70,8 @@ static void put_number(json_t *properties, const char *key, const json_t *value)
 static json_t *describe_register(const json_t *reg)
 {
 	json_t *properties = json_object();
-	const char *unit = db_client_text(reg, "unit");
-	const char *text = db_client_text(reg, "description");
+	const char *unit = db_words_text(reg, "unit");
+	const char *text = db_words_text(reg, "description");
 
 	if (unit[0])
 		(void)json_object_set_new(properties, "engUnit", json_string(unit));
@@ -96,9 +96,9 @@ static bool add_value(struct db_mqtt_points *points, const struct db_mqtt_config
 	return db_mqtt_points_add(points,
 	                          &(struct db_mqtt_point){
 					  .kind = DB_MQTT_VALUE,
-					  .name = db_client_text(reg, "name"),
-					  .what = db_client_text(reg, "name"),
-					  .type = db_mqtt_type_of(db_client_text(reg, "type")),
+					  .name = db_words_text(reg, "name"),
+					  .what = db_words_text(reg, "name"),
+					  .type = db_mqtt_type_of(db_words_text(reg, "type")),
 					  .writable = writable,
 					  .properties = describe_register(reg),
 				  });
@@ -111,7 +111,7 @@ static bool add_command(struct db_mqtt_points *points, const json_t *registers,
 {
 	const json_t *arguments = json_object_get(command, "arguments");
 	const char *first = json_string_value(json_array_get(arguments, 0));
-	const json_t *reg = first ? db_client_named(registers, first) : NULL;
+	const json_t *reg = first ? db_words_look_up(registers, first) : NULL;
 	json_t *properties = reg ? describe_register(reg) : json_object();
 	char name[96];
 	bool added;
@@ -119,31 +119,31 @@ static bool add_command(struct db_mqtt_points *points, const json_t *registers,
 	const json_t *argument;
 
 	(void)json_object_set(properties, "documentation", json_object_get(command, "description"));
-	snprintf(name, sizeof(name), "command/%s", db_client_text(command, "name"));
+	snprintf(name, sizeof(name), "command/%s", db_words_text(command, "name"));
 	added = db_mqtt_points_add(
-		points, &(struct db_mqtt_point){
-				.kind = DB_MQTT_RUN,
-				.name = name,
-				.what = db_client_text(command, "name"),
-				.type = reg ? db_mqtt_type_of(db_client_text(reg, "type")) :
-	                                      DB_MQTT_BOOLEAN,
-				.first = reg ? first : "",
-				.properties = properties,
-			});
+		points,
+		&(struct db_mqtt_point){
+			.kind = DB_MQTT_RUN,
+			.name = name,
+			.what = db_words_text(command, "name"),
+			.type = reg ? db_mqtt_type_of(db_words_text(reg, "type")) : DB_MQTT_BOOLEAN,
+			.first = reg ? first : "",
+			.properties = properties,
+		});
 	json_array_foreach(arguments, i, argument)
 	{
-		const json_t *other = db_client_named(registers, json_string_value(argument));
+		const json_t *other = db_words_look_up(registers, json_string_value(argument));
 
 		if (i == 0 || !other)
 			continue;
-		snprintf(name, sizeof(name), "argument/%s", db_client_text(other, "name"));
+		snprintf(name, sizeof(name), "argument/%s", db_words_text(other, "name"));
 		added = db_mqtt_points_add(
 				points,
 				&(struct db_mqtt_point){
 					.kind = DB_MQTT_ARGUMENT,
 					.name = name,
-					.what = db_client_text(other, "name"),
-					.type = db_mqtt_type_of(db_client_text(other, "type")),
+					.what = db_words_text(other, "name"),
+					.type = db_mqtt_type_of(db_words_text(other, "type")),
 					.properties = describe_register(other),
 				}) &&
 		        added;
@@ -202,7 +202,7 @@ struct db_mqtt_points *db_mqtt_device_new(const struct db_mqtt_config *config,
                                           const struct db_plant_drive *drive, const char *family,
                                           const json_t *stops)
 {
-	const char *name = db_client_text(drive->description, "name");
+	const char *name = db_words_text(drive->description, "name");
 	struct db_mqtt_points *points = db_mqtt_points_new(aliases, name,
 	                                                   config->templates ? family : "");
 	json_t *chosen = db_mqtt_choose_registers(config, drive->registers);
@@ -214,7 +214,7 @@ struct db_mqtt_points *db_mqtt_device_new(const struct db_mqtt_config *config,
 	json_array_foreach(chosen, i, one) added = added && add_value(points, config, one);
 	json_array_foreach(drive->commands, i, one)
 	{
-		const char *command = db_client_text(one, "name");
+		const char *command = db_words_text(one, "name");
 
 		if (!db_mqtt_choice_allows(config, name, command, json_object_get(stops, command)))
 			continue;

@@ -9,6 +9,7 @@
 #include "mqtt/order.h"
 #include "mqtt/points.h"
 #include "mqtt/store.h"
+#include "words/value.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -182,14 +183,14 @@ static void on_found(void *form, const json_t *description, const struct db_plan
 	node->count = 0;
 	for (size_t i = 0; node->devices && i < count; i++) {
 		struct device *device = &node->devices[node->count];
-		const json_t *bus = db_client_named(buses,
-		                                    db_client_text(drives[i].description, "bus"));
+		const json_t *bus = db_words_look_up(buses,
+		                                     db_words_text(drives[i].description, "bus"));
 		char name[DB_MQTT_NAME_MAX + 16];
 
 		snprintf(device->name, sizeof(device->name), "%s",
-		         db_client_text(drives[i].description, "name"));
+		         db_words_text(drives[i].description, "name"));
 		snprintf(device->family, sizeof(device->family), "%s",
-		         db_client_text(bus, "protocol"));
+		         db_words_text(bus, "protocol"));
 		device->points = db_mqtt_device_new(node->config, &node->aliases, &drives[i],
 		                                    device->family, stops);
 		if (!device->points) {
@@ -243,7 +244,7 @@ static void put_news(struct node *node, struct device *device)
 static void on_sample(void *form, const json_t *sample, int64_t us)
 {
 	struct node *node = form;
-	struct device *device = find_device(node, db_client_text(sample, "drive"));
+	struct device *device = find_device(node, db_words_text(sample, "drive"));
 
 	if (!device)
 		return;
@@ -262,8 +263,8 @@ static void on_troubles(void *form, const struct db_client_troubles *troubles, c
 	{
 		char name[DB_MQTT_NAME_MAX + 16];
 
-		snprintf(name, sizeof(name), "trouble/%s", db_client_text(record, "drive"));
-		set_own(node, name, json_string(db_client_text(record, "cause")));
+		snprintf(name, sizeof(name), "trouble/%s", db_words_text(record, "drive"));
+		set_own(node, name, json_string(db_words_text(record, "cause")));
 	}
 	set_own(node, "well", json_boolean(troubles->well));
 }

@@ -10,6 +10,7 @@
 #include "mqtt/picture.h"
 #include "mqtt/trouble.h"
 #include "users/users.h"
+#include "words/value.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -80,7 +81,7 @@ static void on_sample(void *form, const json_t *sample, int64_t us)
 {
 	struct plain *plain = form;
 	const struct db_mqtt_config *config = plain->config;
-	const char *drive = db_client_text(sample, "drive");
+	const char *drive = db_words_text(sample, "drive");
 	struct db_mqtt_picture *picture = find_picture(plain, drive);
 
 	if (!picture)
@@ -122,7 +123,7 @@ static void withdraw_missing(struct plain *plain, const json_t *description, con
 	for (size_t i = 0; i < plain->picture_count; i++) {
 		const char *name = db_mqtt_picture_name(plain->pictures[i]);
 
-		if (db_client_named(drives, name))
+		if (db_words_look_up(drives, name))
 			continue;
 		if (plain->config->discovery)
 			db_mqtt_discovery_announce(plain->config, plain->pictures[i], stops, true,
@@ -134,9 +135,9 @@ static void withdraw_missing(struct plain *plain, const json_t *description, con
 	}
 	json_array_foreach(plain->buses, b, bus)
 	{
-		const char *name = db_client_text(bus, "name");
+		const char *name = db_words_text(bus, "name");
 
-		for (size_t l = 0; !db_client_named(buses, name) && l < 2; l++)
+		for (size_t l = 0; !db_words_look_up(buses, name) && l < 2; l++)
 			db_mqtt_outbox_set_retained(
 				plain->outbox, topic_of_part(plain, "bus", name, of_bus[l]).text,
 				"");
@@ -185,14 +186,14 @@ static void on_troubles(void *form, const struct db_client_troubles *troubles, c
 
 	json_array_foreach(json_object_get(news, "drives"), i, record)
 	{
-		const char *drive = db_client_text(record, "drive");
+		const char *drive = db_words_text(record, "drive");
 
 		if (find_picture(plain, drive))
 			publish_retained(plain, topic_of_part(plain, "drive", drive, "trouble"),
 			                 db_mqtt_trouble_write(record));
 	}
 	json_array_foreach(json_object_get(news, "buses"), i, record) publish_retained(
-		plain, topic_of_part(plain, "bus", db_client_text(record, "bus"), "trouble"),
+		plain, topic_of_part(plain, "bus", db_words_text(record, "bus"), "trouble"),
 		db_mqtt_trouble_write(record));
 	publish_retained(plain, topic_of(plain, "trouble"),
 	                 json_pack("{s:b, s:o}", "well", troubles->well, "configuration",
@@ -219,7 +220,7 @@ static void on_lost(void *form)
 		                 db_mqtt_trouble_write(NULL));
 	}
 	json_array_foreach(plain->buses, i, bus) publish_retained(
-		plain, topic_of_part(plain, "bus", db_client_text(bus, "name"), "trouble"),
+		plain, topic_of_part(plain, "bus", db_words_text(bus, "name"), "trouble"),
 		db_mqtt_trouble_write(NULL));
 	publish_retained(
 		plain, topic_of(plain, "trouble"),

@@ -14,6 +14,7 @@
 #include "mqtt/ration.h"
 #include "mqtt/senders.h"
 #include "mqtt/topics.h"
+#include "words/value.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -82,7 +83,7 @@ static void choose_drives(void *context, json_t *description)
 	if (chosen->word != DB_SETTING_NAMED)
 		return;
 	for (size_t i = json_array_size(drives); i-- > 0;) {
-		if (!db_setting_list_has(chosen, db_client_text(json_array_get(drives, i), "name")))
+		if (!db_setting_list_has(chosen, db_words_text(json_array_get(drives, i), "name")))
 			(void)json_array_remove(drives, i);
 	}
 }

@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/alarms.h"
-
-#include "client/objects.h"
 #include "words/value.h"
 
 #include <stdio.h>
@@ -26,14 +24,14 @@ void db_opcua_alarms_begin(struct db_opcua_alarms *alarms)
  * memory. */
 static struct db_opcua_alarm *find_or_add(struct db_opcua_alarms *alarms, const json_t *told)
 {
-	const char *kind = db_client_text(told, "kind");
-	const char *name = db_client_text(told, "name");
+	const char *kind = db_words_text(told, "kind");
+	const char *name = db_words_text(told, "name");
 	struct db_opcua_alarm **end = &alarms->list;
 	struct db_opcua_alarm *alarm;
 	char id[sizeof(alarm->id)];
 
 	snprintf(id, sizeof(id), DB_OPCUA_ALARMS ".%.15s%s%.63s.%.31s", kind, name[0] ? "." : "",
-	         name, db_client_text(told, "cause"));
+	         name, db_words_text(told, "cause"));
 	while (*end && strcmp((*end)->id, id) != 0)
 		end = &(*end)->next;
 	alarm = *end;
@@ -59,8 +57,8 @@ static bool take_one(struct db_opcua_alarm *alarm, const json_t *told, int64_t u
 	bool another = number != alarm->number;
 	int64_t came_us = db_words_number(told, "came_us");
 	int64_t gone_us = db_words_number(told, "gone_us");
-	const char *detail = db_client_text(told, "detail");
-	bool act = strcmp(db_client_text(told, "need"), "look") != 0;
+	const char *detail = db_words_text(told, "detail");
+	bool act = strcmp(db_words_text(told, "need"), "look") != 0;
 	unsigned severity = act ? SEVERITY_ACT : SEVERITY_LOOK;
 	char cause[32];
 
@@ -79,7 +77,7 @@ static bool take_one(struct db_opcua_alarm *alarm, const json_t *told, int64_t u
 	alarm->active_us = alarm->present ? came_us : gone_us;
 	alarm->acknowledged_us = db_words_number(told, "acknowledged_us");
 	alarm->received_us = us;
-	snprintf(alarm->by, sizeof(alarm->by), "%s", db_client_text(told, "acknowledged_by"));
+	snprintf(alarm->by, sizeof(alarm->by), "%s", db_words_text(told, "acknowledged_by"));
 	/* "no_answer" is "no answer". */
 	snprintf(cause, sizeof(cause), "%s", alarm->cause);
 	for (char *at = cause; *at; at++)

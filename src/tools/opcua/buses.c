@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/buses.h"
-
-#include "client/objects.h"
+#include "words/value.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -106,7 +105,7 @@ void db_opcua_buses_describe(struct db_opcua_bus **buses, json_t *told, int64_t 
 	while (*at) {
 		struct db_opcua_bus *bus = *at;
 
-		if (db_client_named(told, bus->name)) {
+		if (db_words_look_up(told, bus->name)) {
 			at = &bus->next;
 		} else {
 			*at = bus->next;
@@ -115,7 +114,7 @@ void db_opcua_buses_describe(struct db_opcua_bus **buses, json_t *told, int64_t 
 	}
 	json_array_foreach(told, i, one)
 	{
-		const char *name = db_client_text(one, "name");
+		const char *name = db_words_text(one, "name");
 		struct db_opcua_bus *bus = find_bus(*buses, name);
 		const char *key;
 		json_t *value;

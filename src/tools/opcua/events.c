@@ -5,7 +5,7 @@
 #include "opcua/values.h"
 
 #include "client/log.h"
-#include "client/objects.h"
+#include "words/value.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -177,24 +177,24 @@ static void trigger(UA_Server *server, const char *what, UA_NodeId event, UA_Nod
 void db_opcua_events_tell(UA_Server *server, const struct db_opcua_locales *locales,
                           const json_t *event, UA_NodeId origin)
 {
-	struct message message = { .locales = locales, .text = db_client_text(event, "text") };
-	const char *drive = db_client_text(event, "drive");
+	struct message message = { .locales = locales, .text = db_words_text(event, "text") };
+	const char *drive = db_words_text(event, "drive");
 	UA_DateTime time = UA_DATETIME_UNIX_EPOCH +
 	                   json_integer_value(json_object_get(event, "time_us")) * UA_DATETIME_USEC;
 	UA_NodeId node = UA_NODEID_NULL;
 	char id[128];
 	UA_NodeId type;
-	UA_StatusCode status = find_type(server, db_client_text(event, "name"), id, &type);
+	UA_StatusCode status = find_type(server, db_words_text(event, "name"), id, &type);
 
 	if (status == UA_STATUSCODE_GOOD)
 		status = UA_Server_createEvent(server, type, &node);
 	if (status == UA_STATUSCODE_GOOD)
-		status = set_head(server, node, time, db_client_text(event, "level"),
-		                  db_client_text(event, "text"),
-		                  drive[0] ? drive : db_client_text(event, "bus"));
+		status = set_head(server, node, time, db_words_text(event, "level"),
+		                  db_words_text(event, "text"),
+		                  drive[0] ? drive : db_words_text(event, "bus"));
 	if (status == UA_STATUSCODE_GOOD && translate(server, node, &message) != UA_STATUSCODE_GOOD)
 		db_client_log(DB_CLIENT_WARNING, "the event %s is sent in English", id);
-	trigger(server, db_client_text(event, "name"), node, origin, status);
+	trigger(server, db_words_text(event, "name"), node, origin, status);
 }
 
 void db_opcua_events_tell_changes(UA_Server *server, UA_ModelChangeStructureDataType *changes,

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "opcua/model.h"
-
-#include "client/objects.h"
+#include "words/value.h"
 
 #include <ctype.h>
 #include <float.h>
@@ -165,15 +164,14 @@ static bool read_register(struct db_opcua_register *reg, const json_t *json, con
 	const json_t *max = json_object_get(json, "max");
 	bool parameter = json_is_true(json_object_get(json, "parameter"));
 
-	reg->name = db_client_text(json, "name");
-	reg->unit = db_client_text(json, "unit");
-	reg->description = db_client_text(json, "description");
+	reg->name = db_words_text(json, "name");
+	reg->unit = db_words_text(json, "unit");
+	reg->description = db_words_text(json, "description");
 	reg->writable = json_is_true(json_object_get(json, "writable"));
 	reg->codes = json_object_get(json, "codes");
 	if (!json_is_object(reg->codes))
 		reg->codes = NULL;
-	if (reg->name[0] == '\0' ||
-	    !read_type(db_client_text(json, "type"), &reg->type, &reg->bits))
+	if (reg->name[0] == '\0' || !read_type(db_words_text(json, "type"), &reg->type, &reg->bits))
 		return false;
 	reg->has_range = json_is_number(min) && json_is_number(max);
 	if (reg->has_range) {
@@ -354,7 +352,7 @@ void db_opcua_registers_shorten(json_t *registers, bool history)
 
 	for (size_t i = json_array_size(registers); i-- > 0;) {
 		json_t *reg = json_array_get(registers, i);
-		const char *name = db_client_text(reg, "name");
+		const char *name = db_words_text(reg, "name");
 
 		for (size_t j = 0; j < sizeof(others) / sizeof(others[0]); j++)
 			(void)json_object_del(reg, others[j]);
@@ -363,7 +361,7 @@ void db_opcua_registers_shorten(json_t *registers, bool history)
 		else if (is_history(name) && strncmp(name, first, sizeof(first) - 1) != 0)
 			(void)json_array_set_new(registers, i,
 			                         json_pack("{s:s, s:s}", "name", name, "type",
-			                                   db_client_text(reg, "type")));
+			                                   db_words_text(reg, "type")));
 	}
 }
 
@@ -588,7 +586,7 @@ void db_opcua_drive_diagnose(struct db_opcua_drive *drive, const json_t *record,
 		json_t *value = json_object_get(record, key);
 
 		if (strcmp(key, "event") == 0)
-			diagnose(drive, i, json_string(db_client_text(event, "text")), us);
+			diagnose(drive, i, json_string(db_words_text(event, "text")), us);
 		else if (strcmp(key, "event_time_us") == 0)
 			diagnose(
 				drive, i,

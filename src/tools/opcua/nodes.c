@@ -11,6 +11,7 @@
 
 #include "client/clock.h"
 #include "client/log.h"
+#include "words/value.h"
 
 #include <open62541/server.h>
 #include <stdlib.h>
@@ -268,7 +269,7 @@ static void take_alarms(void *context, const json_t *answer, bool first)
 static void show_event(void *context, const json_t *event)
 {
 	const struct db_opcua_nodes *nodes = context;
-	const char *drive = db_client_text(event, "drive");
+	const char *drive = db_words_text(event, "drive");
 	bool there = db_opcua_roster_find(&nodes->roster, drive, strlen(drive)) != NULL;
 	struct db_opcua_id id = db_opcua_id_of(there ? drive : DB_OPCUA_DRIVES, "");
 

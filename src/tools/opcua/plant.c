@@ -2,6 +2,7 @@
 #include "opcua/plant.h"
 
 #include "client/clock.h"
+#include "words/value.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -57,7 +58,7 @@ struct db_opcua_drive *db_opcua_plant_find(const struct db_opcua_plant *plant, c
 static void on_sample(void *context, const json_t *sample, int64_t sent_us)
 {
 	struct db_opcua_plant *plant = context;
-	struct db_opcua_drive *drive = db_opcua_plant_find(plant, db_client_text(sample, "drive"));
+	struct db_opcua_drive *drive = db_opcua_plant_find(plant, db_words_text(sample, "drive"));
 	int64_t us = db_client_wall_us();
 
 	if (!drive)
@@ -112,7 +113,7 @@ static void on_troubles(void *context, const struct db_client_troubles *troubles
 	json_array_foreach(json_object_get(news, "drives"), i, record)
 	{
 		struct db_opcua_drive *drive = db_opcua_plant_find(plant,
-		                                                   db_client_text(record, "drive"));
+		                                                   db_words_text(record, "drive"));
 
 		if (drive)
 			db_opcua_drive_diagnose(drive, record, us);
@@ -136,13 +137,13 @@ static json_t *watched_names(const struct db_opcua_plant *plant)
 
 			if (drive->items[j].watchers > 0 &&
 			    drive->items[j].reg->group != DB_OPCUA_DIAGNOSIS &&
-			    !db_client_has_text(names, name) && json_array_size(names) < STREAM_MAX)
+			    !db_words_has_text(names, name) && json_array_size(names) < STREAM_MAX)
 				(void)json_array_append_new(names, json_string(name));
 		}
 	}
 	for (struct db_opcua_kind *kind = plant->kinds; kind; kind = kind->next) {
 		for (size_t i = 0; i < kind->count; i++)
-			kind->list[i].streamed = db_client_has_text(names, kind->list[i].name);
+			kind->list[i].streamed = db_words_has_text(names, kind->list[i].name);
 	}
 	if (json_array_size(names) == always) {
 		json_decref(names);
@@ -176,9 +177,9 @@ void db_opcua_plant_rewatch(struct db_opcua_plant *plant)
 static struct db_opcua_drive *make_drive(struct db_opcua_plant *plant,
                                          const struct db_plant_drive *found)
 {
-	const char *bus = db_client_text(found->description, "bus");
-	const char *family = db_client_text(db_client_named(plant->buses, bus), "protocol");
-	bool gateway = db_client_text(found->description, "name")[0] == '\0';
+	const char *bus = db_words_text(found->description, "bus");
+	const char *family = db_words_text(db_words_look_up(plant->buses, bus), "protocol");
+	bool gateway = db_words_text(found->description, "name")[0] == '\0';
 	struct db_opcua_kind *kind = db_opcua_kind_take(&plant->kinds,
 	                                                gateway ? db_opcua_type_of_gateway() :
 	                                                          db_opcua_type_of_family(family),
@@ -186,7 +187,7 @@ static struct db_opcua_drive *make_drive(struct db_opcua_plant *plant,
 	struct db_opcua_drive *drive = NULL;
 
 	if (kind)
-		drive = db_opcua_drive_new(db_client_text(found->description, "name"), bus, kind);
+		drive = db_opcua_drive_new(db_words_text(found->description, "name"), bus, kind);
 	if (!drive)
 		db_opcua_kind_release(&plant->kinds, kind);
 	return drive;
@@ -234,11 +235,11 @@ static bool show_found(struct db_opcua_plant *plant, const struct db_plant_drive
 
 	for (size_t i = plant->drive_count; i-- > 0;) {
 		struct db_opcua_drive *drive = plant->drives[i];
-		const json_t *before = db_client_named(known, drive->name);
+		const json_t *before = db_words_look_up(known, drive->name);
 		size_t at = 0;
 
 		while (at < count &&
-		       strcmp(db_client_text(found[at].description, "name"), drive->name) != 0)
+		       strcmp(db_words_text(found[at].description, "name"), drive->name) != 0)
 			at++;
 		if (at == count) {
 			plant->ops->removed(plant->context, drive);
@@ -252,7 +253,7 @@ static bool show_found(struct db_opcua_plant *plant, const struct db_plant_drive
 		}
 	}
 	for (size_t i = 0; i < count; i++) {
-		if (!db_opcua_plant_find(plant, db_client_text(found[i].description, "name")) &&
+		if (!db_opcua_plant_find(plant, db_words_text(found[i].description, "name")) &&
 		    !add_drive(plant, &found[i]))
 			return false;
 	}
@@ -430,7 +431,7 @@ json_t *db_opcua_plant_ask_health(struct db_opcua_plant *plant, const char *driv
 bool db_opcua_plant_ask_clock(struct db_opcua_plant *plant, char token[DB_OPCUA_TOKEN_MAX])
 {
 	json_t *answer = ask_now(plant, "Clock", NULL);
-	const char *text = db_client_text(answer, "token");
+	const char *text = db_words_text(answer, "token");
 	bool good = text[0] && strlen(text) < DB_OPCUA_TOKEN_MAX;
 
 	snprintf(token, DB_OPCUA_TOKEN_MAX, "%s", good ? text : "");

@@ -4,7 +4,7 @@
 #include "opcua/values.h"
 
 #include "capture/audit_text.h"
-#include "client/objects.h"
+#include "words/value.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -160,7 +160,7 @@ static UA_StatusCode fill_type(const struct filling *filling)
 
 static UA_StatusCode fill_source(const struct filling *filling)
 {
-	const char *drive = db_client_text(filling->record, "drive");
+	const char *drive = db_words_text(filling->record, "drive");
 	bool there = drive[0] != '\0' &&
 	             db_opcua_roster_find(filling->roster, drive, strlen(drive));
 	struct db_opcua_id id = db_opcua_id_of(drive, "");
@@ -172,8 +172,8 @@ static UA_StatusCode fill_source(const struct filling *filling)
 
 static UA_StatusCode fill_source_name(const struct filling *filling)
 {
-	const char *drive = db_client_text(filling->record, "drive");
-	const char *bus = db_client_text(filling->record, "bus");
+	const char *drive = db_words_text(filling->record, "drive");
+	const char *bus = db_words_text(filling->record, "bus");
 
 	return set_text(filling, drive[0] ? drive : bus[0] ? bus : "Server");
 }
@@ -189,7 +189,7 @@ static UA_StatusCode fill_time(const struct filling *filling)
 
 static UA_StatusCode fill_message(const struct filling *filling)
 {
-	const char *result = db_client_text(filling->record, "result");
+	const char *result = db_words_text(filling->record, "result");
 	char *words = db_capture_audit_describe(filling->record);
 	char text[MESSAGE_MAX];
 	UA_LocalizedText message;
@@ -233,7 +233,7 @@ static UA_StatusCode fill_entry_id(const struct filling *filling)
 
 static UA_StatusCode fill_user(const struct filling *filling)
 {
-	return set_text(filling, db_client_text(filling->record, "who"));
+	return set_text(filling, db_words_text(filling->record, "who"));
 }
 
 static UA_StatusCode fill_details(const struct filling *filling)

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "web/service.h"
+#include "words/value.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,7 +23,7 @@ static void on_registers(void *data, json_t *parameters, const struct db_client_
 	(void)more;
 	json_array_foreach(error ? NULL : json_object_get(parameters, "registers"), i, reg)
 	{
-		if (strcmp(db_client_text(reg, "name"), "axis_state") == 0) {
+		if (strcmp(db_words_text(reg, "name"), "axis_state") == 0) {
 			json_decref(service->states);
 			service->states = json_incref(json_object_get(reg, "codes"));
 		}
@@ -43,8 +44,8 @@ static void describe(void *data, json_t *description)
 	/* The codes are the same for all drives. */
 	if (!service->states && first)
 		(void)db_link_send(db_plant_reader(service->plant), "Registers",
-		                   json_pack("{s:s}", "drive", db_client_text(first, "name")),
-		                   false, on_registers, service);
+		                   json_pack("{s:s}", "drive", db_words_text(first, "name")), false,
+		                   on_registers, service);
 	if (service->description && json_equal(service->description, description))
 		return;
 	json_decref(service->description);

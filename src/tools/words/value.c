@@ -42,6 +42,19 @@ json_t *db_words_look_up(const json_t *list, const char *name)
 	return NULL;
 }
 
+bool db_words_has_text(const json_t *texts, const char *text)
+{
+	size_t i;
+	const json_t *one;
+
+	json_array_foreach(texts, i, one)
+	{
+		if (json_is_string(one) && strcmp(json_string_value(one), text) == 0)
+			return true;
+	}
+	return false;
+}
+
 static bool has_bits(const json_t *reg)
 {
 	return strncmp(db_words_text(reg, "type"), "bits", 4) == 0;

@@ -25,6 +25,9 @@ bool db_words_flag(const json_t *object, const char *name);
 /* The object of that `name` in a list, or NULL. */
 json_t *db_words_look_up(const json_t *list, const char *name);
 
+/* True if this text is in a list. */
+bool db_words_has_text(const json_t *texts, const char *text);
+
 /* "3200 counts", "Standstill", "online, enabled"; "-" when it is unknown. */
 void db_words_write_value(const json_t *reg, const json_t *value, char *text, size_t size);
 

@@ -3,6 +3,7 @@
 #include "client/plant.h"
 
 #include "client/clock.h"
+#include "words/value.h"
 
 #include <errno.h>
 #include <setjmp.h>
@@ -52,7 +53,7 @@ static void take_plant(void *context, json_t *description, const struct db_plant
 	world->names[0] = '\0';
 	for (size_t i = 0; i < count; i++) {
 		(void)strcat(world->names, " ");
-		(void)strcat(world->names, db_client_text(drives[i].description, "name"));
+		(void)strcat(world->names, db_words_text(drives[i].description, "name"));
 	}
 	world->shared = count == 2 && drives[0].registers == drives[1].registers;
 	assert_non_null(description);
@@ -73,7 +74,7 @@ static void take_description(void *context, json_t *description)
 
 static void take_sample(void *context, const json_t *sample, int64_t us)
 {
-	assert_string_equal(db_client_text(sample, "drive"), "lift");
+	assert_string_equal(db_words_text(sample, "drive"), "lift");
 	assert_int_equal(us, 77);
 	((struct world *)context)->samples++;
 }
@@ -111,7 +112,7 @@ static const struct db_plant_ops ops = {
 /* What the service answers to a call; NULL: nothing yet. */
 static const char *answer_of(struct world *world, const json_t *call)
 {
-	const char *method = strrchr(db_client_text(call, "method"), '.') + 1;
+	const char *method = strrchr(db_words_text(call, "method"), '.') + 1;
 
 	if (strcmp(method, world->silent) == 0)
 		return NULL;

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "client/troubles.h"
+#include "words/value.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -27,7 +28,7 @@ static void take(struct db_client_troubles *troubles, const char *text)
 
 static const char *cause_of(const json_t *records, const char *name)
 {
-	return db_client_text(json_object_get(records, name), "cause");
+	return db_words_text(json_object_get(records, name), "cause");
 }
 
 static void what_did_not_change_is_kept(void **state)
@@ -48,7 +49,7 @@ static void what_did_not_change_is_kept(void **state)
 	assert_string_equal(cause_of(troubles.drives, "a"), "none");
 	assert_string_equal(cause_of(troubles.drives, "b"), "none");
 	assert_string_equal(cause_of(troubles.buses, "line"), "none");
-	assert_string_equal(db_client_text(troubles.configuration, "cause"), "none");
+	assert_string_equal(db_words_text(troubles.configuration, "cause"), "none");
 	db_client_troubles_clear(&troubles);
 	assert_false(troubles.told);
 	assert_null(troubles.drives);

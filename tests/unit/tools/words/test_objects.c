@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Members and elements of what the service says, whatever it says. */
-#include "client/objects.h"
+#include "words/value.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,11 +14,11 @@ static void a_text_that_is_not_there_is_empty(void **state)
 	json_t *object = json_pack("{s:s, s:i, s:n}", "name", "lift", "unit", 7, "user");
 
 	(void)state;
-	assert_string_equal(db_client_text(object, "name"), "lift");
-	assert_string_equal(db_client_text(object, "unit"), "");
-	assert_string_equal(db_client_text(object, "user"), "");
-	assert_string_equal(db_client_text(object, "nothing"), "");
-	assert_string_equal(db_client_text(NULL, "name"), "");
+	assert_string_equal(db_words_text(object, "name"), "lift");
+	assert_string_equal(db_words_text(object, "unit"), "");
+	assert_string_equal(db_words_text(object, "user"), "");
+	assert_string_equal(db_words_text(object, "nothing"), "");
+	assert_string_equal(db_words_text(NULL, "name"), "");
 	json_decref(object);
 }
 
@@ -28,12 +28,12 @@ static void an_object_is_found_by_its_whole_name(void **state)
 	                            "lift2", "name", 5, 3, "name", "feeder");
 
 	(void)state;
-	assert_ptr_equal(db_client_named(objects, "lift"), json_array_get(objects, 0));
-	assert_ptr_equal(db_client_named(objects, "lift2"), json_array_get(objects, 1));
-	assert_ptr_equal(db_client_named(objects, "feeder"), json_array_get(objects, 4));
-	assert_null(db_client_named(objects, "lif"));
-	assert_null(db_client_named(objects, "saw"));
-	assert_null(db_client_named(NULL, "lift"));
+	assert_ptr_equal(db_words_look_up(objects, "lift"), json_array_get(objects, 0));
+	assert_ptr_equal(db_words_look_up(objects, "lift2"), json_array_get(objects, 1));
+	assert_ptr_equal(db_words_look_up(objects, "feeder"), json_array_get(objects, 4));
+	assert_null(db_words_look_up(objects, "lif"));
+	assert_null(db_words_look_up(objects, "saw"));
+	assert_null(db_words_look_up(NULL, "lift"));
 	json_decref(objects);
 }
 
@@ -43,11 +43,11 @@ static void a_text_is_found_among_anything(void **state)
 	json_t *texts = json_pack("[i, s, n, s, {}]", 5, "lift", "feeder");
 
 	(void)state;
-	assert_true(db_client_has_text(texts, "lift"));
-	assert_true(db_client_has_text(texts, "feeder"));
-	assert_false(db_client_has_text(texts, "lif"));
-	assert_false(db_client_has_text(texts, ""));
-	assert_false(db_client_has_text(NULL, "lift"));
+	assert_true(db_words_has_text(texts, "lift"));
+	assert_true(db_words_has_text(texts, "feeder"));
+	assert_false(db_words_has_text(texts, "lif"));
+	assert_false(db_words_has_text(texts, ""));
+	assert_false(db_words_has_text(NULL, "lift"));
 	json_decref(texts);
 }
 
