@@ -61,7 +61,8 @@ void db_link_handle(struct db_link *link)
 		free_link(link);
 	} else if (result != 0) {
 		(void)sd_event_source_set_enabled(link->source, SD_EVENT_OFF);
-		link->lost(link->data);
+		if (link->lost)
+			link->lost(link->data);
 	} else {
 		watch(link);
 	}

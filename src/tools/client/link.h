@@ -15,7 +15,8 @@ struct db_link;
 /* The connection is lost, and every call has been answered with that; to be closed. */
 typedef void db_link_lost_fn(void *data);
 
-/* NULL with an error. Closed with db_link_close() or db_link_drop(). */
+/* NULL with an error. Closed with db_link_close() or db_link_drop(). `lost` may be NULL, where
+ * the calls' answers are enough. */
 struct db_link *db_link_open(sd_event *loop, const char *path, db_link_lost_fn *lost, void *data,
                              struct db_client_error *error);
 

@@ -42,7 +42,7 @@ struct db_mqtt_form_ops {
 	struct db_mqtt_source_ops source; /* with the form as its source */
 
 	/* What is kept of a drive's registers or commands, as db_plant_ops has it. */
-	json_t *(*keep)(void *form, json_t *received, bool commands);
+	json_t *(*keep)(const struct db_mqtt_config *config, json_t *received, bool commands);
 	/* `stops`: an object with the names of commands that stop a drive. */
 	void (*found)(void *form, const json_t *description, const struct db_plant_drive *drives,
 	              size_t count, const json_t *stops);

@@ -164,13 +164,6 @@ static void clear_devices(struct device *devices, size_t count)
 	free(devices);
 }
 
-static json_t *keep(void *form, json_t *received, bool commands)
-{
-	const struct node *node = form;
-
-	return db_mqtt_device_keep(node->config, received, commands);
-}
-
 static void on_found(void *form, const json_t *description, const struct db_plant_drive *drives,
                      size_t count, const json_t *stops)
 {
@@ -717,7 +710,7 @@ const struct db_mqtt_form_ops db_mqtt_node = {
 	            .farewell = write_farewell,
 	            .next = find_next,
 	            .sent = on_sent },
-	.keep = keep,
+	.keep = db_mqtt_device_keep,
 	.found = on_found,
 	.lost = on_lost,
 	.sample = on_sample,

@@ -146,11 +146,9 @@ static void withdraw_missing(struct plain *plain, const json_t *description, con
 	plain->buses = json_incref(buses);
 }
 
-static json_t *keep(void *form, json_t *received, bool commands)
+static json_t *keep(const struct db_mqtt_config *config, json_t *received, bool commands)
 {
-	const struct plain *plain = form;
-
-	return commands ? json_null() : db_mqtt_choose_registers(plain->config, received);
+	return commands ? json_null() : db_mqtt_choose_registers(config, received);
 }
 
 static void on_found(void *form, const json_t *description, const struct db_plant_drive *drives,

@@ -93,7 +93,7 @@ static json_t *keep(void *context, const char *drive, json_t *received, bool com
 	const struct db_mqtt_publisher *publisher = context;
 
 	(void)drive;
-	return publisher->ops->keep(publisher->form, received, commands);
+	return publisher->ops->keep(publisher->config, received, commands);
 }
 
 static void on_found(void *context, json_t *description, const struct db_plant_drive *drives,

@@ -81,12 +81,6 @@ static void end_aside(void *job)
 	free(aside);
 }
 
-static void lose_aside(void *data)
-{
-	/* Its call has been answered with that; the link is closed with the request. */
-	(void)data;
-}
-
 static void on_aside(void *data, json_t *parameters, const struct db_client_error *error, bool more)
 {
 	const struct aside *aside = data;
@@ -114,7 +108,8 @@ void db_web_call_aside(struct db_web_request *request, const char *method, json_
 		return;
 	}
 	*aside = (struct aside){ .request = request, .answer = answer };
-	aside->link = db_web_service_open(server->service, lose_aside, aside, &error);
+	/* When it is lost, its call is answered with that; it is closed with the request. */
+	aside->link = db_web_service_open(server->service, NULL, NULL, &error);
 	request->job = aside;
 	request->end_job = end_aside;
 	request->answer_by = db_client_now() + within;

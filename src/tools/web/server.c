@@ -460,7 +460,7 @@ static int on_tick(sd_event_source *source, uint64_t us, void *data)
 	if (db_web_service_is_up(server->service))
 		db_stops_prepare(db_lanes_stops(server->lanes));
 	db_web_stream_tick(server, now);
-	db_web_trail_tick(server->trail, now);
+	db_web_trail_tick(server, now);
 	/* What the service has not answered in time fails. */
 	db_client_error_set(&error, DB_CLIENT_TIMEOUT, "the service does not answer in time");
 	for (struct db_web_request *request = server->requests; request; request = request->next) {
@@ -597,11 +597,10 @@ static bool start(struct db_web_server *server)
 	server->service = db_web_service_new(server, on_service_changed, db_web_overview_take_token,
 	                                     server);
 	server->lanes = db_web_tabs_make_lanes(server);
-	server->trail = db_web_trail_new(server);
 	if (server->service)
 		server->overview = db_web_overview_new(server);
 	if (!server->connections || !server->sessions || !server->hasher || !server->asker ||
-	    !server->lanes || !server->overview || !server->trail ||
+	    !server->lanes || !server->overview ||
 	    sd_event_add_defer(server->loop, &server->turn, on_turn, server) < 0 ||
 	    sd_event_add_time_relative(server->loop, &server->pause, CLOCK_MONOTONIC, 0,
 	                               PAUSE_ACCURACY_US, on_pause, server) < 0 ||
@@ -632,7 +631,7 @@ static void stop_daemon(struct db_web_server *server)
 		return;
 	db_web_door_free(server->door);
 	db_web_stream_end(server, NULL, "Stopping", "this server is being stopped");
-	db_web_trail_end(server->trail);
+	db_web_trail_end(server);
 	for (struct db_web_request *request = server->requests; request; request = request->next) {
 		if (request->status == 0)
 			db_web_request_refuse(request, MHD_HTTP_SERVICE_UNAVAILABLE, "Stopping",
@@ -659,7 +658,7 @@ int db_web_serve(const void *config, sd_event *loop)
 	stop_daemon(&server);
 	/* Before the objects that wait for its answers. */
 	db_lanes_free(server.lanes);
-	db_web_trail_free(server.trail);
+	db_link_drop(server.trail.link);
 	db_web_service_free(server.service);
 	db_web_parameters_free(&server);
 	db_web_setup_free(&server);

@@ -19,6 +19,7 @@
 #include <systemd/sd-event.h>
 
 struct db_lanes;
+struct db_link;
 struct db_web_commission;
 struct db_web_overview;
 struct db_web_parameters;
@@ -28,7 +29,7 @@ struct db_web_setup;
 struct db_web_stop;
 struct db_web_stream;
 struct db_web_tab;
-struct db_web_trail;
+struct db_web_trail_reader;
 
 /* Counters since this program began. */
 struct db_web_counts {
@@ -38,6 +39,15 @@ struct db_web_counts {
 	uint64_t failed_logins;
 	uint64_t jogs;
 	uint64_t late_jogs; /* ended because no beats arrived */
+};
+
+/* How the audit trail is read (trail.h). */
+struct db_web_trail {
+	struct db_link *link;              /* NULL: nobody reads */
+	struct db_web_trail_reader *first; /* whose turn it is; the others wait behind it */
+	bool asked;
+	bool ended;
+	db_time answer_by;
 };
 
 struct db_web_server {
@@ -75,7 +85,7 @@ struct db_web_server {
 	struct db_web_commission *commissions;
 	struct db_web_parameters *parameters;
 	struct db_web_setup *setups;
-	struct db_web_trail *trail;
+	struct db_web_trail trail;
 	unsigned calls_aside; /* their connections (call.h) */
 	uint64_t last_number; /* of requests */
 	struct db_web_connections *connections;

@@ -12,8 +12,6 @@
 
 #include <jansson.h>
 
-struct db_web_trail;
-
 /* In front of what reads; belongs to the reader. */
 struct db_web_trail_reader {
 	/* It is this reader's turn: it asks, or leaves. */
@@ -24,25 +22,20 @@ struct db_web_trail_reader {
 	struct db_web_trail_reader *next;
 };
 
-/* NULL without memory; freed with db_web_trail_free(), NULL is allowed. Then there are no readers.
- */
-struct db_web_trail *db_web_trail_new(struct db_web_server *server);
-void db_web_trail_free(struct db_web_trail *trail);
-
 /* Its turn comes, maybe at once. */
-void db_web_trail_enter(struct db_web_trail *trail, struct db_web_trail_reader *reader);
+void db_web_trail_enter(struct db_web_server *server, struct db_web_trail_reader *reader);
 
 /* Calls the service's method Audit with these parameters, which are taken over. `take` may be
  * called before this returns. */
-void db_web_trail_ask(struct db_web_trail *trail, json_t *query);
+void db_web_trail_ask(struct db_web_server *server, json_t *query);
 
 /* It may be called at any time, also by a reader that waits for its turn or for a page. Afterwards
  * the reader is not used any more. */
-void db_web_trail_leave(struct db_web_trail *trail, struct db_web_trail_reader *reader);
+void db_web_trail_leave(struct db_web_server *server, struct db_web_trail_reader *reader);
 
-/* This program ends: each reader is answered with an error, now and later. NULL is allowed. */
-void db_web_trail_end(struct db_web_trail *trail);
+/* This program ends: each reader is answered with an error, now and later. */
+void db_web_trail_end(struct db_web_server *server);
 
-void db_web_trail_tick(struct db_web_trail *trail, db_time now);
+void db_web_trail_tick(struct db_web_server *server, db_time now);
 
 #endif

@@ -45,12 +45,12 @@ static void take_turn(struct db_web_trail_reader *reader)
 
 	/* It may take hours. */
 	if (db_web_sessions_find(request->server->sessions, request->session, db_client_now())) {
-		db_web_trail_ask(request->server->trail,
+		db_web_trail_ask(request->server,
 		                 db_web_trail_filter_query(&file->filter, file->next));
 		return;
 	}
 	file->broken = true;
-	db_web_trail_leave(request->server->trail, reader);
+	db_web_trail_leave(request->server, reader);
 	resume(file);
 }
 
@@ -58,7 +58,7 @@ static void take_page(struct db_web_trail_reader *reader, json_t *page,
                       const struct db_client_error *error)
 {
 	struct file *file = (struct file *)(void *)reader;
-	struct db_web_trail *trail = file->request->server->trail;
+	struct db_web_server *server = file->request->server;
 	FILE *out;
 	json_t *record;
 	size_t i;
@@ -92,7 +92,7 @@ static void take_page(struct db_web_trail_reader *reader, json_t *page,
 		take_turn(reader);
 		return;
 	}
-	db_web_trail_leave(trail, reader);
+	db_web_trail_leave(server, reader);
 	resume(file);
 }
 
@@ -116,7 +116,7 @@ static ssize_t take_bytes(void *data, uint64_t position, char *buffer, size_t mo
 		return MHD_CONTENT_READER_END_OF_STREAM;
 	file->waiting = true;
 	MHD_suspend_connection(file->request->connection);
-	db_web_trail_enter(file->request->server->trail, &file->reader);
+	db_web_trail_enter(file->request->server, &file->reader);
 	return 0;
 }
 
@@ -124,7 +124,7 @@ static void end_file(void *job)
 {
 	struct file *file = job;
 
-	db_web_trail_leave(file->request->server->trail, &file->reader);
+	db_web_trail_leave(file->request->server, &file->reader);
 	free(file->lines);
 	free(file);
 }

@@ -35,7 +35,7 @@ static void end_search(void *job)
 {
 	struct search *search = job;
 
-	db_web_trail_leave(search->request->server->trail, &search->reader);
+	db_web_trail_leave(search->request->server, &search->reader);
 	json_decref(search->window);
 	json_decref(search->found);
 	json_decref(search->trail);
@@ -46,7 +46,7 @@ static void answer(struct search *search, bool over)
 {
 	struct db_web_request *request = search->request;
 
-	db_web_trail_leave(request->server->trail, &search->reader);
+	db_web_trail_leave(request->server, &search->reader);
 	db_web_request_answer(request, MHD_HTTP_OK,
 	                      json_pack("{s:O, s:I, s:b, s:O?}", "records", search->found, "before",
 	                                search->high, "over", over, "trail", search->trail));
@@ -57,7 +57,7 @@ static void answer(struct search *search, bool over)
 static void begin_window(struct search *search)
 {
 	search->low = search->high > search->width ? search->high - search->width : 1;
-	db_web_trail_ask(search->request->server->trail,
+	db_web_trail_ask(search->request->server,
 	                 db_web_trail_filter_query(&search->filter, search->low));
 }
 
@@ -79,7 +79,7 @@ static void take_window(struct search *search, const json_t *page)
 		(void)json_array_append(search->window, record);
 	}
 	if (next < search->high && !json_is_true(json_object_get(page, "over"))) {
-		db_web_trail_ask(search->request->server->trail,
+		db_web_trail_ask(search->request->server,
 		                 db_web_trail_filter_query(&search->filter, next));
 		return;
 	}
@@ -126,7 +126,7 @@ static void take_end(struct search *search, const json_t *page)
 	if (first || json_is_true(json_object_get(page, "over")))
 		begin_windows(search);
 	else
-		db_web_trail_ask(search->request->server->trail,
+		db_web_trail_ask(search->request->server,
 		                 json_pack("{s:O, s:I}", "from", json_object_get(page, "next"),
 		                           "since_us", search->filter.until_us + 1));
 }
@@ -140,9 +140,8 @@ static void take_newest(struct search *search, const json_t *page)
 		return;
 	}
 	search->take = take_end;
-	db_web_trail_ask(
-		search->request->server->trail,
-		json_pack("{s:i, s:I}", "from", 0, "since_us", search->filter.until_us + 1));
+	db_web_trail_ask(search->request->server, json_pack("{s:i, s:I}", "from", 0, "since_us",
+	                                                    search->filter.until_us + 1));
 }
 
 /* --- a search --------------------------------------------------------------------------------- */
@@ -153,7 +152,7 @@ static void take_turn(struct db_web_trail_reader *reader)
 
 	search->begun = db_client_now();
 	if (search->take == take_newest)
-		db_web_trail_ask(search->request->server->trail,
+		db_web_trail_ask(search->request->server,
 		                 json_pack("{s:I, s:b}", "from", NUMBER_MAX, "verify", true));
 	else
 		begin_window(search);
@@ -167,7 +166,7 @@ static void take_page(struct db_web_trail_reader *reader, json_t *page,
 
 	/* A request that is answered goes on until its connection knows. */
 	if (error || request->status != 0) {
-		db_web_trail_leave(request->server->trail, reader);
+		db_web_trail_leave(request->server, reader);
 		if (error)
 			db_web_request_fail(request, error);
 		return;
@@ -215,5 +214,5 @@ void db_web_trail_search(struct db_web_request *request)
 		return;
 	}
 	request->answer_by = db_client_now() + ANSWER_WITHIN;
-	db_web_trail_enter(request->server->trail, &search->reader);
+	db_web_trail_enter(request->server, &search->reader);
 }

@@ -23,7 +23,7 @@ static void end_verification(void *job)
 {
 	struct verification *verification = job;
 
-	db_web_trail_leave(verification->request->server->trail, &verification->reader);
+	db_web_trail_leave(verification->request->server, &verification->reader);
 	json_decref(verification->broken);
 	free(verification);
 }
@@ -32,7 +32,7 @@ static void take_turn(struct db_web_trail_reader *reader)
 {
 	const struct verification *verification = (struct verification *)(void *)reader;
 
-	db_web_trail_ask(verification->request->server->trail,
+	db_web_trail_ask(verification->request->server,
 	                 json_pack("{s:i, s:b}", "from", 0, "verify", true));
 }
 
@@ -57,14 +57,14 @@ static void take_page(struct db_web_trail_reader *reader, json_t *page,
 		}
 		if (!json_is_true(json_object_get(page, "over"))) {
 			db_web_trail_ask(
-				request->server->trail,
+				request->server,
 				json_pack("{s:I, s:b}", "from",
 			                  json_integer_value(json_object_get(page, "next")),
 			                  "verify", true));
 			return;
 		}
 	}
-	db_web_trail_leave(request->server->trail, reader);
+	db_web_trail_leave(request->server, reader);
 	if (error)
 		db_web_request_fail(request, error);
 	else
@@ -94,5 +94,5 @@ void db_web_trail_verify(struct db_web_request *request)
 	request->end_job = end_verification;
 	request->answer_by = db_client_now() + ANSWER_WITHIN;
 	db_web_log_action(request, "verifies the audit trail", NULL);
-	db_web_trail_enter(request->server->trail, &verification->reader);
+	db_web_trail_enter(request->server, &verification->reader);
 }
