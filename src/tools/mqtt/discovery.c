@@ -30,18 +30,15 @@ static json_t *list_availability(const struct announcement *announcement, enum a
 {
 	const struct db_mqtt_config *config = announcement->config;
 	const char *drive = db_mqtt_picture_name(announcement->picture);
-	json_t *list = json_pack(
-		"[{s:s, s:s}]", "topic",
-		db_mqtt_topic_of_gateway(config->prefix, config->gateway, "status").text,
-		"value_template", "{{ 'online' if value == 'online' else 'offline' }}");
+	json_t *list = json_pack("[{s:s, s:s}]", "topic",
+	                         db_mqtt_topic_of_gateway(config, "status").text, "value_template",
+	                         "{{ 'online' if value == 'online' else 'offline' }}");
 
 	if (available == WITH_DRIVE)
 		(void)json_array_append_new(
 			list,
 			json_pack("{s:s, s:s}", "topic",
-		                  db_mqtt_topic_of_part(config->prefix, config->gateway, "drive",
-		                                        drive, "state")
-		                          .text,
+		                  db_mqtt_topic_of_part(config, "drive", drive, "state").text,
 		                  "value_template",
 		                  "{{ 'offline' if value_json.quality == 'bad' else 'online' }}"));
 	return list;
@@ -184,8 +181,7 @@ static void put_value(const struct announcement *announcement, const char *name,
 {
 	const struct db_mqtt_config *config = announcement->config;
 	const char *drive = db_mqtt_picture_name(announcement->picture);
-	struct db_mqtt_topic topic = db_mqtt_topic_of_part(config->prefix, config->gateway, "drive",
-	                                                   drive, "state");
+	struct db_mqtt_topic topic = db_mqtt_topic_of_part(config, "drive", drive, "state");
 	const char *type = json_string_value(json_object_get(reg, "type"));
 	const char *unit = json_string_value(json_object_get(reg, "unit"));
 	json_t *codes = json_object_get(reg, "codes");
@@ -242,12 +238,12 @@ static void put_button(const struct announcement *announcement, const char *comm
 	         command);
 	/* A stop counts for a drive that does not answer, too. */
 	write_title(announcement, command, "", NULL, title, sizeof(title));
-	put_document(announcement, "button", command, title, WITH_GATEWAY,
-	             json_pack("{s:s, s:s}", "command_topic",
-	                       db_mqtt_topic_of_part(config->prefix, config->gateway, "drive",
-	                                             drive, stops ? "stop" : "command")
-	                               .text,
-	                       "command_template", message));
+	put_document(
+		announcement, "button", command, title, WITH_GATEWAY,
+		json_pack("{s:s, s:s}", "command_topic",
+	                  db_mqtt_topic_of_part(config, "drive", drive, stops ? "stop" : "command")
+	                          .text,
+	                  "command_template", message));
 }
 
 void db_mqtt_discovery_announce(const struct db_mqtt_config *config,

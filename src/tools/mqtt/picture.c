@@ -86,7 +86,7 @@ static json_t *word_of(const json_t *reg, const json_t *value)
 	return names;
 }
 
-static char *write_values(const struct db_mqtt_picture *picture, json_t *values)
+char *db_mqtt_picture_write(const struct db_mqtt_picture *picture, json_t *values)
 {
 	json_t *message = json_pack("{s:o, s:s, s:O}", "time", db_mqtt_moment_describe(picture->us),
 	                            "quality", picture->quality, "values", values);
@@ -124,7 +124,7 @@ char *db_mqtt_picture_take(struct db_mqtt_picture *picture, const json_t *values
 	}
 	if (changed) {
 		picture->changed = true;
-		text = write_values(picture, changes);
+		text = db_mqtt_picture_write(picture, changes);
 	}
 	json_decref(changes);
 	return text;
@@ -141,11 +141,6 @@ bool db_mqtt_picture_state_is_due(struct db_mqtt_picture *picture, db_time inter
 	picture->published_at = now;
 	picture->changed = false;
 	return true;
-}
-
-char *db_mqtt_picture_write_state(const struct db_mqtt_picture *picture)
-{
-	return write_values(picture, picture->values);
 }
 
 char *db_mqtt_picture_write_about(const struct db_mqtt_picture *picture)

@@ -42,8 +42,9 @@ char *db_mqtt_picture_take(struct db_mqtt_picture *picture, const json_t *values
 bool db_mqtt_picture_state_is_due(struct db_mqtt_picture *picture, db_time interval,
                                   db_time refresh, db_time now);
 
-/* Texts to be freed; NULL without memory. */
-char *db_mqtt_picture_write_state(const struct db_mqtt_picture *picture);
+/* Texts to be freed; NULL without memory: these values, which stay the caller's, with their time
+ * and quality; and what values mean. */
+char *db_mqtt_picture_write(const struct db_mqtt_picture *picture, json_t *values);
 char *db_mqtt_picture_write_about(const struct db_mqtt_picture *picture);
 
 /* The text of a JSON value in the form of all messages. */

@@ -56,14 +56,13 @@ static void publish_retained(struct plain *plain, struct db_mqtt_topic topic, js
 
 static struct db_mqtt_topic topic_of(const struct plain *plain, const char *leaf)
 {
-	return db_mqtt_topic_of_gateway(plain->config->prefix, plain->config->gateway, leaf);
+	return db_mqtt_topic_of_gateway(plain->config, leaf);
 }
 
 static struct db_mqtt_topic topic_of_part(const struct plain *plain, const char *kind,
                                           const char *name, const char *leaf)
 {
-	return db_mqtt_topic_of_part(plain->config->prefix, plain->config->gateway, kind, name,
-	                             leaf);
+	return db_mqtt_topic_of_part(plain->config, kind, name, leaf);
 }
 
 /* --- drives ----------------------------------------------------------------------------------- */
@@ -91,7 +90,7 @@ static void on_sample(void *form, const json_t *sample, int64_t us)
 	if (db_mqtt_picture_state_is_due(picture, config->state_interval_ms * DB_NS_PER_MS,
 	                                 config->refresh_s * DB_NS_PER_S, db_client_now()))
 		publish(plain, topic_of_part(plain, "drive", drive, "state"),
-		        db_mqtt_picture_write_state(picture), true);
+		        db_mqtt_picture_write(picture, picture->values), true);
 }
 
 static void publish_document(void *form, const char *topic, const char *text)
@@ -213,7 +212,7 @@ static void on_lost(void *form)
 		publish(plain, topic_of_part(plain, "drive", drive, "changes"),
 		        db_mqtt_picture_take(picture, NULL, db_client_wall_us()), false);
 		publish(plain, topic_of_part(plain, "drive", drive, "state"),
-		        db_mqtt_picture_write_state(picture), true);
+		        db_mqtt_picture_write(picture, picture->values), true);
 		publish_retained(plain, topic_of_part(plain, "drive", drive, "trouble"),
 		                 db_mqtt_trouble_write(NULL));
 	}
@@ -322,8 +321,7 @@ static bool is_leaf(const struct plain *plain, const char *topic, const char *le
 {
 	const struct db_mqtt_config *config = plain->config;
 
-	return db_mqtt_topic_is_of_drive(topic, config->prefix, config->gateway, leaf,
-	                                 received->drive, received->sender) &&
+	return db_mqtt_topic_is_of_drive(topic, config, leaf, received->drive, received->sender) &&
 	       (received->sender[0] == '\0' || config->senders == DB_MQTT_SENDERS_TOPIC);
 }
 

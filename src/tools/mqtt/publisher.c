@@ -395,7 +395,7 @@ struct db_mqtt_publisher *db_mqtt_publisher_new(sd_event *loop, const struct db_
 	publisher->plant = db_plant_new(loop, &wishes, &plant_ops, publisher);
 	publisher->acting = db_mqtt_acting_new(loop, config->socket, publish_result, publisher);
 	publisher->senders = db_mqtt_senders_new(config);
-	publisher->echo = db_mqtt_topic_of_gateway(config->prefix, config->gateway, "echo");
+	publisher->echo = db_mqtt_topic_of_gateway(config, "echo");
 	publisher->echo_at = DB_TIME_NEVER;
 	if (publisher->form && publisher->broker && publisher->plant && publisher->acting &&
 	    publisher->senders)

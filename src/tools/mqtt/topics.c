@@ -4,30 +4,29 @@
 #include <stdio.h>
 #include <string.h>
 
-struct db_mqtt_topic db_mqtt_topic_of_gateway(const char *prefix, const char *gateway,
-                                              const char *leaf)
+struct db_mqtt_topic db_mqtt_topic_of_gateway(const struct db_mqtt_config *config, const char *leaf)
 {
 	struct db_mqtt_topic topic;
 
-	snprintf(topic.text, sizeof(topic.text), "%s/%s/%s", prefix, gateway, leaf);
+	snprintf(topic.text, sizeof(topic.text), "%s/%s/%s", config->prefix, config->gateway, leaf);
 	return topic;
 }
 
-struct db_mqtt_topic db_mqtt_topic_of_part(const char *prefix, const char *gateway,
-                                           const char *kind, const char *name, const char *leaf)
+struct db_mqtt_topic db_mqtt_topic_of_part(const struct db_mqtt_config *config, const char *kind,
+                                           const char *name, const char *leaf)
 {
 	struct db_mqtt_topic topic;
 
-	snprintf(topic.text, sizeof(topic.text), "%s/%s/%s/%s/%s", prefix, gateway, kind, name,
-	         leaf);
+	snprintf(topic.text, sizeof(topic.text), "%s/%s/%s/%s/%s", config->prefix, config->gateway,
+	         kind, name, leaf);
 	return topic;
 }
 
-bool db_mqtt_topic_is_of_drive(const char *topic, const char *prefix, const char *gateway,
+bool db_mqtt_topic_is_of_drive(const char *topic, const struct db_mqtt_config *config,
                                const char *leaf, char drive[DB_MQTT_NAME_MAX],
                                char sender[DB_MQTT_TOPIC_MAX])
 {
-	struct db_mqtt_topic head = db_mqtt_topic_of_gateway(prefix, gateway, "drive/");
+	struct db_mqtt_topic head = db_mqtt_topic_of_gateway(config, "drive/");
 	size_t length = strlen(head.text);
 	size_t part = strlen(leaf);
 	size_t name;

@@ -24,6 +24,8 @@
 #ifndef DRIVEBRIDGE_MQTT_TOPICS_H
 #define DRIVEBRIDGE_MQTT_TOPICS_H
 
+#include "mqtt/config.h"
+
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -36,16 +38,16 @@ struct db_mqtt_topic {
 	char text[DB_MQTT_TOPIC_MAX];
 };
 
-struct db_mqtt_topic db_mqtt_topic_of_gateway(const char *prefix, const char *gateway,
+struct db_mqtt_topic db_mqtt_topic_of_gateway(const struct db_mqtt_config *config,
                                               const char *leaf);
 /* Of a part of the plant: `kind` is "drive" or "bus". "+" for its name is a filter for all of them.
  */
-struct db_mqtt_topic db_mqtt_topic_of_part(const char *prefix, const char *gateway,
-                                           const char *kind, const char *name, const char *leaf);
+struct db_mqtt_topic db_mqtt_topic_of_part(const struct db_mqtt_config *config, const char *kind,
+                                           const char *name, const char *leaf);
 
 /* True if `topic` is a topic of some drive, and of which; and of the sender's name
  * where that follows as a last level, else "". */
-bool db_mqtt_topic_is_of_drive(const char *topic, const char *prefix, const char *gateway,
+bool db_mqtt_topic_is_of_drive(const char *topic, const struct db_mqtt_config *config,
                                const char *leaf, char drive[DB_MQTT_NAME_MAX],
                                char sender[DB_MQTT_TOPIC_MAX]);
 

@@ -56,14 +56,6 @@ static void end_scan(struct db_web_setup *setup)
 	setup->scan = NULL;
 }
 
-static void end(struct db_web_setup *setup)
-{
-	setup->ended = true;
-	end_scan(setup);
-	if (!setup->setting)
-		dispose(setup);
-}
-
 /* It could not be done; goes on with what is said about that. */
 static void fail(struct db_web_setup *setup, const char *name, const char *text)
 {
@@ -188,7 +180,10 @@ static void finish(struct db_web_setup *setup)
 	setup->stream = NULL;
 	if (stream)
 		db_web_stream_finish(stream);
-	end(setup);
+	setup->ended = true;
+	end_scan(setup);
+	if (!setup->setting)
+		dispose(setup);
 }
 
 /* Until something is awaited, or it has ended. */
@@ -240,7 +235,7 @@ static void lose_page(void *data)
 	struct db_web_setup *setup = data;
 
 	setup->stream = NULL;
-	end(setup);
+	finish(setup);
 }
 
 static bool is_number(const json_t *value)

@@ -89,6 +89,7 @@ static void test_what_changed_in_words(void **state)
 
 static void test_nothing_old_is_shown_as_new(void **state)
 {
+	const struct db_mqtt_picture *picture = *state;
 	char *text;
 
 	expect_changes(*state, "{\"axis_state\":1,\"status\":0,\"position\":5,\"quality\":192}",
@@ -99,7 +100,7 @@ static void test_nothing_old_is_shown_as_new(void **state)
 	                    "{\"time\":\"2026-03-01T12:00:00.000000Z\",\"quality\":\"bad\","
 	                    "\"values\":{\"axis_state\":null,\"status\":null,\"position\":null}}");
 	free(text);
-	text = db_mqtt_picture_write_state(*state);
+	text = db_mqtt_picture_write(picture, picture->values);
 	assert_non_null(strstr(text, "\"position\":null"));
 	free(text);
 }
@@ -150,16 +151,19 @@ static void test_topics(void **state)
 		{ "a/b/other/drive/lift/command", NULL, "" },
 		{ "a/b/gw/drive/a-name-that-is-longer-than-any-drive-has/command", NULL, "" },
 	};
+	char prefix[] = "a/b";
+	char gateway[] = "gw";
+	const struct db_mqtt_config config = { .prefix = prefix, .gateway = gateway };
 	char drive[DB_MQTT_NAME_MAX];
 	char sender[DB_MQTT_TOPIC_MAX];
 
 	(void)state;
-	assert_string_equal(db_mqtt_topic_of_part("a/b", "gw", "drive", "lift", "command").text,
+	assert_string_equal(db_mqtt_topic_of_part(&config, "drive", "lift", "command").text,
 	                    "a/b/gw/drive/lift/command");
 	for (size_t i = 0; i < sizeof(rows) / sizeof(rows[0]); i++) {
-		assert_int_equal(db_mqtt_topic_is_of_drive(rows[i].topic, "a/b", "gw", "command",
-		                                           drive, sender),
-		                 rows[i].drive != NULL);
+		assert_int_equal(
+			db_mqtt_topic_is_of_drive(rows[i].topic, &config, "command", drive, sender),
+			rows[i].drive != NULL);
 		if (!rows[i].drive)
 			continue;
 		assert_string_equal(drive, rows[i].drive);
