@@ -253,10 +253,9 @@ static void on_troubles(void *data, json_t *parameters, const struct db_client_e
 	               "configuration", troubles->configuration, "well", troubles->well));
 }
 
-void db_web_overview_take_token(void *server, const char *token)
+void db_web_overview_take_token(struct db_web_server *server, const char *token)
 {
-	tell(((struct db_web_server *)server)->overview, TOKEN, "token",
-	     json_pack("{s:s}", "token", token));
+	tell(server->overview, TOKEN, "token", json_pack("{s:s}", "token", token));
 }
 
 /* --- output ----------------------------------------------------------------------------------- */

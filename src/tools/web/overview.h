@@ -21,8 +21,8 @@ void db_web_overview_begin(struct db_web_request *request);
 /* The service was connected, lost, or has another configuration. */
 void db_web_overview_changed(struct db_web_overview *overview);
 
-/* The service's clock has sent this token. `server`: a struct db_web_server. */
-void db_web_overview_take_token(void *server, const char *token);
+/* The service's clock has sent this token. */
+void db_web_overview_take_token(struct db_web_server *server, const char *token);
 
 void db_web_overview_tick(struct db_web_overview *overview, db_time now);
 

@@ -509,10 +509,8 @@ static int on_hangup(sd_event_source *source, const struct signalfd_siginfo *inf
 	return 0;
 }
 
-static void on_service_changed(void *data)
+static void on_service_changed(struct db_web_server *server)
 {
-	struct db_web_server *server = data;
-
 	if (!db_web_service_is_up(server->service))
 		db_web_tabs_close(server);
 	if (server->overview)
@@ -594,8 +592,8 @@ static bool start(struct db_web_server *server)
 	                                       config->session_h * 3600 * DB_NS_PER_S);
 	server->hasher = db_web_hasher_new();
 	server->asker = db_web_hasher_new();
-	server->service = db_web_service_new(server, on_service_changed, db_web_overview_take_token,
-	                                     server);
+	server->service = db_web_service_new(server, on_service_changed,
+	                                     db_web_overview_take_token);
 	server->lanes = db_web_tabs_make_lanes(server);
 	if (server->service)
 		server->overview = db_web_overview_new(server);

@@ -50,7 +50,7 @@ static void describe(void *data, json_t *description)
 		return;
 	json_decref(service->description);
 	service->description = json_incref(description);
-	service->changed(service->data);
+	service->changed(service->server);
 }
 
 static void find(void *data, json_t *description, const struct db_plant_drive *drives, size_t count)
@@ -89,12 +89,12 @@ static void lose(void *data)
 	struct db_web_service *service = data;
 
 	disconnect(service);
-	service->changed(service->data);
+	service->changed(service->server);
 }
 
 struct db_web_service *db_web_service_new(struct db_web_server *server,
                                           db_web_service_changed_fn *changed,
-                                          db_web_service_token_fn *give_token, void *data)
+                                          db_web_service_token_fn *give_token)
 {
 	static const struct db_plant_ops ops = {
 		.found = find,
@@ -109,7 +109,6 @@ struct db_web_service *db_web_service_new(struct db_web_server *server,
 	service->server = server;
 	service->changed = changed;
 	service->give_token = give_token;
-	service->data = data;
 	service->plant = db_plant_new(server->loop, &wishes, &ops, service);
 	if (service->plant)
 		return service;
@@ -136,7 +135,7 @@ static void on_token(void *data, json_t *parameters, const struct db_client_erro
 	if (error || !token)
 		return;
 	db_web_tokens_add(&service->tokens, token, db_client_now());
-	service->give_token(service->data, token);
+	service->give_token(service->server, token);
 }
 
 void db_web_service_tick(struct db_web_service *service, db_time now)

@@ -18,10 +18,10 @@
 #define DB_WEB_TABS_MAX 5
 
 /* Called when the service is connected or lost, and when it has other drives. */
-typedef void db_web_service_changed_fn(void *data);
+typedef void db_web_service_changed_fn(struct db_web_server *server);
 
 /* Called with each token of its clock. */
-typedef void db_web_service_token_fn(void *data, const char *token);
+typedef void db_web_service_token_fn(struct db_web_server *server, const char *token);
 
 /* The other files of this room read it, and add notes to the audit trail over its plant; only
  * overview.c has its plant read again, and `changed` is called when that differs. */
@@ -29,7 +29,6 @@ struct db_web_service {
 	struct db_web_server *server;
 	db_web_service_changed_fn *changed;
 	db_web_service_token_fn *give_token;
-	void *data;
 	struct db_plant *plant;
 	struct db_link *clock;       /* NULL while the service is away */
 	json_t *description;         /* the answer of Describe; NULL while the service is away */
@@ -42,7 +41,7 @@ struct db_web_service {
 /* NULL without memory. Freed with db_web_service_free(), NULL is allowed. */
 struct db_web_service *db_web_service_new(struct db_web_server *server,
                                           db_web_service_changed_fn *changed,
-                                          db_web_service_token_fn *give_token, void *data);
+                                          db_web_service_token_fn *give_token);
 void db_web_service_free(struct db_web_service *service);
 
 void db_web_service_tick(struct db_web_service *service, db_time now);

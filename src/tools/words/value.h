@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Values of registers in words, and words as values: units, names of codes and of bits, ranges, all
- * as the service describes the register (an object of the interface's type Register, or NULL if
- * unknown).
+ * Members of the service's objects. Values of registers in words, and words as values: units, names
+ * of codes and of bits, ranges, all as the service describes the register (an object of the
+ * interface's type Register, or NULL if unknown).
  *
  * Pure.
  */
