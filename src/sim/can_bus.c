@@ -34,11 +34,6 @@ struct sim_can_bus *sim_can_bus_new(unsigned bitrate, sim_can_trace_fn *trace, v
 	return bus;
 }
 
-void sim_can_bus_free(struct sim_can_bus *bus)
-{
-	free(bus);
-}
-
 bool sim_can_bus_attach(struct sim_can_bus *bus, const struct sim_can_station *station)
 {
 	if (bus->station_count == SIM_CAN_STATIONS_MAX)

@@ -92,9 +92,8 @@ struct sim_can_bus {
 	db_time wire_end;
 };
 
-/* Null when out of memory. trace may be null. */
+/* Null when out of memory; to be freed with free(). trace may be null. */
 struct sim_can_bus *sim_can_bus_new(unsigned bitrate, sim_can_trace_fn *trace, void *context);
-void sim_can_bus_free(struct sim_can_bus *bus);
 
 /* Copies the station; what it points to must outlive the bus. False when the bus is full. */
 bool sim_can_bus_attach(struct sim_can_bus *bus, const struct sim_can_station *station);

@@ -238,7 +238,7 @@ static void line_free(void *wire)
 
 	if (!line)
 		return;
-	sim_can_bus_free(line->bus);
+	free(line->bus);
 	free(line);
 }
 

@@ -32,11 +32,11 @@ static const char *do_flash(struct request *request)
 {
 	struct sim_node *node = request->node;
 
-	if (!node->family->fail_flash)
+	if (!node->flash_fails)
 		return NOT_OF_FAMILY;
 	if (strcmp(request->rest, "fail") != 0 && strcmp(request->rest, "ok") != 0)
 		return "flash needs \"fail\" or \"ok\"";
-	node->family->fail_flash(node, request->rest[0] == 'f');
+	*node->flash_fails = request->rest[0] == 'f';
 	return NULL;
 }
 
@@ -45,11 +45,12 @@ static const char *do_stall(struct request *request)
 	struct sim_node *node = request->node;
 	bool off = strcmp(request->rest, "off") == 0;
 
-	if (!node->family->stall)
+	if (!node->stalled)
 		return NOT_OF_FAMILY;
 	if (!off && request->rest[0] != '\0' && strcmp(request->rest, "on") != 0)
 		return "stall needs \"on\", \"off\" or nothing";
-	node->family->stall(node, !off, request->now);
+	node->family->advance(node, request->now);
+	*node->stalled = !off;
 	return NULL;
 }
 
@@ -91,11 +92,11 @@ static const char *do_bits(struct request *request)
 	unsigned long mask = strtoul(request->rest, &end, 0);
 	struct sim_node *node = request->node;
 
-	if (!node->family->force_status)
+	if (!node->forced_status)
 		return NOT_OF_FAMILY;
 	if (end == request->rest || *end != '\0' || mask > UINT32_MAX)
 		return "bits needs a number, 0x40 for instance";
-	node->family->force_status(node, (uint32_t)mask);
+	*node->forced_status = (uint32_t)mask;
 	return NULL;
 }
 

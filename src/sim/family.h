@@ -23,9 +23,9 @@ struct sim_family_command {
 struct sim_family {
 	const struct sim_serial_protocol *protocol; /* null: on CAN */
 
-	/* Makes the drive of this node, and attaches it to the wire: a serial bus or a CAN line.
-	 * `flash`: its memory's file, or null. False when there is no room; close() then frees what
-	 * was made. */
+	/* Makes the drive of this node with its switches, and attaches it to the wire: a serial bus
+	 * or a CAN line. `flash`: its memory's file, or null. False when there is no room; close()
+	 * then frees what was made. */
 	bool (*open)(struct sim_node *node, void *wire, const struct sim_bus_config *bus,
 	             const struct sim_drive_config *config, const char *flash, db_time now);
 	void (*close)(struct sim_node *node); /* after the wire was freed */
@@ -43,13 +43,6 @@ struct sim_family {
 	unsigned (*get_address)(const struct sim_node *node);
 	void (*set_address)(struct sim_node *node, unsigned address);
 	void (*power)(struct sim_node *node, bool on, db_time now);
-
-	/* Holds the shaft, or releases it; null: the family does not sense its motors. */
-	void (*stall)(struct sim_node *node, bool stalled, db_time now);
-	/* Shows these status bits in addition to the real ones; null: it has none. */
-	void (*force_status)(struct sim_node *node, uint32_t bits);
-	/* Writing its parameters fails; null: it has no such memory. */
-	void (*fail_flash)(struct sim_node *node, bool fail);
 
 	const struct sim_family_command *commands; /* the last one has no name */
 };

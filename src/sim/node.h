@@ -43,6 +43,10 @@ struct sim_node {
 	db_time thinks_until;       /* answers come in the order of the requests */
 	uint32_t replies;           /* put on the wire, complete or broken */
 	struct sim_witness witness; /* of VSMD drives and XYZA controllers */
+	/* Switches of the drive that are set from outside; null: its family has none. */
+	bool *stalled;           /* the shaft is held; first advance the drive */
+	uint32_t *forced_status; /* these status bits are shown in addition to the real ones */
+	bool *flash_fails;       /* its parameters cannot be saved */
 };
 
 #endif

@@ -19,7 +19,7 @@ static bool open_drive(struct sim_node *node, void *wire, const struct sim_bus_c
 	(void)flash; /* it has none */
 	node->servo = calloc(1, sizeof(*node->servo));
 	if (!drive || !node->servo) {
-		sim_servo_free(drive);
+		free(drive);
 		return false;
 	}
 	sim_servo_node_init(node->servo, config->name, drive, (uint8_t)config->address,
@@ -28,6 +28,8 @@ static bool open_drive(struct sim_node *node, void *wire, const struct sim_bus_c
 	node->servo->ack_latency = config->servo_ack_latency;
 	node->servo->stray_acks = config->servo_stray_acks;
 	node->servo->witness = node->witness;
+	node->stalled = &drive->blocked;
+	node->forced_status = &drive->forced;
 	station = sim_servo_node_station(node->servo);
 	station.faults = &node->faults;
 	return sim_can_bus_attach(((struct sim_can_line *)wire)->bus, &station);
@@ -37,7 +39,7 @@ static void close_drive(struct sim_node *node)
 {
 	if (!node->servo)
 		return;
-	sim_servo_free(node->servo->drive);
+	free(node->servo->drive);
 	free(node->servo);
 }
 
@@ -112,17 +114,6 @@ static void power(struct sim_node *node, bool on, db_time now)
 	sim_servo_power(node->servo->drive, on, now);
 }
 
-static void stall(struct sim_node *node, bool stalled, db_time now)
-{
-	sim_servo_advance(node->servo->drive, now);
-	node->servo->drive->blocked = stalled;
-}
-
-static void force_status(struct sim_node *node, uint32_t bits)
-{
-	node->servo->drive->forced = (uint16_t)bits;
-}
-
 static const char *set_faults(struct sim_node *node, const char *rest, db_time now)
 {
 	long faults;
@@ -185,7 +176,5 @@ const struct sim_family sim_servo_can_family = {
 	.get_address = get_address,
 	.set_address = set_address,
 	.power = power,
-	.stall = stall,
-	.force_status = force_status,
 	.commands = commands,
 };

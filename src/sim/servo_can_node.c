@@ -37,17 +37,6 @@ static bool enqueue(struct sim_servo_node *node, struct servo_can_message *messa
 	return true;
 }
 
-static void report_to_witness(const struct sim_servo_node *node, const struct db_can_frame *frame,
-                              enum servo_can_kind kind, bool known, db_time now)
-{
-	char text[SIM_CAN_TEXT_MAX];
-
-	if (kind == SERVO_CAN_READ || !node->drive->powered)
-		return;
-	(void)sim_can_text(frame, text);
-	sim_witness_report(&node->witness, now, text, known);
-}
-
 static bool is_for(const struct sim_servo_node *node, const struct servo_can_message *message)
 {
 	if (message->kind == SERVO_CAN_SYNC || message->node == node->address)
@@ -61,9 +50,10 @@ void sim_servo_node_receive(void *self, const struct db_can_frame *frame, db_tim
 	struct sim_servo_node *node = self;
 	struct servo_can_message replies[SIM_SERVO_REPLIES];
 	struct servo_can_message message;
+	char text[SIM_CAN_TEXT_MAX];
 	enum servo_can_error error;
+	size_t count = 0;
 	db_time due;
-	size_t count;
 
 	error = servo_can_decode(frame, &node->layout, SERVO_CAN_FROM_HOST, &message);
 	if (message.kind == SERVO_CAN_FOREIGN && error == SERVO_CAN_OK)
@@ -72,14 +62,15 @@ void sim_servo_node_receive(void *self, const struct db_can_frame *frame, db_tim
 		return;
 	node->received++;
 	/* A drive's answer to an unknown frame is not documented: none here. */
-	if (error != SERVO_CAN_OK) {
+	if (error == SERVO_CAN_OK)
+		count = sim_servo_execute(node->drive, &message, &node->layout, now, replies);
+	else
 		node->unknown++;
-		report_to_witness(node, frame, message.kind, false, now);
-		return;
+	if (message.kind != SERVO_CAN_READ && node->drive->powered) {
+		(void)sim_can_text(frame, text);
+		sim_witness_report(&node->witness, now, text, error == SERVO_CAN_OK);
 	}
-	count = sim_servo_execute(node->drive, &message, &node->layout, now, replies);
 	due = now + node->latency + (message.kind == SERVO_CAN_READ ? 0 : node->ack_latency);
-	report_to_witness(node, frame, message.kind, true, now);
 	if (node->stray_acks && count > 0 && replies[0].kind == SERVO_CAN_ACK) {
 		/* An acknowledgement of something other than the real one acknowledges. */
 		struct servo_can_message stray = { .kind = SERVO_CAN_ACK };

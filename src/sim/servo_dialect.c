@@ -6,15 +6,6 @@
 
 static const char digits[] = "0123456789abcdef";
 
-bool sim_servo_dialect_parse(const char *text, char places[SIM_SERVO_PLACES + 1])
-{
-	if (strlen(text) != SIM_SERVO_PLACES ||
-	    strspn(text, "-0123456789abcdef") != SIM_SERVO_PLACES)
-		return false;
-	memcpy(places, text, SIM_SERVO_PLACES + 1);
-	return true;
-}
-
 uint16_t sim_servo_dialect_status(const struct sim_servo_dialect *dialect, unsigned bits,
                                   bool moving)
 {

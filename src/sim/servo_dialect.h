@@ -27,9 +27,6 @@ struct sim_servo_dialect {
 	double current_setpoint_step; /* A */
 };
 
-/* True for valid `places`. */
-bool sim_servo_dialect_parse(const char *text, char places[SIM_SERVO_PLACES + 1]);
-
 /* The status word of the documented bits and of motion. */
 uint16_t sim_servo_dialect_status(const struct sim_servo_dialect *dialect, unsigned bits,
                                   bool moving);

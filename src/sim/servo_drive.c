@@ -94,11 +94,6 @@ struct sim_servo *sim_servo_new(const struct sim_servo_config *config, db_time n
 	return drive;
 }
 
-void sim_servo_free(struct sim_servo *drive)
-{
-	free(drive);
-}
-
 /* --- the motor -------------------------------------------------------------------------------- */
 
 static double clamp_to(double value, double limit)
@@ -411,8 +406,8 @@ static uint16_t status_bits(const struct sim_servo *drive)
 		bits |= SERVO_CAN_ST_REVERSE;
 	if (drive->rpm >= ZERO_SPEED)
 		bits |= SERVO_CAN_ST_FORWARD;
-	return drive->forced | sim_servo_dialect_status(&drive->config.dialect, bits,
-	                                                fabs(drive->rpm) >= ZERO_SPEED);
+	return (uint16_t)drive->forced | sim_servo_dialect_status(&drive->config.dialect, bits,
+	                                                          fabs(drive->rpm) >= ZERO_SPEED);
 }
 
 static size_t answer(const struct sim_servo *drive, const struct servo_can_message *message,

@@ -130,8 +130,8 @@ struct sim_servo {
 	bool blocked;       /* set from outside: the shaft is held, whatever the motor does */
 
 	/* Shown unchanged. */
+	uint32_t forced; /* status bits in addition to the real ones */
 	uint16_t faults;
-	uint16_t forced; /* status bits in addition to the real ones */
 	uint16_t voltage;
 	uint16_t temperature;
 	uint16_t analogue;
@@ -142,9 +142,8 @@ struct sim_servo {
 	uint32_t moves;                        /* how often a position move began */
 };
 
-/* Powered on. Null when out of memory. Copies the configuration. */
+/* Powered on. Null when out of memory; to be freed with free(). Copies the configuration. */
 struct sim_servo *sim_servo_new(const struct sim_servo_config *config, db_time now);
-void sim_servo_free(struct sim_servo *drive);
 
 /* Lets the motor catch up. Only needed to keep later calls short. */
 void sim_servo_advance(struct sim_servo *drive, db_time now);

@@ -344,6 +344,7 @@ static void read_servo(const struct sim_section *section, struct sim_drive_confi
 		[SIM_SERVO_REPORT_MOTION] = "report-motion-ms",
 		[SIM_SERVO_REPORT_HEALTH] = "report-health-ms",
 	};
+	const char *places;
 
 	if (!sim_section_check_range(section, "address", 1, SERVO_CAN_NODE_MAX))
 		return;
@@ -371,7 +372,11 @@ static void read_servo(const struct sim_section *section, struct sim_drive_confi
 		.dither = sim_section_real(section, "dither"),
 		.motion_delay = read_ms(section, "motion-delay-ms"),
 	};
-	if (!sim_servo_dialect_parse(sim_section_text(section, "status-places"), dialect->places))
+	places = sim_section_text(section, "status-places");
+	if (strlen(places) == SIM_SERVO_PLACES &&
+	    strspn(places, "-0123456789abcdef") == SIM_SERVO_PLACES)
+		memcpy(dialect->places, places, SIM_SERVO_PLACES + 1);
+	else
 		sim_section_refuse(section, "status-places",
 		                   "status-places has 16 places, each 0 to f or -");
 	dialect->inverted = (uint16_t)sim_section_whole(section, "status-inverted");

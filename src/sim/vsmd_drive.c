@@ -155,7 +155,7 @@ struct sim_vsmd *sim_vsmd_new(const struct sim_vsmd_config *config, db_time now)
 		}
 	}
 	memcpy(drive->flash, drive->config.defaults, sizeof(drive->flash));
-	sim_vsmd_set_identity(drive, config->identity);
+	snprintf(drive->identity, sizeof(drive->identity), "%s", config->identity);
 	for (unsigned i = 0; i < SIM_VSMD_SENSORS; i++)
 		drive->forced[i] = -1;
 	sim_motion_init(&drive->motion, now);
@@ -216,13 +216,6 @@ void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now)
 	/* Without power no time passes for a motor. */
 	sim_motion_advance(&drive->motion, now);
 	power_up(drive, now);
-}
-
-static bool accept(struct sim_vsmd *drive, const struct vsmd_command *command)
-{
-	(void)drive;
-	(void)command;
-	return true;
 }
 
 void sim_vsmd_note_request(struct sim_vsmd *drive, bool named, db_time now)
@@ -394,28 +387,17 @@ static bool save_params(struct sim_vsmd *drive, const struct vsmd_command *comma
 	return true;
 }
 
+/* Null: it only asks. */
 static handler_fn *const handlers[VSMD_VERB_COUNT] = {
-	[VSMD_DEV] = accept,
-	[VSMD_STS] = accept,
-	[VSMD_ENA] = switch_motor,
-	[VSMD_OFF] = switch_motor,
-	[VSMD_MOV] = move_motor,
-	[VSMD_POS] = move_motor,
-	[VSMD_RMV] = move_motor,
-	[VSMD_STP] = stop_motor,
-	[VSMD_ORG] = set_origin,
-	[VSMD_ECLR] = clear_encoder,
-	[VSMD_SENSOR_OUT] = set_output,
-	[VSMD_SV] = set_output,
-	[VSMD_NMOS] = set_output,
-	[VSMD_ZERO_START] = home_motor,
-	[VSMD_ZERO_STOP] = home_motor,
-	[VSMD_SHAKE_CYCLES] = shake_motor,
-	[VSMD_SHAKE_TIME] = shake_motor,
-	[VSMD_SHAKE_STOP] = shake_motor,
-	[VSMD_CFG_READ] = accept,
-	[VSMD_CFG_WRITE] = write_settings,
-	[VSMD_SAV] = save_params,
+	[VSMD_ENA] = switch_motor,         [VSMD_OFF] = switch_motor,
+	[VSMD_MOV] = move_motor,           [VSMD_POS] = move_motor,
+	[VSMD_RMV] = move_motor,           [VSMD_STP] = stop_motor,
+	[VSMD_ORG] = set_origin,           [VSMD_ECLR] = clear_encoder,
+	[VSMD_SENSOR_OUT] = set_output,    [VSMD_SV] = set_output,
+	[VSMD_NMOS] = set_output,          [VSMD_ZERO_START] = home_motor,
+	[VSMD_ZERO_STOP] = home_motor,     [VSMD_SHAKE_CYCLES] = shake_motor,
+	[VSMD_SHAKE_TIME] = shake_motor,   [VSMD_SHAKE_STOP] = shake_motor,
+	[VSMD_CFG_WRITE] = write_settings, [VSMD_SAV] = save_params,
 };
 
 static bool is_read(enum vsmd_verb verb)
@@ -448,7 +430,7 @@ enum vsmd_reply_code sim_vsmd_execute(struct sim_vsmd *drive, const struct vsmd_
 		if (!is_read(command->verb) && command->verb != VSMD_ORG &&
 		    command->verb != VSMD_CFG_WRITE && command->verb != VSMD_SENSOR_OUT)
 			drive->waits = false;
-		good = handlers[command->verb](drive, command);
+		good = !handlers[command->verb] || handlers[command->verb](drive, command);
 	} else {
 		/* This drive delays motions. */
 		drive->waits = true;
@@ -518,22 +500,9 @@ void sim_vsmd_settle(struct sim_vsmd *drive, bool answered)
 	drive->baud = drive->params[VSMD_BDR].u;
 }
 
-bool sim_vsmd_moving(const struct sim_vsmd *drive)
-{
-	return drive->powered && sim_motion_moving(&drive->motion);
-}
-
 bool sim_vsmd_hides_params(const struct sim_vsmd *drive)
 {
 	return drive->hides_params || drive->config.temper.parameters != SIM_PARAMETERS_TOLD;
-}
-
-void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity)
-{
-	size_t length = strnlen(identity, SIM_VSMD_IDENTITY_MAX - 1);
-
-	memcpy(drive->identity, identity, length);
-	drive->identity[length] = '\0';
 }
 
 void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now)

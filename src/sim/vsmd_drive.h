@@ -32,7 +32,7 @@ struct sim_sensor {
 
 /* Positions are mechanical: pulses from the shaft's position for `start` 0. */
 struct sim_vsmd_config {
-	const char *identity;   /* not null */
+	const char *identity;   /* not null; cut off at the maximum */
 	const char *flash_path; /* null: saved parameters live as long as the process */
 	bool can;               /* on CAN: cid and bdr have other valid values */
 	unsigned address;       /* factory value of cid, 1..32, on CAN 1..110 */
@@ -94,14 +94,10 @@ enum sim_refusal sim_vsmd_refusal(const struct sim_vsmd *drive);
 /* The real status. */
 void sim_vsmd_status(struct sim_vsmd *drive, db_time now, struct vsmd_status *status);
 
-bool sim_vsmd_moving(const struct sim_vsmd *drive);
-
 /* Events from outside. */
 void sim_vsmd_power(struct sim_vsmd *drive, bool on, db_time now);
 /* True if it refuses the text of its parameters, and answers no register. */
 bool sim_vsmd_hides_params(const struct sim_vsmd *drive);
-/* cut off at the maximum */
-void sim_vsmd_set_identity(struct sim_vsmd *drive, const char *identity);
 /* number 1..6; level 0 or 1, or -1 to let the sensor work again. */
 void sim_vsmd_force_sensor(struct sim_vsmd *drive, unsigned number, int level, db_time now);
 #endif

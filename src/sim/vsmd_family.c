@@ -22,6 +22,9 @@ static bool open_drive(struct sim_node *node, void *wire, const struct sim_bus_c
 	node->drive = sim_vsmd_new(&vsmd, now);
 	if (!node->drive)
 		return false;
+	node->stalled = &node->drive->stalled;
+	node->forced_status = &node->drive->forced_status;
+	node->flash_fails = &node->drive->flash_fails;
 	if (node->family->protocol)
 		return sim_serial_bus_attach(wire, node);
 	node->vsmd_can = calloc(1, sizeof(*node->vsmd_can));
@@ -47,7 +50,7 @@ static void advance(struct sim_node *node, db_time now)
 
 static unsigned moving_motors(const struct sim_node *node)
 {
-	return sim_vsmd_moving(node->drive);
+	return node->drive->powered && sim_motion_moving(&node->drive->motion);
 }
 
 static void write_motion(const struct sim_node *node, db_time now, FILE *out)
@@ -118,22 +121,6 @@ static void power(struct sim_node *node, bool on, db_time now)
 	sim_vsmd_power(node->drive, on, now);
 }
 
-static void stall(struct sim_node *node, bool stalled, db_time now)
-{
-	sim_vsmd_advance(node->drive, now);
-	node->drive->stalled = stalled;
-}
-
-static void force_status(struct sim_node *node, uint32_t bits)
-{
-	node->drive->forced_status = bits;
-}
-
-static void fail_flash(struct sim_node *node, bool fail)
-{
-	node->drive->flash_fails = fail;
-}
-
 static const char *set_identity(struct sim_node *node, const char *rest, db_time now)
 {
 	size_t length = strlen(rest);
@@ -141,7 +128,7 @@ static const char *set_identity(struct sim_node *node, const char *rest, db_time
 	(void)now;
 	if (length == 0 || length >= SIM_VSMD_IDENTITY_MAX)
 		return "identity needs a text of 1 to 63 characters";
-	sim_vsmd_set_identity(node->drive, rest);
+	strcpy(node->drive->identity, rest);
 	return NULL;
 }
 
@@ -198,8 +185,8 @@ static const struct sim_family_command commands[] = {
 #define OPERATIONS                                                                                \
 	.open = open_drive, .close = close_drive, .advance = advance,                             \
 	.moving_motors = moving_motors, .write_motion = write_motion, .write_state = write_state, \
-	.get_address = get_address, .set_address = set_address, .power = power, .stall = stall,   \
-	.force_status = force_status, .fail_flash = fail_flash, .commands = commands
+	.get_address = get_address, .set_address = set_address, .power = power,                   \
+	.commands = commands
 
 const struct sim_family sim_vsmd_serial_family = {
 	.protocol = &sim_vsmd_serial_protocol,

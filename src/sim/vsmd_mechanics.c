@@ -130,28 +130,20 @@ void sim_mechanics_configure(struct sim_vsmd *drive)
 	sim_mechanics_sense(drive);
 }
 
-/* True if limit sensor `port` (1..6, 0: none) is active. */
-static bool limit_active(const struct sim_vsmd *drive, enum vsmd_param port, enum vsmd_param level)
-{
-	uint32_t number = drive->params[port].u;
-
-	if (number == 0 || drive->params[sensor_param(VSMD_S1, number - 1, 1)].u == 1)
-		return false;
-	return ((drive->levels >> (number - 1)) & 1) == drive->params[level].u;
-}
-
 void sim_mechanics_hold_limits(struct sim_vsmd *drive)
 {
 	int direction = sim_motion_direction(&drive->motion);
+	/* The limit sensor in this direction, 1..6; 0: none. An output is none either. */
+	uint32_t sensor = drive->params[direction < 0 ? VSMD_MSR : VSMD_PSR].u;
+	uint32_t active = drive->params[direction < 0 ? VSMD_MSV : VSMD_PSV].u;
 
-	if (direction == 0 || !(direction < 0 ? limit_active(drive, VSMD_MSR, VSMD_MSV) :
-	                                        limit_active(drive, VSMD_PSR, VSMD_PSV)))
+	if (direction == 0 || sensor == 0 ||
+	    drive->params[sensor_param(VSMD_S1, sensor - 1, 1)].u == 1 ||
+	    ((drive->levels >> (sensor - 1)) & 1) != active)
 		return;
 	sim_motion_halt(&drive->motion);
 	/* One sensor may be both limit and origin: homing then continues from where it was held. */
-	if (drive->homing != SIM_HOMING_NONE &&
-	    !(drive->params[direction < 0 ? VSMD_MSR : VSMD_PSR].u ==
-	      drive->params[VSMD_SNR].u + 1))
+	if (drive->homing != SIM_HOMING_NONE && sensor != drive->params[VSMD_SNR].u + 1)
 		sim_mechanics_abandon(drive);
 }
 

@@ -17,19 +17,6 @@ static bool ends_request(uint8_t *bytes, size_t *length, uint8_t newest)
 	return newest == LINE_END;
 }
 
-static int encode_text(const struct sim_vsmd *drive, enum vsmd_reply_code code, uint8_t id,
-                       const char *text, size_t length, uint8_t *frame)
-{
-	char dressed[VSMD_SERIAL_FRAME_MAX];
-	int size = sim_vsmd_dress_text(&drive->config.temper, text, length, dressed,
-	                               sizeof(dressed));
-
-	if (size < 0)
-		return size;
-	return vsmd_serial_encode_text(id, code, dressed, (size_t)size, frame,
-	                               SIM_SERIAL_REPLY_MAX);
-}
-
 /* The reply put on the wire, or null. */
 static struct sim_burst *reply(struct sim_serial_bus *bus, struct sim_node *node,
                                enum vsmd_reply_code code, db_time now)
@@ -37,7 +24,9 @@ static struct sim_burst *reply(struct sim_serial_bus *bus, struct sim_node *node
 	struct sim_burst *burst = sim_serial_bus_begin(bus, node);
 	struct sim_vsmd *drive = node->drive;
 	unsigned id = bus->config.rs485 ? drive->address : bus->config.reply_id;
-	char text[VSMD_SERIAL_FRAME_MAX];
+	char params[VSMD_SERIAL_FRAME_MAX];
+	char dressed[VSMD_SERIAL_FRAME_MAX];
+	const char *text = params;
 	struct vsmd_status status;
 	int length;
 
@@ -45,23 +34,23 @@ static struct sim_burst *reply(struct sim_serial_bus *bus, struct sim_node *node
 		return NULL;
 	if (sim_serial_bus_take(bus, node, SIM_FAULT_WRONG_ID))
 		id = id % VSMD_SERIAL_ID_MAX + 1;
-	switch (code) {
-	case VSMD_REPLY_IDENTITY:
-		length = encode_text(drive, code, (uint8_t)id, drive->identity,
-		                     strlen(drive->identity), burst->bytes);
-		break;
-	case VSMD_REPLY_PARAMS:
-		length = vsmd_serial_format_params(drive->params, text, sizeof(text));
-		if (length >= 0)
-			length = encode_text(drive, code, (uint8_t)id, text, (size_t)length,
-			                     burst->bytes);
-		break;
-	case VSMD_REPLY_STATUS:
-	default:
+	if (code == VSMD_REPLY_STATUS) {
 		sim_vsmd_report_status(drive, false, now, &status);
 		length = vsmd_serial_encode_status((uint8_t)id, &status, burst->bytes,
 		                                   SIM_SERIAL_REPLY_MAX);
-		break;
+	} else {
+		if (code == VSMD_REPLY_IDENTITY) {
+			text = drive->identity;
+			length = (int)strlen(text);
+		} else {
+			length = vsmd_serial_format_params(drive->params, params, sizeof(params));
+		}
+		if (length >= 0)
+			length = sim_vsmd_dress_text(&drive->config.temper, text, (size_t)length,
+			                             dressed, sizeof(dressed));
+		if (length >= 0)
+			length = vsmd_serial_encode_text((uint8_t)id, code, dressed, (size_t)length,
+			                                 burst->bytes, SIM_SERIAL_REPLY_MAX);
 	}
 	if (length < 0)
 		return NULL;

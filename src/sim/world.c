@@ -279,18 +279,21 @@ db_time sim_world_next(const struct sim_world *world, db_time now)
 const char *sim_world_fault(struct sim_node *node, struct sim_bus *bus, const char *text,
                             db_time now)
 {
+	bool stalls = strcmp(text, "stall") == 0 || strcmp(text, "stall on") == 0;
+
 	if (!node)
 		return sim_faults_set(bus->ops->faults(bus->wire), text);
 	if (strncmp(text, "echo", 4) == 0 || strncmp(text, "bus-off", 7) == 0)
 		return "that is a fault of a bus, not of a drive";
-	if (node->family->stall && (strcmp(text, "stall") == 0 || strcmp(text, "stall on") == 0))
-		node->family->stall(node, true, now);
-	else if (node->family->stall && strcmp(text, "stall off") == 0)
-		node->family->stall(node, false, now);
-	else if (node->family->fail_flash &&
-	         (strcmp(text, "flash fail") == 0 || strcmp(text, "flash ok") == 0))
-		node->family->fail_flash(node, text[6] == 'f');
-	else
-		return sim_faults_set(&node->faults, text);
-	return NULL;
+	if (node->stalled && (stalls || strcmp(text, "stall off") == 0)) {
+		node->family->advance(node, now);
+		*node->stalled = stalls;
+		return NULL;
+	}
+	if (node->flash_fails &&
+	    (strcmp(text, "flash fail") == 0 || strcmp(text, "flash ok") == 0)) {
+		*node->flash_fails = text[6] == 'f';
+		return NULL;
+	}
+	return sim_faults_set(&node->faults, text);
 }

@@ -123,20 +123,15 @@ void sim_xyza_axes_advance(struct sim_xyza_axes *axes, db_time now)
 		begin_due(axes, (enum xyza_axis)axis, now);
 		advance_axis(axes, (enum xyza_axis)axis, now);
 		(void)sim_late_bit_follow(&axes->list[axis].standing_bit,
-		                          !sim_xyza_axes_moving(axes, (enum xyza_axis)axis),
+		                          !sim_motion_moving(&axes->list[axis].motion),
 		                          axes->temper->standing_delay, now);
 	}
-}
-
-bool sim_xyza_axes_moving(const struct sim_xyza_axes *axes, enum xyza_axis axis)
-{
-	return sim_motion_moving(&axes->list[axis].motion);
 }
 
 bool sim_xyza_axes_busy(const struct sim_xyza_axes *axes)
 {
 	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
-		if (sim_xyza_axes_moving(axes, (enum xyza_axis)axis) ||
+		if (sim_motion_moving(&axes->list[axis].motion) ||
 		    axes->list[axis].due != DB_TIME_NEVER)
 			return true;
 	}

@@ -40,8 +40,6 @@ void sim_xyza_axes_jog(struct sim_xyza_axes *axes, enum xyza_axis axis, double v
 void sim_xyza_axes_stop(struct sim_xyza_axes *axes); /* with their deceleration */
 void sim_xyza_axes_halt(struct sim_xyza_axes *axes); /* at once */
 
-bool sim_xyza_axes_moving(const struct sim_xyza_axes *axes, enum xyza_axis axis);
-
 /* True if any of them moves, or its jog is due. */
 bool sim_xyza_axes_busy(const struct sim_xyza_axes *axes);
 

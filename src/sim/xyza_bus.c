@@ -53,8 +53,8 @@ static struct sim_burst *serve_controller(struct sim_serial_bus *bus, struct sim
 	if (!sim_xyza_execute(node->xyza, decoded, error, request->end, &reply))
 		return NULL;
 	if (node->xyza->config.temper.settles == SIM_SETTLES_AT_ONCE)
-		reply.object = (uint8_t)sim_xyza_content(node->xyza, XYZA_ITEM_SLAVE_NUMBER,
-		                                         XYZA_X);
+		reply.object = (uint8_t)sim_xyza_memory_get(&node->xyza->memory,
+		                                            XYZA_ITEM_SLAVE_NUMBER, XYZA_X);
 	if (error != XYZA_OK ||
 	    (decoded->verb > XYZA_READ_ITEM && decoded->verb != XYZA_PROGRAM_STATE))
 		sim_serial_bus_testify(node, reply.kind != XYZA_REPLY_FAILED);
@@ -87,7 +87,8 @@ static void process(struct sim_serial_bus *bus, const struct sim_serial_request 
 		struct sim_node *node = bus->nodes[i];
 
 		if (!node->xyza ||
-		    decoded.object != sim_xyza_content(node->xyza, XYZA_ITEM_SLAVE_NUMBER, XYZA_X))
+		    decoded.object != sim_xyza_memory_get(&node->xyza->memory,
+		                                          XYZA_ITEM_SLAVE_NUMBER, XYZA_X))
 			continue;
 		known = true;
 		burst = sim_serial_bus_overlap(

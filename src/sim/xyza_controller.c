@@ -66,7 +66,7 @@ static void next_step(struct sim_xyza *controller)
 	controller->starting = false;
 	controller->step++;
 	controller->step_end = controller->now + controller->config.step_time;
-	speed = (double)sim_xyza_content(controller, XYZA_ITEM_MAX_SPEED, XYZA_X);
+	speed = (double)sim_xyza_memory_get(&controller->memory, XYZA_ITEM_MAX_SPEED, XYZA_X);
 	sim_xyza_axes_run(&controller->axes, XYZA_X, controller->step % 2 ? speed : -speed);
 }
 
@@ -164,7 +164,7 @@ static void power_up(struct sim_xyza *controller)
 	end_program(controller);
 	sim_xyza_axes_init(&controller->axes, &controller->memory, &controller->config.temper,
 	                   controller->now);
-	if (sim_xyza_content(controller, XYZA_ITEM_START_UP, XYZA_X) == 1)
+	if (sim_xyza_memory_get(&controller->memory, XYZA_ITEM_START_UP, XYZA_X) == 1)
 		(void)start_program(controller, 1);
 }
 
@@ -216,13 +216,6 @@ void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now)
 
 /* --- requests --------------------------------------------------------------------------------- */
 
-static bool accept(struct sim_xyza *controller, const struct xyza_request *request)
-{
-	(void)controller;
-	(void)request;
-	return true;
-}
-
 /* Sets the amount or the sign of an axis's position, or clears it. */
 static bool write_position(struct sim_xyza *controller, const struct xyza_request *request)
 {
@@ -257,8 +250,8 @@ static bool write_item(struct sim_xyza *controller, const struct xyza_request *r
 	const struct sim_xyza_temper *temper = &controller->config.temper;
 	bool sets_min = request->item == XYZA_ITEM_MIN_SPEED;
 	bool sets_max = request->item == XYZA_ITEM_MAX_SPEED;
-	uint32_t min = sim_xyza_content(controller, XYZA_ITEM_MIN_SPEED, request->axis);
-	uint32_t max = sim_xyza_content(controller, XYZA_ITEM_MAX_SPEED, request->axis);
+	uint32_t min = sim_xyza_memory_get(&controller->memory, XYZA_ITEM_MIN_SPEED, request->axis);
+	uint32_t max = sim_xyza_memory_get(&controller->memory, XYZA_ITEM_MAX_SPEED, request->axis);
 	uint32_t content;
 
 	/* The lowest speed would be above the highest one. */
@@ -282,17 +275,18 @@ static bool write_item(struct sim_xyza *controller, const struct xyza_request *r
 
 static bool start_jog(struct sim_xyza *controller, const struct xyza_request *request)
 {
-	double speed = (double)sim_xyza_content(controller, XYZA_ITEM_MANUAL_SPEED, request->axis);
+	double speed = (double)sim_xyza_memory_get(&controller->memory, XYZA_ITEM_MANUAL_SPEED,
+	                                           request->axis);
 
 	if (program_active(controller))
 		return false;
 	for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
 		if ((axis != request->axis || controller->config.temper.jogs_from_stand) &&
-		    sim_xyza_axes_moving(&controller->axes, (enum xyza_axis)axis))
+		    sim_motion_moving(&controller->axes.list[axis].motion))
 			return false;
 	}
 	if (controller->config.temper.latches_speed &&
-	    sim_xyza_axes_moving(&controller->axes, request->axis) &&
+	    sim_motion_moving(&controller->axes.list[request->axis].motion) &&
 	    (sim_xyza_axis_state(controller, request->axis).speed < 0.0) == request->negative)
 		return true;
 	sim_xyza_axes_jog(&controller->axes, request->axis, request->negative ? -speed : speed,
@@ -350,32 +344,17 @@ static bool run_program(struct sim_xyza *controller, const struct xyza_request *
 	}
 }
 
+/* Null: it only asks. */
 static handler_fn *const handlers[XYZA_VERB_COUNT] = {
-	[XYZA_VERB_ONLINE] = accept,
-	[XYZA_READ_MAGNITUDE] = accept,
-	[XYZA_READ_SIGN] = accept,
-	[XYZA_READ_STANDING] = accept,
-	[XYZA_READ_PORTS] = accept,
-	[XYZA_READ_ITEM] = accept,
-	[XYZA_WRITE_MAGNITUDE] = write_position,
-	[XYZA_WRITE_SIGN] = write_position,
-	[XYZA_WRITE_OUTPUT] = write_output,
-	[XYZA_WRITE_OUTPUTS] = write_output,
-	[XYZA_WRITE_ITEM] = write_item,
-	[XYZA_MANUAL_QUICK_STOP] = manual_stop,
-	[XYZA_MANUAL_STOP] = manual_stop,
-	[XYZA_MANUAL_JOG] = start_jog,
-	[XYZA_MANUAL_CLEAR] = write_position,
-	[XYZA_PROGRAM_QUICK_STOP] = program_stop,
-	[XYZA_PROGRAM_STOP] = program_stop,
-	[XYZA_PROGRAM_START] = run_program,
-	[XYZA_PROGRAM_CLEAR] = write_position,
-	[XYZA_PROGRAM_DELAY] = run_program,
-	[XYZA_PROGRAM_CONTINUE] = run_program,
-	[XYZA_PROGRAM_END] = run_program,
-	[XYZA_PROGRAM_STEP_ON] = run_program,
-	[XYZA_PROGRAM_STEP_OFF] = run_program,
-	[XYZA_PROGRAM_STATE] = accept,
+	[XYZA_WRITE_MAGNITUDE] = write_position, [XYZA_WRITE_SIGN] = write_position,
+	[XYZA_WRITE_OUTPUT] = write_output,      [XYZA_WRITE_OUTPUTS] = write_output,
+	[XYZA_WRITE_ITEM] = write_item,          [XYZA_MANUAL_QUICK_STOP] = manual_stop,
+	[XYZA_MANUAL_STOP] = manual_stop,        [XYZA_MANUAL_JOG] = start_jog,
+	[XYZA_MANUAL_CLEAR] = write_position,    [XYZA_PROGRAM_QUICK_STOP] = program_stop,
+	[XYZA_PROGRAM_STOP] = program_stop,      [XYZA_PROGRAM_START] = run_program,
+	[XYZA_PROGRAM_CLEAR] = write_position,   [XYZA_PROGRAM_DELAY] = run_program,
+	[XYZA_PROGRAM_CONTINUE] = run_program,   [XYZA_PROGRAM_END] = run_program,
+	[XYZA_PROGRAM_STEP_ON] = run_program,    [XYZA_PROGRAM_STEP_OFF] = run_program,
 };
 
 static void fill_reply(struct sim_xyza *controller, const struct xyza_request *request,
@@ -452,7 +431,7 @@ static bool carry_out(struct sim_xyza *controller, const struct xyza_request *re
 	         request->verb == XYZA_WRITE_ITEM)) &&
 	       (unsigned)request->axis < controller->config.axes &&
 	       !(controller->config.temper.ignores >> kind_of(request->verb) & 1) &&
-	       handlers[request->verb](controller, request);
+	       (!handlers[request->verb] || handlers[request->verb](controller, request));
 }
 
 /* True if it does not answer this request. */
@@ -503,7 +482,7 @@ bool sim_xyza_execute(struct sim_xyza *controller, const struct xyza_request *re
 
 static void press_key(struct sim_xyza *controller, unsigned number)
 {
-	uint32_t keys = sim_xyza_content(controller, XYZA_ITEM_KEYS, XYZA_X);
+	uint32_t keys = sim_xyza_memory_get(&controller->memory, XYZA_ITEM_KEYS, XYZA_X);
 
 	if (number == xyza_param_get(XYZA_START_KEY, keys).u) {
 		if (!resume_program(controller))
@@ -553,18 +532,12 @@ void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t po
 
 /* --- its behaviour ---------------------------------------------------------------------------- */
 
-uint32_t sim_xyza_content(const struct sim_xyza *controller, enum xyza_item item,
-                          enum xyza_axis axis)
-{
-	return sim_xyza_memory_get(&controller->memory, item, axis);
-}
-
 struct sim_xyza_axis_state sim_xyza_axis_state(const struct sim_xyza *controller,
                                                enum xyza_axis axis)
 {
 	return (struct sim_xyza_axis_state){
 		.position = controller->axes.list[axis].motion.position,
 		.speed = controller->axes.list[axis].motion.velocity,
-		.standing = !sim_xyza_axes_moving(&controller->axes, axis),
+		.standing = !sim_motion_moving(&controller->axes.list[axis].motion),
 	};
 }

@@ -135,9 +135,6 @@ void sim_xyza_place(struct sim_xyza *controller, enum xyza_axis axis, int32_t po
                     db_time now);
 
 /* State for tests; more is in the struct. Call sim_xyza_advance() before. */
-uint32_t sim_xyza_content(const struct sim_xyza *controller, enum xyza_item item,
-                          enum xyza_axis axis);
-
 struct sim_xyza_axis_state {
 	double position; /* pulses */
 	double speed;    /* Hz, signed */

@@ -99,15 +99,15 @@ static void write_state(struct sim_node *node, db_time now, FILE *out)
 	        " address=%u heard=%" PRIu32 " replies=%" PRIu32 " failed=%" PRIu32,
 	        (unsigned)node->xyza->inputs, (unsigned)node->xyza->outputs, (int)node->xyza->state,
 	        node->xyza->program, node->xyza->step, node->xyza->powered,
-	        sim_xyza_content(node->xyza, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), node->received,
-	        node->replies, node->xyza->failures);
+	        sim_xyza_memory_get(&node->xyza->memory, XYZA_ITEM_SLAVE_NUMBER, XYZA_X),
+	        node->received, node->replies, node->xyza->failures);
 	for (size_t i = 0; i < sizeof(counted) / sizeof(counted[0]); i++)
 		fprintf(out, " %s=%" PRIu32, counted[i].name, node->xyza->counts[counted[i].verb]);
 }
 
 static unsigned get_address(const struct sim_node *node)
 {
-	return sim_xyza_content(node->xyza, XYZA_ITEM_SLAVE_NUMBER, XYZA_X);
+	return sim_xyza_memory_get(&node->xyza->memory, XYZA_ITEM_SLAVE_NUMBER, XYZA_X);
 }
 
 /* --- from outside ----------------------------------------------------------------------------- */

@@ -145,10 +145,10 @@ static inline void line_open(struct line *line, enum family family,
 static inline void line_close(struct line *line)
 {
 	free(line->serial);
-	sim_can_bus_free(line->can);
+	free(line->can);
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
 		sim_vsmd_free(line->nodes[i].drive);
-		sim_servo_free(line->servos[i].drive);
+		free(line->servos[i].drive);
 		sim_xyza_free(line->nodes[i].xyza);
 	}
 }

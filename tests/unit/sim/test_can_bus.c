@@ -5,6 +5,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -102,7 +103,7 @@ static int setup(void **state)
 
 static int teardown(void **state)
 {
-	sim_can_bus_free(((struct bench *)*state)->bus);
+	free(((struct bench *)*state)->bus);
 	return 0;
 }
 

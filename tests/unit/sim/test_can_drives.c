@@ -9,6 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -68,7 +69,7 @@ static int teardown(void **state)
 
 	for (unsigned i = 0; i < DRIVES; i++)
 		sim_vsmd_free(b->nodes[i].drive);
-	sim_can_bus_free(b->bus);
+	free(b->bus);
 	return 0;
 }
 

@@ -104,7 +104,7 @@ static void a_node_may_acknowledge_something_else_first(void **state)
 	expect(&alone, 0x006, BYTES(0x01));
 	expect(&alone, 0x006, BYTES(0x06));
 	assert_false(sim_servo_node_send(&alone.node, alone.now, &frame));
-	sim_servo_free(alone.drive);
+	free(alone.drive);
 }
 
 static void a_node_answers_its_own_frames(void **state)
@@ -134,7 +134,7 @@ static void a_node_answers_its_own_frames(void **state)
 	hear(&alone, 0x025, BYTES(0, 2));
 	assert_int_equal(alone.node.unknown, 2);
 	assert_true(alone.drive->enabled);
-	sim_servo_free(alone.drive);
+	free(alone.drive);
 }
 
 static void broadcasts_are_obeyed_in_silence(void **state)
@@ -148,7 +148,7 @@ static void broadcasts_are_obeyed_in_silence(void **state)
 	hear(&alone, 0x01F, 0, NULL);
 	assert_int_equal(alone.drive->counts[SERVO_CAN_SYNC], 1);
 	assert_false(sim_servo_node_send(&alone.node, alone.now + LATENCY, &frame));
-	sim_servo_free(alone.drive);
+	free(alone.drive);
 }
 
 static void a_node_reports(void **state)
@@ -161,7 +161,7 @@ static void a_node_reports(void **state)
 	expect(&alone, 0x1C5, BYTES(0xFF, 0xFF, 0xFF, 0xFE));
 	expect(&alone, 0x1E5, BYTES(0, 0, 0, 0));
 	assert_int_equal(alone.node.reports, 2);
-	sim_servo_free(alone.drive);
+	free(alone.drive);
 }
 
 /* --- scheduler and driver in front of several -------------------------------------------------------- */
@@ -311,10 +311,10 @@ static void drop(struct world *world)
 {
 	db_engine_free(world->engine);
 	db_queue_free(world->queue);
-	sim_can_bus_free(world->wire);
+	free(world->wire);
 	for (size_t i = 0; i < world->count; i++) {
 		db_axis_free(world->axes[i]);
-		sim_servo_free(world->servos[i]);
+		free(world->servos[i]);
 	}
 	free(world);
 }

@@ -137,7 +137,7 @@ static void power_follows_later(void **state)
 	assert_int_equal(tell_enable(&b, false), SERVO_CAN_ACK_ENABLE);
 	wait(&b, 6 * MS);
 	assert_int_equal(bits(&b) & SERVO_CAN_ST_STARTED, 0);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void speed_follows_its_ramps(void **state)
@@ -165,7 +165,7 @@ static void speed_follows_its_ramps(void **state)
 	wait(&b, 200 * MS);
 	assert_true(b.drive->rpm == 0);
 	assert_int_not_equal(bits(&b) & SERVO_CAN_ST_ZERO_SPEED, 0);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void the_highest_speed_is_kept(void **state)
@@ -177,7 +177,7 @@ static void the_highest_speed_is_kept(void **state)
 	tell_speed(&b, 1000);
 	wait(&b, 500 * MS);
 	assert_true(fabs(b.drive->rpm - 300) < 2);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 /* More inertia than the current limit can accelerate with the ramp: it takes longer. */
@@ -199,7 +199,7 @@ static void the_current_is_limited(void **state)
 	assert_int_not_equal(bits(&b) & SERVO_CAN_ST_TORQUE_LIMITED, 0);
 	wait(&b, 2000 * MS);
 	assert_true(fabs(b.drive->rpm - 1000) < 2);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void current_accelerates(void **state)
@@ -221,7 +221,7 @@ static void current_accelerates(void **state)
 	tell_current(&b, 0);
 	wait(&b, 10000 * MS);
 	assert_true(b.drive->rpm == 0);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void a_position_move_arrives(void **state)
@@ -250,7 +250,7 @@ static void a_position_move_arrives(void **state)
 	wait(&b, 2000 * MS);
 	assert_true(b.drive->position == 5);
 	assert_int_equal(b.drive->moves, 2);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 /* What a bridge must not let happen, so the simulator lets it. */
@@ -267,7 +267,7 @@ static void an_old_speed_is_dangerous(void **state)
 	tell_enable(&b, true);
 	wait(&b, 200 * MS);
 	assert_true(b.drive->rpm > 490);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void feedback_of_a_held_motor_makes_it_jump(void **state)
@@ -284,7 +284,7 @@ static void feedback_of_a_held_motor_makes_it_jump(void **state)
 	tell_enable(&b, true);
 	wait(&b, 1000 * MS);
 	assert_true(b.drive->position == 5000);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void a_weight_falls_without_power(void **state)
@@ -302,7 +302,7 @@ static void a_weight_falls_without_power(void **state)
 	tell_enable(&b, false);
 	wait(&b, 100 * MS);
 	assert_true(b.drive->position < -20);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void sync_starts_what_is_staged(void **state)
@@ -323,7 +323,7 @@ static void sync_starts_what_is_staged(void **state)
 	assert_int_equal(b.drive->setpoint_at, b.now);
 	wait(&b, 200 * MS);
 	assert_true(fabs(b.drive->rpm - 100) < 2);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void reports_have_their_intervals(void **state)
@@ -347,7 +347,7 @@ static void reports_have_their_intervals(void **state)
 		sim_servo_set_reports(b.drive, (enum sim_servo_report)i, 0, b.now);
 	assert_int_equal(sim_servo_next(b.drive), DB_TIME_NEVER);
 	assert_false(sim_servo_report(b.drive, b.now + 5000 * MS, &report));
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void faults_take_the_power(void **state)
@@ -375,7 +375,7 @@ static void faults_take_the_power(void **state)
 	tell_enable(&b, true);
 	wait(&b, 100 * MS);
 	assert_int_not_equal(bits(&b) & SERVO_CAN_ST_STARTED, 0);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static struct bench make_tempered(const struct sim_servo_temper *temper, enum servo_can_mode mode)
@@ -417,7 +417,7 @@ static void some_go_on_when_a_fault_is_gone(void **state)
 		assert_int_equal(bits(&b) & SERVO_CAN_ST_ERROR, 0);
 		assert_int_not_equal(bits(&b) & SERVO_CAN_ST_STARTED, 0);
 		assert_true(b.drive->rpm > 290);
-		sim_servo_free(b.drive);
+		free(b.drive);
 	}
 }
 
@@ -464,7 +464,7 @@ static void where_a_demand_comes_from(void **state)
 		tell_enable(&b, true);
 		wait(&b, 2000 * MS);
 		assert_true(b.drive->position == cases[i].reset);
-		sim_servo_free(b.drive);
+		free(b.drive);
 	}
 }
 
@@ -481,7 +481,7 @@ static void some_speeds_have_no_sign(void **state)
 	assert_int_equal(b.count, 3);
 	assert_int_equal(b.replies[1].u.motion.speed, 300);
 	assert_int_not_equal(b.replies[2].u.status.bits & SERVO_CAN_ST_REVERSE, 0);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void a_restart_forgets(void **state)
@@ -500,7 +500,7 @@ static void a_restart_forgets(void **state)
 	assert_int_equal(b.drive->mode, SERVO_CAN_MODE_POSITION);
 	assert_false(b.drive->enabled);
 	assert_true(b.drive->position > 1000);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void a_blocked_shaft_stands(void **state)
@@ -518,7 +518,7 @@ static void a_blocked_shaft_stands(void **state)
 	b.drive->blocked = false;
 	wait(&b, 200 * MS);
 	assert_true(b.drive->rpm > 400);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 static void reads_tell_inputs(void **state)
@@ -540,7 +540,7 @@ static void reads_tell_inputs(void **state)
 	tell(&b, message);
 	assert_int_equal(b.count, 3);
 	assert_int_equal(b.drive->counts[SERVO_CAN_READ], 3);
-	sim_servo_free(b.drive);
+	free(b.drive);
 }
 
 int main(void)

@@ -283,7 +283,7 @@ static void a_move_goes_where_it_is_told(void **state)
 	struct bench *b = *state;
 
 	hear(b, "00080386#000001F445480000");
-	assert_true(sim_vsmd_moving(b->node.drive));
+	assert_true(sim_motion_moving(&b->node.drive->motion));
 	b->now += 60 * DB_NS_PER_S;
 	hear(b, "0008038B#FFFFFFFF");
 	b->now += 60 * DB_NS_PER_S;
@@ -301,7 +301,7 @@ static void a_shake_takes_four_frames(void **state)
 	assert_int_equal(count(b, VSMD_SHAKE_CYCLES), 0);
 	hear(b, "0008039B#0100000000");
 	assert_int_equal(count(b, VSMD_SHAKE_CYCLES), 1);
-	assert_true(sim_vsmd_moving(b->node.drive));
+	assert_true(sim_motion_moving(&b->node.drive->motion));
 	hear(b, "0008039B#00");
 	assert_int_equal(count(b, VSMD_SHAKE_STOP), 1);
 	assert_int_equal(refusals(b), 0);

@@ -101,10 +101,10 @@ static void late_bits_and_motions(void **state)
 	say(&b, (struct vsmd_command){ .verb = VSMD_ENA });
 	say(&b, (struct vsmd_command){ .verb = VSMD_MOV });
 	b.now += 49 * MS;
-	assert_true(shows(&b, VSMD_ST_STP) && !sim_vsmd_moving(b.drive));
+	assert_true(shows(&b, VSMD_ST_STP) && !sim_motion_moving(&b.drive->motion));
 	b.now += 2 * MS;
 	assert_true(shows(&b, VSMD_ST_STP)); /* it runs, and does not show it yet */
-	assert_true(sim_vsmd_moving(b.drive));
+	assert_true(sim_motion_moving(&b.drive->motion));
 	b.now += 30 * MS;
 	assert_false(shows(&b, VSMD_ST_STP));
 	say(&b, (struct vsmd_command){ .verb = VSMD_MOV, .has_velocity = true, .velocity = 1.0f });

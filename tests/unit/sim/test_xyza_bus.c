@@ -467,14 +467,14 @@ static void the_file_says_what_a_controller_is_like(void **state)
 	struct sim_bench *b = *state;
 	const struct sim_xyza *xyza = b->world.nodes[0].xyza;
 
-	assert_int_equal(sim_xyza_content(xyza, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 40);
+	assert_int_equal(sim_xyza_memory_get(&xyza->memory, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 40);
 	assert_true(xyza->config.style.answer_mark_0a);
 	assert_true(xyza->config.style.failure_bb);
 	assert_false(xyza->config.style.echo_a4);
-	assert_int_equal(sim_xyza_content(xyza, XYZA_ITEM_LEAD, XYZA_X), 5000);
-	assert_int_equal(sim_xyza_content(xyza, XYZA_ITEM_LEAD, XYZA_Y), 2000);
-	assert_int_equal(sim_xyza_content(xyza, XYZA_ITEM_MICROSTEP, XYZA_A), 8);
-	assert_int_equal(sim_xyza_content(xyza, XYZA_ITEM_KEYS, XYZA_X), 0x080206);
+	assert_int_equal(sim_xyza_memory_get(&xyza->memory, XYZA_ITEM_LEAD, XYZA_X), 5000);
+	assert_int_equal(sim_xyza_memory_get(&xyza->memory, XYZA_ITEM_LEAD, XYZA_Y), 2000);
+	assert_int_equal(sim_xyza_memory_get(&xyza->memory, XYZA_ITEM_MICROSTEP, XYZA_A), 8);
+	assert_int_equal(sim_xyza_memory_get(&xyza->memory, XYZA_ITEM_KEYS, XYZA_X), 0x080206);
 }
 
 static void commands_reach_controllers(void **state)

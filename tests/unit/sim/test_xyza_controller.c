@@ -205,8 +205,9 @@ static void a_new_manual_speed_holds_from_the_next_jog(void **state)
 	pass(b, SECOND);
 	assert_true(sim_xyza_axis_state(b->controller, XYZA_A).speed == 1000);
 	/* Others have their own. */
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_MANUAL_SPEED, XYZA_X),
-	                 MANUAL_SPEED);
+	assert_int_equal(
+		sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_MANUAL_SPEED, XYZA_X),
+		MANUAL_SPEED);
 }
 
 static void positions_are_magnitude_and_sign(void **state)
@@ -433,7 +434,7 @@ static void every_item_keeps_what_is_written(void **state)
 		write_item(b, read.item, XYZA_Y, value);
 		assert_int_equal(value_of(b, read), value);
 	}
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_LEAD, XYZA_X), 5000);
+	assert_int_equal(sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_LEAD, XYZA_X), 5000);
 }
 
 static void the_slave_number_changes_at_once(void **state)
@@ -442,10 +443,12 @@ static void the_slave_number_changes_at_once(void **state)
 
 	write_item(b, XYZA_ITEM_SLAVE_NUMBER, XYZA_X, 6);
 	/* The answer still came from the old one: xyza_fits() has checked that. */
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 6);
+	assert_int_equal(
+		sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 6);
 	sim_xyza_power(b->controller, false, b->now);
 	sim_xyza_power(b->controller, true, b->now);
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 6);
+	assert_int_equal(
+		sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 6);
 }
 
 static void without_power_positions_go_and_parameters_stay(void **state)
@@ -466,7 +469,7 @@ static void without_power_positions_go_and_parameters_stay(void **state)
 	assert_true(sim_xyza_axis_state(b->controller, XYZA_Z).position == 0);
 	assert_true(sim_xyza_axis_state(b->controller, XYZA_X).standing);
 	assert_int_equal(b->controller->outputs, 0);
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_LEAD, XYZA_Z), 2000);
+	assert_int_equal(sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_LEAD, XYZA_Z), 2000);
 }
 
 static void start_up_runs_a_program_at_power_up(void **state)
@@ -494,14 +497,14 @@ static void a_factory_reset_needs_time_and_a_power_cycle(void **state)
 	sim_xyza_power(b->controller, false, b->now);
 	sim_xyza_power(b->controller, true, b->now);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_VERB_ONLINE });
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_LEAD, XYZA_X), 2000);
+	assert_int_equal(sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_LEAD, XYZA_X), 2000);
 	assert_done(b, reset);
 	pass(b, 2 * SIM_XYZA_RESET_TIME);
 	assert_false(ask(b, (struct xyza_request){ .verb = XYZA_VERB_ONLINE }));
 	sim_xyza_power(b->controller, false, b->now);
 	sim_xyza_power(b->controller, true, b->now);
 	assert_done(b, (struct xyza_request){ .verb = XYZA_VERB_ONLINE });
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_LEAD, XYZA_X), 5000);
+	assert_int_equal(sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_LEAD, XYZA_X), 5000);
 }
 
 static void memory_outlives_the_process(void **state)
@@ -515,19 +518,23 @@ static void memory_outlives_the_process(void **state)
 	(void)close(fd);
 	b->config.flash_path = path;
 	make(b); /* an empty file is no memory */
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_LEAD, XYZA_A), 5000);
+	assert_int_equal(sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_LEAD, XYZA_A), 5000);
 	write_item(b, XYZA_ITEM_LEAD, XYZA_A, 4294967295u);
 	write_item(b, XYZA_ITEM_SLAVE_NUMBER, XYZA_X, 9);
 	make(b);
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_LEAD, XYZA_A), 4294967295u);
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_LEAD, XYZA_Z), 5000);
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 9);
+	assert_int_equal(sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_LEAD, XYZA_A),
+	                 4294967295u);
+	assert_int_equal(sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_LEAD, XYZA_Z), 5000);
+	assert_int_equal(
+		sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), 9);
 	file = fopen(path, "w"); /* half of it is none either */
 	assert_non_null(file);
 	assert_true(fputs("1 2 3", file) >= 0);
 	assert_int_equal(fclose(file), 0);
 	make(b);
-	assert_int_equal(sim_xyza_content(b->controller, XYZA_ITEM_SLAVE_NUMBER, XYZA_X), NUMBER);
+	assert_int_equal(
+		sim_xyza_memory_get(&b->controller->memory, XYZA_ITEM_SLAVE_NUMBER, XYZA_X),
+		NUMBER);
 	(void)unlink(path);
 	b->config.flash_path = "/nowhere/memory"; /* what cannot be kept fails */
 	make(b);
