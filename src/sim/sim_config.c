@@ -413,7 +413,7 @@ static bool parse_xyza_setting(const char *text, struct sim_xyza_config *xyza)
 	text += length;
 	if (*text == '.') {
 		letter = text[1] ? strchr(letters, text[1]) : NULL;
-		if (!letter || !xyza_item_of_axis(xyza_param_item((enum xyza_param)param)))
+		if (!letter || !xyza_item_of_axis(xyza_param_places[param].item))
 			return false;
 		text += 2;
 	}
@@ -425,7 +425,7 @@ static bool parse_xyza_setting(const char *text, struct sim_xyza_config *xyza)
 	    !xyza_param_in_range((enum xyza_param)param, value))
 		return false;
 	for (size_t axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
-		uint32_t *content = &xyza->defaults[axis][xyza_param_item((enum xyza_param)param)];
+		uint32_t *content = &xyza->defaults[axis][xyza_param_places[param].item];
 
 		if (!letter || letters[axis] == *letter)
 			*content = xyza_param_put((enum xyza_param)param, value, *content);
@@ -468,7 +468,7 @@ static void read_xyza_temper(const struct sim_section *section, struct sim_xyza_
 			                   "lacks \"%s\" is no parameter, nor ports nor program",
 			                   text);
 		else
-			temper->lacks |= 1u << xyza_param_item((enum xyza_param)param);
+			temper->lacks |= 1u << xyza_param_places[param].item;
 	}
 	while ((text = sim_section_next(section, "ignores", text)) != NULL) {
 		unsigned kind = 0;

@@ -158,7 +158,7 @@ static const char *set_item(struct sim_node *node, const char *rest, db_time now
 
 	if (param < 0 || end == rest + 2 + length || *end != '\0' || content > UINT32_MAX)
 		return "item needs an axis (x, y, z or a), a parameter and a content";
-	sim_xyza_set_item(node->xyza, xyza_param_item((enum xyza_param)param),
+	sim_xyza_set_item(node->xyza, xyza_param_places[param].item,
 	                  (enum xyza_axis)(letter - axis_letters), (uint32_t)content, now);
 	return NULL;
 }

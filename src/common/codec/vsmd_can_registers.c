@@ -125,13 +125,6 @@ size_t vsmd_can_params_of(unsigned reg, enum vsmd_param params[VSMD_CAN_FIELDS_M
 	return count;
 }
 
-bool vsmd_can_reg_known(unsigned reg)
-{
-	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];
-
-	return vsmd_can_params_of(reg, params) > 0;
-}
-
 bool vsmd_can_reg_packed(unsigned reg)
 {
 	enum vsmd_param params[VSMD_CAN_FIELDS_MAX];

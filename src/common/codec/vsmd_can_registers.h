@@ -60,11 +60,9 @@ struct vsmd_can_field {
 
 extern const struct vsmd_can_field vsmd_can_fields[VSMD_PARAM_COUNT];
 
-/* Parameters of a register, highest field first. Returns their number; 0 for reserved registers. */
+/* Parameters of a register, highest field first. Returns their number; 0 for reserved registers,
+ * which cannot be written. */
 size_t vsmd_can_params_of(unsigned reg, enum vsmd_param params[VSMD_CAN_FIELDS_MAX]);
-
-/* True if the register can be written: it has parameters. */
-bool vsmd_can_reg_known(unsigned reg);
 
 /* True if the register holds several fields, so that the others must be read before one is
  * written. */

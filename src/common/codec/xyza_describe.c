@@ -59,7 +59,7 @@ static void describe_item(struct db_description *description, enum xyza_item ite
 	for (int i = 0; i < XYZA_PARAM_COUNT; i++) {
 		enum xyza_param param = (enum xyza_param)i;
 
-		if (xyza_param_item(param) != item)
+		if (xyza_param_places[param].item != item)
 			continue;
 		db_description_add(description, "%s", gap);
 		if (!content || description->secret)

@@ -104,13 +104,7 @@ const struct db_param xyza_params[XYZA_SHOWN_COUNT] = {
 #define READ_WRITE (XYZA_CAN_READ | XYZA_CAN_WRITE)
 #define LOCKED (XYZA_CAN_WRITE | XYZA_NEEDS_UNLOCK)
 
-/* Position of a parameter in its item, in bits; and its access. */
-static const struct {
-	enum xyza_item item;
-	uint8_t shift;
-	uint8_t width;
-	unsigned access;
-} layout[XYZA_PARAM_COUNT] = {
+const struct xyza_param_place xyza_param_places[XYZA_PARAM_COUNT] = {
 	[XYZA_MIN_SPEED] = { XYZA_ITEM_MIN_SPEED, 0, 32, READ_WRITE },
 	[XYZA_MAX_SPEED] = { XYZA_ITEM_MAX_SPEED, 0, 32, READ_WRITE },
 	[XYZA_ACCELERATION_TIME] = { XYZA_ITEM_ACCELERATION_TIME, 0, 32, READ_WRITE },
@@ -139,16 +133,6 @@ bool xyza_item_of_axis(enum xyza_item item)
 	return (unsigned)item < XYZA_ITEM_COUNT && xyza_items[item].item_class != XYZA_CLASS_SYSTEM;
 }
 
-unsigned xyza_param_access(enum xyza_param param)
-{
-	return layout[param].access;
-}
-
-enum xyza_item xyza_param_item(enum xyza_param param)
-{
-	return layout[param].item;
-}
-
 bool xyza_param_in_range(enum xyza_param param, union db_value value)
 {
 	const struct db_param *row = &xyza_params[param];
@@ -171,14 +155,15 @@ int xyza_param_find(const char *name, size_t length)
 
 static uint32_t field_mask(enum xyza_param param)
 {
-	return UINT32_MAX >> (32 - layout[param].width);
+	return UINT32_MAX >> (32 - xyza_param_places[param].width);
 }
 
 union db_value xyza_param_get(enum xyza_param param, uint32_t content)
 {
 	if (param == XYZA_FACTORY_RESET)
 		return (union db_value){ .u = 1 };
-	return (union db_value){ .u = (content >> layout[param].shift) & field_mask(param) };
+	return (union db_value){ .u = (content >> xyza_param_places[param].shift) &
+		                      field_mask(param) };
 }
 
 float xyza_ramp(uint32_t min_speed, uint32_t max_speed, uint32_t time)
@@ -204,8 +189,8 @@ static uint32_t item_mask(enum xyza_item item)
 	uint32_t mask = 0;
 
 	for (int i = 0; i < XYZA_PARAM_COUNT; i++) {
-		if (layout[i].item == item && i != XYZA_FACTORY_RESET)
-			mask |= field_mask((enum xyza_param)i) << layout[i].shift;
+		if (xyza_param_places[i].item == item && i != XYZA_FACTORY_RESET)
+			mask |= field_mask((enum xyza_param)i) << xyza_param_places[i].shift;
 	}
 	return mask;
 }
@@ -213,11 +198,12 @@ static uint32_t item_mask(enum xyza_item item)
 uint32_t xyza_param_put(enum xyza_param param, union db_value value, uint32_t content)
 {
 	uint32_t mask = field_mask(param);
-	uint32_t kept = item_mask(layout[param].item) & ~(mask << layout[param].shift);
+	uint32_t kept = item_mask(xyza_param_places[param].item) &
+	                ~(mask << xyza_param_places[param].shift);
 
 	if (param == XYZA_FACTORY_RESET)
 		return 0;
-	return (content & kept) | ((value.u & mask) << layout[param].shift);
+	return (content & kept) | ((value.u & mask) << xyza_param_places[param].shift);
 }
 
 bool xyza_item_in_range(enum xyza_item item, uint32_t content, uint32_t kept)
@@ -228,8 +214,8 @@ bool xyza_item_in_range(enum xyza_item item, uint32_t content, uint32_t kept)
 		union db_value written;
 
 		/* In a parameter that is a set of axes each bit is a separate value. */
-		if (layout[i].item != item ||
-		    ((field_mask(param) << layout[param].shift) & ~kept) == 0)
+		if (xyza_param_places[i].item != item ||
+		    ((field_mask(param) << xyza_param_places[param].shift) & ~kept) == 0)
 			continue;
 		written = xyza_param_get(param, content & ~kept);
 		/* A key that was never assigned must not prevent the assignment of the others,
@@ -243,8 +229,8 @@ bool xyza_item_in_range(enum xyza_item item, uint32_t content, uint32_t kept)
 bool xyza_item_can(enum xyza_item item, unsigned access)
 {
 	for (int i = 0; i < XYZA_PARAM_COUNT; i++) {
-		if (layout[i].item == item)
-			return (layout[i].access & access) != 0;
+		if (xyza_param_places[i].item == item)
+			return (xyza_param_places[i].access & access) != 0;
 	}
 	return false;
 }

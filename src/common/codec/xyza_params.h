@@ -80,10 +80,15 @@ enum xyza_access {
 		1u << 2, /* to be written only when the user has explicitly allowed it */
 };
 
-/* A set of enum xyza_access. */
-unsigned xyza_param_access(enum xyza_param param);
+/* Position of a parameter in its item, in bits. */
+struct xyza_param_place {
+	enum xyza_item item;
+	uint8_t shift;
+	uint8_t width;
+	unsigned access; /* a set of enum xyza_access */
+};
 
-enum xyza_item xyza_param_item(enum xyza_param param);
+extern const struct xyza_param_place xyza_param_places[XYZA_PARAM_COUNT];
 
 /* True when the value is inside the documented range, also where that has holes (pause_key: 0 or
  * 8). */

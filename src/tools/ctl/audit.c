@@ -20,7 +20,7 @@ struct tally {
 
 /* --- times ------------------------------------------------------------------------------------ */
 
-json_int_t db_ctl_parse_since(const char *text)
+enum db_ctl_status db_ctl_read_since(const struct db_ctl *ctl, json_int_t *us)
 {
 	static const char *const forms[] = { "%Y-%m-%dT%H:%M:%S", "%Y-%m-%d %H:%M:%S",
 		                             "%Y-%m-%dT%H:%M", "%Y-%m-%d %H:%M", "%Y-%m-%d" };
@@ -28,28 +28,33 @@ json_int_t db_ctl_parse_since(const char *text)
 		char letter;
 		double seconds;
 	} units[] = { { 's', 1 }, { 'm', 60 }, { 'h', 3600 }, { 'd', 86400 } };
+	const char *text = ctl->since;
+	json_int_t found = 0;
+	double number;
 	char *rest;
-	double number = strtod(text, &rest);
 
+	if (!text)
+		return DB_CTL_OK;
+	number = strtod(text, &rest);
 	for (size_t i = 0; i < sizeof(units) / sizeof(units[0]); i++) {
 		if (rest != text && rest[0] == units[i].letter && rest[1] == '\0' && number >= 0)
-			return (json_int_t)(((double)time(NULL) - number * units[i].seconds) * 1e6);
+			found = (json_int_t)(((double)time(NULL) - number * units[i].seconds) *
+			                     1e6);
 	}
-	for (size_t i = 0; i < sizeof(forms) / sizeof(forms[0]); i++) {
+	for (size_t i = 0; found == 0 && i < sizeof(forms) / sizeof(forms[0]); i++) {
 		struct tm moment = { .tm_isdst = -1 };
 		const char *end = strptime(text, forms[i], &moment);
 
 		if (end && *end == '\0')
-			return (json_int_t)mktime(&moment) * 1000000;
+			found = (json_int_t)mktime(&moment) * 1000000;
 	}
-	return 0;
-}
-
-enum db_ctl_status db_ctl_complain_since(const struct db_ctl *ctl)
-{
-	return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
-	                       "--since is a time ago, such as 30m, 2h or 1d, or a date such as "
-	                       "\"2026-05-01 14:00\"");
+	if (found == 0)
+		return db_ctl_complain(
+			ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
+			"--since is a time ago, such as 30m, 2h or 1d, or a date such as "
+			"\"2026-05-01 14:00\"");
+	*us = found;
+	return DB_CTL_OK;
 }
 
 /* --- the command ------------------------------------------------------------------------------ */
@@ -122,13 +127,13 @@ static void print_broken(const struct db_ctl *ctl, const json_t *page)
 /* All pages, one after the other. */
 static enum db_ctl_status read_trail(struct db_ctl *ctl, bool verify, struct tally *tally)
 {
-	json_int_t since_us = ctl->since ? db_ctl_parse_since(ctl->since) : 0;
-	enum db_ctl_status status = DB_CTL_OK;
+	json_int_t since_us = 0;
+	enum db_ctl_status status = db_ctl_read_since(ctl, &since_us);
 	json_t *query;
 	bool over = false;
 
-	if (ctl->since && since_us == 0)
-		return db_ctl_complain_since(ctl);
+	if (status != DB_CTL_OK)
+		return status;
 	query = json_pack("{s:I, s:b, s:b}", "since_us", since_us, "refused", ctl->refused,
 	                  "verify", verify);
 	if (ctl->drive)

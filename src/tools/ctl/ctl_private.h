@@ -72,10 +72,9 @@ enum db_ctl_status db_ctl_ask(const struct db_ctl *ctl, const char *format, ...)
 /* --- audit ------------------------------------------------------------------------------------ */
 
 /* The option --since, in microseconds since 1970-01-01 UTC: "30m", "2h", "1d" ago, or a date with
- * or without a time of day, in local time. 0: neither. */
-json_int_t db_ctl_parse_since(const char *text);
-/* Says what it has to be. */
-enum db_ctl_status db_ctl_complain_since(const struct db_ctl *ctl);
+ * or without a time of day, in local time; *us stays as it is where it is not given. DB_CTL_OK, or
+ * what it has to be is printed. */
+enum db_ctl_status db_ctl_read_since(const struct db_ctl *ctl, json_int_t *us);
 
 /* --- backup ----------------------------------------------------------------------------------- */
 

@@ -99,7 +99,7 @@ static size_t width_of(const struct db_ctl_grid *grid, size_t column)
 	return width;
 }
 
-size_t db_ctl_grid_width(const struct db_ctl_grid *grid)
+static size_t grid_width(const struct db_ctl_grid *grid)
 {
 	size_t width = 0;
 
@@ -110,9 +110,12 @@ size_t db_ctl_grid_width(const struct db_ctl_grid *grid)
 	return width;
 }
 
-void db_ctl_grid_hide(struct db_ctl_grid *grid, size_t column)
+void db_ctl_grid_fit(struct db_ctl_grid *grid, unsigned width, const size_t *columns, size_t count)
 {
-	grid->hidden |= UINT64_C(1) << column;
+	for (size_t i = 0; i < count; i++) {
+		if (width > 0 && grid_width(grid) > width)
+			grid->hidden |= UINT64_C(1) << columns[i];
+	}
 }
 
 /* Cells of the row that begins here, without the empty ones at its end. */

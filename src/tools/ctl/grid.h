@@ -21,9 +21,9 @@ void db_ctl_grid_add(struct db_ctl_grid *grid, enum db_ctl_colour colour, const 
 /* A row of heads, in the language of the terminal. */
 void db_ctl_grid_add_heads(struct db_ctl_grid *grid, const char *const *heads, size_t count);
 
-/* Printed width in characters; the second one without a column, counted from 0. */
-size_t db_ctl_grid_width(const struct db_ctl_grid *grid);
-void db_ctl_grid_hide(struct db_ctl_grid *grid, size_t column);
+/* Hides these columns, counted from 0, one after the other until its lines have at most `width`
+ * characters; 0: no limit. */
+void db_ctl_grid_fit(struct db_ctl_grid *grid, unsigned width, const size_t *columns, size_t count);
 
 /* Lines are cut off at `width` characters (0: never) and end with `end`. */
 void db_ctl_grid_print(const struct db_ctl_grid *grid, bool coloured, unsigned width,

@@ -202,14 +202,14 @@ enum db_ctl_status db_ctl_health(struct db_ctl *ctl, int count, char **arguments
 {
 	const char *drive = count > 0 ? arguments[0] : NULL;
 	json_int_t now = (json_int_t)time(NULL) * 1000000;
-	json_int_t since_us = ctl->since ? db_ctl_parse_since(ctl->since) : now - DAY_US;
+	json_int_t since_us = now - DAY_US;
+	enum db_ctl_status status = db_ctl_read_since(ctl, &since_us);
 	json_int_t hours = (now - since_us) / (INT64_C(3600) * 1000000);
-	enum db_ctl_status status = DB_CTL_OK;
 	const char *trouble;
 	json_t *answer;
 
-	if (since_us == 0)
-		return db_ctl_complain_since(ctl);
+	if (status != DB_CTL_OK)
+		return status;
 	/* Some 25 to 170 lines. */
 	answer = ask(ctl, drive, since_us,
 	             !drive      ? 0 :

@@ -372,6 +372,7 @@ static void print_differences(const struct db_ctl *ctl, const struct db_params *
 static enum db_ctl_status read_both(struct db_ctl *ctl, const json_t *families, char **names,
                                     struct db_params *sets)
 {
+	const json_t *drives = json_object_get(ctl->description, "drives");
 	enum db_ctl_status status = DB_CTL_OK;
 	bool are_default[2];
 
@@ -381,8 +382,10 @@ static enum db_ctl_status read_both(struct db_ctl *ctl, const json_t *families, 
 		return db_ctl_complain(ctl, DB_CTL_USAGE, "io.drivebridge.Client.Usage",
 		                       "defaults of which drive or file?");
 	for (int i = 0; i < 2 && status == DB_CTL_OK; i++) {
-		if (!are_default[i])
-			status = db_ctl_params_find(ctl, families, names[i], &sets[i]);
+		if (!are_default[i] && db_words_look_up(drives, names[i]))
+			status = db_ctl_params_read_drive(ctl, families, names[i], true, &sets[i]);
+		else if (!are_default[i])
+			status = db_ctl_params_read_file(ctl, families, names[i], &sets[i]);
 	}
 	for (int i = 0; i < 2 && status == DB_CTL_OK; i++) {
 		if (are_default[i])

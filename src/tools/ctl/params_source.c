@@ -10,14 +10,6 @@
 
 /* --- drives ----------------------------------------------------------------------------------- */
 
-static const char *family_of(const struct db_ctl *ctl, const json_t *drive)
-{
-	const json_t *bus = db_words_look_up(json_object_get(ctl->description, "buses"),
-	                                     db_words_text(drive, "bus"));
-
-	return db_words_text(bus, "protocol");
-}
-
 /* `reason`: why the drive could not be read now, "" when it was. */
 static void ask_drive(struct db_ctl *ctl, const char *name, char *reason, size_t size)
 {
@@ -44,6 +36,9 @@ enum db_ctl_status db_ctl_params_read_drive(struct db_ctl *ctl, const json_t *fa
 {
 	const json_t *drive = db_ctl_find_drive(ctl, name);
 	const json_t *registers = drive ? db_ctl_registers_of(ctl, families, drive) : NULL;
+	const json_t *bus = db_words_look_up(json_object_get(ctl->description, "buses"),
+	                                     db_words_text(drive, "bus"));
+	const char *family = db_words_text(bus, "protocol");
 	enum db_ctl_status status = DB_CTL_OK;
 	json_t *answer;
 	char reason[512] = "";
@@ -59,7 +54,7 @@ enum db_ctl_status db_ctl_params_read_drive(struct db_ctl *ctl, const json_t *fa
 		ctl, "Read",
 		json_pack("{s:s, s:o}", "drive", name, "names", db_params_names(registers)),
 		DB_CTL_DRIVE_TIMEOUT_MS, &status);
-	if (answer && !db_params_take(params, name, family_of(ctl, drive), registers, answer))
+	if (answer && !db_params_take(params, name, family, registers, answer))
 		status = db_ctl_complain(ctl, DB_CTL_NO, DB_CLIENT_SERVICE "Refused",
 		                         "the parameters of %s are not known now: "
 		                         "drivebridgectl status says what it needs",
@@ -148,12 +143,4 @@ enum db_ctl_status db_ctl_params_read_file(const struct db_ctl *ctl, const json_
 	}
 	free(said);
 	return right ? DB_CTL_OK : DB_CTL_USAGE;
-}
-
-enum db_ctl_status db_ctl_params_find(struct db_ctl *ctl, const json_t *families, const char *name,
-                                      struct db_params *params)
-{
-	if (db_words_look_up(json_object_get(ctl->description, "drives"), name))
-		return db_ctl_params_read_drive(ctl, families, name, true, params);
-	return db_ctl_params_read_file(ctl, families, name, params);
 }

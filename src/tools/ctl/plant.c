@@ -40,10 +40,7 @@ void db_ctl_fit_drives(struct db_ctl_grid *grid, unsigned width)
 	/* The least important columns go first: age, bus, velocity. */
 	static const size_t columns[] = { 5, 1, 4 };
 
-	for (size_t i = 0; i < sizeof(columns) / sizeof(columns[0]); i++) {
-		if (width > 0 && db_ctl_grid_width(grid) > width)
-			db_ctl_grid_hide(grid, columns[i]);
-	}
+	db_ctl_grid_fit(grid, width, columns, sizeof(columns) / sizeof(columns[0]));
 }
 
 void db_ctl_add_heads(struct db_ctl_grid *grid)

@@ -162,38 +162,31 @@ static void add_readable(const struct db_params_writer *writer, const json_t *na
 	}
 }
 
-/* Takes `names` over. */
-static const char *read_names(const struct db_params_writer *writer, json_t *names,
-                              json_t **parameters)
-{
-	*parameters = json_pack("{s:s, s:o}", "drive", writer->drive, "names", names);
-	return "Read";
-}
-
 const char *db_params_writer_next(struct db_params_writer *writer, json_t **parameters)
 {
-	const json_t *names;
+	bool writes = !writer->reads_back && writer->over[0] == '\0';
+	const json_t *names = writes ? group_of(writer) : NULL;
 	json_t *read;
 
 	*parameters = NULL;
-	if (writer->reads_back) {
-		read = json_array();
-		add_readable(writer, json_array_get(writer->plan, writer->at), read);
-		return read_names(writer, read, parameters);
-	}
-	names = writer->over[0] == '\0' ? group_of(writer) : NULL;
 	if (names) {
 		*parameters = write_group(writer, names);
 		return "Write";
 	}
 	read = json_array();
-	add_readable(writer, writer->written, read);
-	add_readable(writer, writer->kept, read);
-	writer->checks = !writer->checked && !writer->lost && json_array_size(read) > 0;
-	if (writer->checks)
-		return read_names(writer, read, parameters);
-	json_decref(read);
-	return NULL;
+	if (writer->reads_back) {
+		add_readable(writer, json_array_get(writer->plan, writer->at), read);
+	} else {
+		add_readable(writer, writer->written, read);
+		add_readable(writer, writer->kept, read);
+		writer->checks = !writer->checked && !writer->lost && json_array_size(read) > 0;
+		if (!writer->checks) {
+			json_decref(read);
+			return NULL;
+		}
+	}
+	*parameters = json_pack("{s:s, s:o}", "drive", writer->drive, "names", read);
+	return "Read";
 }
 
 /* The drive has taken a parameter, and now shows this value. */

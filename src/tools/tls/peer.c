@@ -432,24 +432,20 @@ bool db_tls_peer_check(const struct db_tls_peer *peer, int64_t wall_s, char why[
 	       db_tls_trust_verify(peer->peers->trust, peer->session, &found, why);
 }
 
-db_time db_tls_peer_deadline(const struct db_tls_peer *peer)
+db_time db_tls_peer_deadline(const struct db_tls_peer *peer, const char **why)
 {
 	db_time parted = peer->parted == 0 ? DB_TIME_NEVER : peer->parted + FAREWELL_TIME;
 	db_time behind = peer->behind == 0 ? DB_TIME_NEVER : peer->behind + BEHIND_TIME;
 
-	if (peer->state == GREETING)
+	if (peer->state == GREETING) {
+		*why = "its greeting was not finished in time";
 		return peer->begun + GREETING_TIME;
-	if (peer->state == CONNECTING)
+	}
+	if (peer->state == CONNECTING) {
+		*why = "drivebridged has too many new connections";
 		return peer->begun + BEHIND_TIME;
-	return parted < behind ? parted : behind;
-}
-
-const char *db_tls_peer_overdue(const struct db_tls_peer *peer)
-{
-	if (peer->state == GREETING)
-		return "its greeting was not finished in time";
-	if (peer->state == CONNECTING)
-		return "drivebridged has too many new connections";
-	return peer->behind == 0 ? "it has closed its side" :
+	}
+	*why = peer->behind == 0 ? "it has closed its side" :
 	                           "it sends more than the service takes";
+	return parted < behind ? parted : behind;
 }

@@ -56,8 +56,7 @@ bool db_tls_peer_open(struct db_tls_peer *peer, db_time now);
 /* Whether its certificate is still good, by the trust of now. False: `why` says why not. */
 bool db_tls_peer_check(const struct db_tls_peer *peer, int64_t wall_s, char why[DB_TLS_WHY]);
 
-/* When it has to be over unless something comes of it; DB_TIME_NEVER. The second says then why. */
-db_time db_tls_peer_deadline(const struct db_tls_peer *peer);
-const char *db_tls_peer_overdue(const struct db_tls_peer *peer);
+/* When it has to be over unless something comes of it, and then why; DB_TIME_NEVER. */
+db_time db_tls_peer_deadline(const struct db_tls_peer *peer, const char **why);
 
 #endif

@@ -330,14 +330,15 @@ static void tell_status(struct db_tls_server *server, db_time now)
 db_time db_tls_server_turn(void *context, db_time now, int64_t us)
 {
 	struct db_tls_server *server = context;
+	const char *why;
 	db_time next;
 
 	(void)us;
 	for (size_t i = server->count; i-- > 0;) {
 		struct db_tls_peer *peer = server->members[i].peer;
 
-		if (db_tls_peer_deadline(peer) <= now)
-			drop(server, peer, db_tls_peer_overdue(peer));
+		if (db_tls_peer_deadline(peer, &why) <= now)
+			drop(server, peer, why);
 	}
 	if (server->rest_until <= now)
 		greet(server, now);
@@ -354,7 +355,7 @@ db_time db_tls_server_turn(void *context, db_time now, int64_t us)
 	if (db_tls_places_any_ready(&server->places))
 		next = db_time_min(next, server->rest_until);
 	for (size_t i = 0; i < server->count; i++) {
-		next = db_time_min(next, db_tls_peer_deadline(server->members[i].peer));
+		next = db_time_min(next, db_tls_peer_deadline(server->members[i].peer, &why));
 		if (server->members[i].open)
 			next = db_time_min(next, server->members[i].check_at);
 	}

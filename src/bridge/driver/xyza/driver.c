@@ -276,7 +276,7 @@ static enum db_result check_param(const struct db_bus_config *bus, size_t param,
 	/* It shows when the controller's speeds were read whether it can be sent this. */
 	if (param >= XYZA_PARAM_COUNT)
 		return value.f > 0.0f && isfinite(value.f) ? DB_RESULT_OK : DB_RESULT_OUT_OF_RANGE;
-	access = xyza_param_access((enum xyza_param)param);
+	access = xyza_param_places[param].access;
 	if (!(access & XYZA_CAN_WRITE) || ((access & XYZA_NEEDS_UNLOCK) && !unlocked))
 		return DB_RESULT_UNSUPPORTED;
 	return xyza_param_in_range((enum xyza_param)param, value) ? DB_RESULT_OK :

@@ -34,7 +34,7 @@ static void add_item(struct xyza_plan *plan, const struct db_device *device, enu
 {
 	struct xyza_step *step = add_step(plan, device, verb, kind);
 
-	step->request.item = xyza_param_item(param);
+	step->request.item = xyza_param_places[param].item;
 	step->request.value = verb == XYZA_WRITE_ITEM ?
 	                              xyza_param_put(param, (union db_value){ .u = value }, 0) :
 	                              0;
@@ -49,10 +49,10 @@ static void add_change(struct xyza_plan *plan, const struct db_device *device,
                        enum xyza_param param, uint32_t value, uint32_t mask)
 {
 	/* An item with nothing else in it can be written without being read. */
-	bool whole = xyza_param_item(param) != XYZA_ITEM_KEYS && param != XYZA_ENABLE;
-	bool unread = device->unread >> xyza_param_item(param) & 1;
+	bool whole = xyza_param_places[param].item != XYZA_ITEM_KEYS && param != XYZA_ENABLE;
+	bool unread = device->unread >> xyza_param_places[param].item & 1;
 
-	if (!(xyza_param_access(param) & XYZA_CAN_READ) || (unread && whole)) {
+	if (!(xyza_param_places[param].access & XYZA_CAN_READ) || (unread && whole)) {
 		add_item(plan, device, XYZA_WRITE_ITEM, STEP_PLAIN, param, value, mask);
 		plan->unproven = true;
 		return;
@@ -163,7 +163,7 @@ static void plan_jog(struct xyza_plan *plan, struct db_device *device, bool nega
 		add_change(plan, device, XYZA_MANUAL_SPEED, (uint32_t)llroundf(speed), UINT32_MAX);
 	/* What the stop before a limit depends on: it may have been changed at the controller. */
 	for (unsigned i = 0; device->limited && i < 2; i++) {
-		if (!(device->unread >> xyza_param_item(needed[i]) & 1))
+		if (!(device->unread >> xyza_param_places[needed[i]].item & 1))
 			add_item(plan, device, XYZA_READ_ITEM, STEP_REFRESH, needed[i], 0, 0);
 	}
 	add_step(plan, device, XYZA_MANUAL_JOG, STEP_PLAIN)->request.negative = negative;

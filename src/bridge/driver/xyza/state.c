@@ -87,7 +87,7 @@ static uint64_t params_of(enum xyza_item item)
 	uint64_t bits = 0;
 
 	for (unsigned i = 0; i < XYZA_PARAM_COUNT; i++) {
-		if (xyza_param_item((enum xyza_param)i) == item)
+		if (xyza_param_places[i].item == item)
 			bits |= UINT64_C(1) << i;
 	}
 	return bits;
@@ -108,7 +108,8 @@ void xyza_learn_item(struct db_device *device, enum xyza_item item, uint32_t con
 		enum xyza_param param = (enum xyza_param)i;
 		union db_value value;
 
-		if (xyza_param_item(param) != item || !(xyza_param_access(param) & XYZA_CAN_READ))
+		if (xyza_param_places[param].item != item ||
+		    !(xyza_param_places[param].access & XYZA_CAN_READ))
 			continue;
 		value = xyza_param_get(param, content);
 		if (xyza_item_of_axis(item))

@@ -537,8 +537,8 @@ static void test_items(void **state)
 	(void)state;
 	for (int i = 0; i < XYZA_PARAM_COUNT; i++) {
 		enum xyza_param param = (enum xyza_param)i;
-		enum xyza_item item = xyza_param_item(param);
-		unsigned access = xyza_param_access(param);
+		enum xyza_item item = xyza_param_places[param].item;
+		unsigned access = xyza_param_places[param].access;
 		uint32_t content = 0;
 		union db_value value;
 
@@ -930,7 +930,7 @@ static void test_parameter_table(void **state)
 		assert_true(in_range(param, row->max));
 		assert_false(in_range(param, row->min - 1));
 		assert_false(in_range(param, row->max + 1));
-		assert_true(xyza_param_access(param) & XYZA_CAN_WRITE);
+		assert_true(xyza_param_places[param].access & XYZA_CAN_WRITE);
 	}
 	assert_int_equal(xyza_param_find("microstepping", 13), -1);
 	assert_int_equal(xyza_param_find("lead screw", 4), XYZA_LEAD);
@@ -992,10 +992,10 @@ static void test_parameters_to_unlock(void **state)
 
 	(void)state;
 	for (int i = 0; i < XYZA_PARAM_COUNT; i++)
-		count += (xyza_param_access((enum xyza_param)i) & XYZA_NEEDS_UNLOCK) != 0;
+		count += (xyza_param_places[i].access & XYZA_NEEDS_UNLOCK) != 0;
 	assert_int_equal(count, COUNT(locked));
 	for (size_t i = 0; i < COUNT(locked); i++)
-		assert_true(xyza_param_access(locked[i]) & XYZA_NEEDS_UNLOCK);
+		assert_true(xyza_param_places[locked[i]].access & XYZA_NEEDS_UNLOCK);
 }
 
 static void test_parameters_in_items(void **state)
@@ -1030,7 +1030,7 @@ static void test_parameters_beside_what_is_not_set(void **state)
 		struct xyza_request request = { .verb = XYZA_WRITE_ITEM, .object = 5 };
 		uint8_t frame[XYZA_FRAME_MAX];
 
-		request.item = xyza_param_item(rows[i].param);
+		request.item = xyza_param_places[rows[i].param].item;
 		request.value = xyza_param_put(rows[i].param, (union db_value){ .u = 6 },
 		                               rows[i].held);
 		assert_int_equal(request.value, rows[i].written);
