@@ -334,26 +334,13 @@ void sim_section_check_all(const struct db_reader *reader, struct db_messages *m
 	}
 }
 
-size_t sim_section_count(const struct db_reader *reader, const char *name)
-{
-	size_t count = 0;
-
-	for (size_t i = 0; i < reader->section_count; i++)
-		count += strcmp(reader->sections[i].name, name) == 0;
-	return count;
-}
-
 struct sim_section sim_section_open(const struct db_reader *reader, struct db_messages *messages,
-                                    const char *name, size_t number)
+                                    size_t index)
 {
-	size_t index = 0;
-
-	while (strcmp(reader->sections[index].name, name) != 0 || number-- > 0)
-		index++;
 	return (struct sim_section){
 		.reader = reader,
 		.messages = messages,
-		.keys = find_keys(name),
+		.keys = find_keys(reader->sections[index].name),
 		.index = index,
 		.title = reader->sections[index].title,
 	};

@@ -21,11 +21,9 @@ struct sim_section {
 /* Every unknown section or key, every duplicate and every wrong type is an error. */
 void sim_section_check_all(const struct db_reader *reader, struct db_messages *messages);
 
-/* Of the sections that sim_section_check_all() accepted: the number with this name ("bus" or
- * "drive"), and one of them. */
-size_t sim_section_count(const struct db_reader *reader, const char *name);
+/* One of the sections that sim_section_check_all() accepted. */
 struct sim_section sim_section_open(const struct db_reader *reader, struct db_messages *messages,
-                                    const char *name, size_t number);
+                                    size_t index);
 
 /* Values of the section's keys, by type. Texts live as long as the reader; null when it is not
  * given and has no default. */

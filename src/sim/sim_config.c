@@ -582,40 +582,39 @@ static void read_config(struct sim_config *config, struct db_messages *messages)
 		.lenient = true,
 	};
 	const struct db_reader *reader = &config->reader;
-	size_t buses, drives;
+	size_t buses = 0;
+	struct sim_section section;
 
 	if (!db_reader_read(&config->reader, &rules, messages))
 		return;
 	sim_section_check_all(reader, messages);
 	if (messages->errors > 0)
 		return;
-	buses = sim_section_count(reader, "bus");
-	drives = sim_section_count(reader, "drive");
-	if (buses == 0 || drives == 0) {
+	for (size_t i = 0; i < reader->section_count; i++)
+		buses += strcmp(reader->sections[i].name, "bus") == 0;
+	if (buses == 0 || buses == reader->section_count) {
 		db_messages_add_error(messages, 0,
 		                      "there must be at least one bus and one drive section");
 		return;
 	}
 	config->buses = calloc(buses, sizeof(*config->buses));
-	config->drives = calloc(drives, sizeof(*config->drives));
+	config->drives = calloc(reader->section_count - buses, sizeof(*config->drives));
 	if (!config->buses || !config->drives) {
 		db_messages_add_error(messages, 0, "out of memory; free some and try again");
 		return;
 	}
-	for (; config->bus_count < buses; config->bus_count++) {
-		struct sim_section section = sim_section_open(reader, messages, "bus",
-		                                              config->bus_count);
-
-		read_bus(&section, &config->buses[config->bus_count]);
+	for (size_t i = 0; i < reader->section_count; i++) {
+		section = sim_section_open(reader, messages, i);
+		if (strcmp(reader->sections[i].name, "bus") == 0)
+			read_bus(&section, &config->buses[config->bus_count++]);
 	}
 	/* The drives' keys depend on their buses. */
 	if (messages->errors > 0)
 		return;
-	for (; config->drive_count < drives; config->drive_count++) {
-		struct sim_section section = sim_section_open(reader, messages, "drive",
-		                                              config->drive_count);
-
-		read_drive(&section, config, &config->drives[config->drive_count]);
+	for (size_t i = 0; i < reader->section_count; i++) {
+		section = sim_section_open(reader, messages, i);
+		if (strcmp(reader->sections[i].name, "drive") == 0)
+			read_drive(&section, config, &config->drives[config->drive_count++]);
 	}
 }
 

@@ -98,7 +98,7 @@ static void power_up(struct sim_vsmd *drive, db_time now)
 {
 	bool unreadable = false;
 
-	if (drive->flash_path) {
+	if (drive->flash_path[0] != '\0') {
 		union db_value values[VSMD_PARAM_COUNT];
 		int result;
 
@@ -147,13 +147,8 @@ struct sim_vsmd *sim_vsmd_new(const struct sim_vsmd_config *config, db_time now)
 	drive->config.defaults[VSMD_BDR].u = config->baud;
 	drive->config.identity = NULL;
 	drive->config.flash_path = NULL;
-	if (config->flash_path) {
-		drive->flash_path = strdup(config->flash_path);
-		if (!drive->flash_path) {
-			free(drive);
-			return NULL;
-		}
-	}
+	if (config->flash_path)
+		snprintf(drive->flash_path, sizeof(drive->flash_path), "%s", config->flash_path);
 	memcpy(drive->flash, drive->config.defaults, sizeof(drive->flash));
 	snprintf(drive->identity, sizeof(drive->identity), "%s", config->identity);
 	for (unsigned i = 0; i < SIM_VSMD_SENSORS; i++)
@@ -162,14 +157,6 @@ struct sim_vsmd *sim_vsmd_new(const struct sim_vsmd_config *config, db_time now)
 	drive->shaft_offset = config->start;
 	power_up(drive, now);
 	return drive;
-}
-
-void sim_vsmd_free(struct sim_vsmd *drive)
-{
-	if (!drive)
-		return;
-	free(drive->flash_path);
-	free(drive);
 }
 
 static handler_fn *const handlers[VSMD_VERB_COUNT]; /* below */
@@ -376,7 +363,7 @@ static bool save_params(struct sim_vsmd *drive, const struct vsmd_command *comma
 	int result = drive->flash_fails ? -EIO : 0;
 
 	(void)command;
-	if (result == 0 && drive->flash_path)
+	if (result == 0 && drive->flash_path[0] != '\0')
 		result = sim_vsmd_flash_write(drive->flash_path, drive->params);
 	if (result != 0) {
 		drive->flags |= VSMD_ST_FLASH_ERR;

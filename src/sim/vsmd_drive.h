@@ -59,7 +59,8 @@ bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param,
                     union db_value value);
 
 /*
- * Powered on. Null when out of memory. Copies the configuration (the strings too).
+ * Powered on. Null when out of memory; to be freed with free(). Copies the configuration (the
+ * strings too).
  *
  * Homing: the motor runs with zsd until the origin sensor leaves its open level (if it has left it
  * already, backwards first until it is open). zmd 1, 2: it halts there and the place is 0. zmd 3,
@@ -69,7 +70,6 @@ bool sim_vsmd_takes(const struct sim_vsmd_config *config, enum vsmd_param param,
  * than the origin sensor ends it unfinished.
  */
 struct sim_vsmd *sim_vsmd_new(const struct sim_vsmd_config *config, db_time now);
-void sim_vsmd_free(struct sim_vsmd *drive);
 
 /* Lets the motor and sensors catch up. Only needed to keep later calls short. */
 void sim_vsmd_advance(struct sim_vsmd *drive, db_time now);

@@ -37,7 +37,7 @@ static bool open_drive(struct sim_node *node, void *wire, const struct sim_bus_c
 
 static void close_drive(struct sim_node *node)
 {
-	sim_vsmd_free(node->drive);
+	free(node->drive);
 	free(node->vsmd_can);
 }
 

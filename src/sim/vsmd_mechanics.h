@@ -10,6 +10,8 @@
 #include "sim/motion.h"
 #include "sim/vsmd_drive.h"
 
+#include <limits.h>
+
 enum sim_homing {
 	SIM_HOMING_NONE,
 	SIM_HOMING_LEAVE, /* the sensor was active at the start: backwards until it opens */
@@ -28,7 +30,7 @@ enum sim_shake { SIM_SHAKE_NONE, SIM_SHAKE_TO_START, SIM_SHAKE_RUN };
 struct sim_vsmd {
 	struct sim_vsmd_config config;
 	char identity[SIM_VSMD_IDENTITY_MAX];
-	char *flash_path;
+	char flash_path[PATH_MAX]; /* "": none */
 	union db_value flash[VSMD_PARAM_COUNT];
 	union db_value params[VSMD_PARAM_COUNT];
 

@@ -2,6 +2,7 @@
 #include "sim/xyza_controller.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -146,13 +147,13 @@ static void set_defaults(struct sim_xyza *controller)
 /* False when the present values will be lost with the power. */
 static bool save_items(const struct sim_xyza *controller)
 {
-	return !controller->flash_path ||
+	return controller->flash_path[0] == '\0' ||
 	       sim_xyza_memory_save(&controller->memory, controller->flash_path) == 0;
 }
 
 static void power_up(struct sim_xyza *controller)
 {
-	if (controller->flash_path &&
+	if (controller->flash_path[0] != '\0' &&
 	    sim_xyza_memory_load(&controller->memory, controller->flash_path) != 0)
 		set_defaults(controller);
 	controller->powered = true;
@@ -176,25 +177,13 @@ struct sim_xyza *sim_xyza_new(const struct sim_xyza_config *config, db_time now)
 		return NULL;
 	controller->config = *config;
 	controller->config.flash_path = NULL;
-	if (config->flash_path) {
-		controller->flash_path = strdup(config->flash_path);
-		if (!controller->flash_path) {
-			free(controller);
-			return NULL;
-		}
-	}
+	if (config->flash_path)
+		snprintf(controller->flash_path, sizeof(controller->flash_path), "%s",
+		         config->flash_path);
 	controller->now = now;
 	set_defaults(controller);
 	power_up(controller);
 	return controller;
-}
-
-void sim_xyza_free(struct sim_xyza *controller)
-{
-	if (!controller)
-		return;
-	free(controller->flash_path);
-	free(controller);
 }
 
 void sim_xyza_power(struct sim_xyza *controller, bool on, db_time now)

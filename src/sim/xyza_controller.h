@@ -20,6 +20,7 @@
 #include "sim/xyza_axes.h"
 #include "sim/xyza_memory.h"
 
+#include <limits.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -79,7 +80,7 @@ struct sim_xyza_config {
 
 struct sim_xyza {
 	struct sim_xyza_config config;
-	char *flash_path;
+	char flash_path[PATH_MAX]; /* "": none */
 	struct sim_xyza_memory memory;
 	struct sim_xyza_axes axes;
 	db_time now;
@@ -104,9 +105,9 @@ struct sim_xyza {
 /* Fills in usual values; the caller then changes what it needs. */
 void sim_xyza_config_init(struct sim_xyza_config *config, unsigned number);
 
-/* Powered on. Null when out of memory. Copies the configuration (the path too). */
+/* Powered on. Null when out of memory; to be freed with free(). Copies the configuration (the path
+ * too). */
 struct sim_xyza *sim_xyza_new(const struct sim_xyza_config *config, db_time now);
-void sim_xyza_free(struct sim_xyza *controller);
 
 /* Lets axes and programs catch up. Only needed to keep later calls short. */
 void sim_xyza_advance(struct sim_xyza *controller, db_time now);

@@ -25,7 +25,7 @@ static bool open_controller(struct sim_node *node, void *wire, const struct sim_
 
 static void close_controller(struct sim_node *node)
 {
-	sim_xyza_free(node->xyza);
+	free(node->xyza);
 }
 
 /* --- state ------------------------------------------------------------------------------------ */

@@ -154,7 +154,7 @@ static inline void rs485_free(struct rs485 *line)
 {
 	free(line->wire);
 	for (size_t i = 0; i < line->bus->drive_count; i++)
-		sim_vsmd_free(line->nodes[i].drive);
+		free(line->nodes[i].drive);
 	fake_bus_free(line->bus);
 	free(line);
 }

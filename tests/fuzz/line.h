@@ -147,9 +147,9 @@ static inline void line_close(struct line *line)
 	free(line->serial);
 	free(line->can);
 	for (size_t i = 0; i < LINE_DRIVES; i++) {
-		sim_vsmd_free(line->nodes[i].drive);
+		free(line->nodes[i].drive);
 		free(line->servos[i].drive);
-		sim_xyza_free(line->nodes[i].xyza);
+		free(line->nodes[i].xyza);
 	}
 }
 

@@ -68,7 +68,7 @@ static int teardown(void **state)
 	struct bench *b = *state;
 
 	for (unsigned i = 0; i < DRIVES; i++)
-		sim_vsmd_free(b->nodes[i].drive);
+		free(b->nodes[i].drive);
 	free(b->bus);
 	return 0;
 }

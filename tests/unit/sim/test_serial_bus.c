@@ -59,8 +59,8 @@ static int teardown(void **state)
 	struct bench *bench = *state;
 
 	free(bench->bus);
-	sim_vsmd_free(bench->nodes[0].drive);
-	sim_vsmd_free(bench->nodes[1].drive);
+	free(bench->nodes[0].drive);
+	free(bench->nodes[1].drive);
 	return 0;
 }
 

@@ -10,6 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -61,7 +62,7 @@ static int setup_standard(void **state)
 
 static int teardown(void **state)
 {
-	sim_vsmd_free(((struct bench *)*state)->node.drive);
+	free(((struct bench *)*state)->node.drive);
 	return 0;
 }
 

@@ -90,7 +90,7 @@ static void moves_and_counts(void **state)
 	wait_seconds(&b, 2);
 	assert_int_equal(status(&b).position, 700);
 	assert_int_equal(b.drive->counts[VSMD_RMV], 2);
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void refuses_and_forgives(void **state)
@@ -120,7 +120,7 @@ static void refuses_and_forgives(void **state)
 	assert_true(send(&b, "org 2147483000"));
 	assert_false(send(&b, "rmv 1000"));
 	assert_int_equal(status(&b).position, 2147483000);
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void off_loses_the_origin(void **state)
@@ -139,7 +139,7 @@ static void off_loses_the_origin(void **state)
 	assert_int_equal(status(&b).position, 0);
 	assert_true(status(&b).velocity == 0.0f);
 	assert_true(bit(&b, VSMD_ST_ORG) && bit(&b, VSMD_ST_STP) && !bit(&b, VSMD_ST_PWR));
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void soft_limits_hold(void **state)
@@ -158,7 +158,7 @@ static void soft_limits_hold(void **state)
 	assert_true(bit(&b, VSMD_ST_STP));
 	wait_seconds(&b, 5);
 	assert_int_equal(status(&b).position, 3001);
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void limit_sensor_stops_one_direction(void **state)
@@ -180,7 +180,7 @@ static void limit_sensor_stops_one_direction(void **state)
 	send(&b, "pos 10");
 	wait_seconds(&b, 10);
 	assert_int_equal(status(&b).position, 10);
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void check_homing(uint32_t mode, int32_t rest, uint32_t negative_limit)
@@ -213,7 +213,7 @@ static void check_homing(uint32_t mode, int32_t rest, uint32_t negative_limit)
 	wait_seconds(&b, 30);
 	assert_true(bit(&b, VSMD_ST_ZERO));
 	assert_in_range(sim_mechanics_shaft(b.drive) - rest, 998, 1002);
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void homing_finds_the_origin(void **state)
@@ -243,7 +243,7 @@ static void homing_can_be_stopped_and_fail(void **state)
 	assert_true(send(&b, "cfg zmd=0"));
 	assert_false(send(&b, "zero start"));
 	assert_false(send(&b, "cfg zmd=6")); /* closed loop only */
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void homing_by_encoder(void **state)
@@ -268,7 +268,7 @@ static void homing_by_encoder(void **state)
 	wait_seconds(&b, 20);
 	assert_true(bit(&b, VSMD_ST_ZERO));
 	assert_in_range(sim_mechanics_shaft(b.drive) + 1, 1, 1); /* a whole turn: 200 steps of 32 */
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void sensor_events_act(void **state)
@@ -305,7 +305,7 @@ static void sensor_events_act(void **state)
 	assert_true(bit(&b, VSMD_ST_ACTION));
 	sim_vsmd_force_sensor(b.drive, 3, 0, b.now);
 	assert_false(bit(&b, VSMD_ST_ACTION));
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void shake_ends_after_its_cycles(void **state)
@@ -327,7 +327,7 @@ static void shake_ends_after_its_cycles(void **state)
 	assert_true(send(&b, "shake stop"));
 	wait_seconds(&b, 1);
 	assert_true(bit(&b, VSMD_ST_STP) && !bit(&b, VSMD_ST_ACT));
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void blocked_motor(void **state)
@@ -344,7 +344,7 @@ static void blocked_motor(void **state)
 	wait_seconds(&open, 5);
 	assert_int_equal(status(&open).position, 500); /* it does not know */
 	assert_in_range(sim_mechanics_shaft(open.drive) + 1, 1, 1);
-	sim_vsmd_free(open.drive);
+	free(open.drive);
 
 	closed.config.closed_loop = true;
 	closed.config.defaults[VSMD_EMOD].u = 1;
@@ -362,7 +362,7 @@ static void blocked_motor(void **state)
 	send(&closed, "pos 500");
 	wait_seconds(&closed, 5);
 	assert_int_equal(status(&closed).position, 500);
-	sim_vsmd_free(closed.drive);
+	free(closed.drive);
 }
 
 static void flash_outlives_power(void **state)
@@ -388,19 +388,19 @@ static void flash_outlives_power(void **state)
 	b.drive->flash_fails = false;
 	assert_true(send(&b, "sav") && !bit(&b, VSMD_ST_FLASH_ERR));
 	assert_int_equal(b.drive->address, 1); /* until the next power-up */
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 
 	power_on(&b); /* a new process */
 	assert_int_equal(b.drive->address, 7);
 	assert_true(b.drive->params[VSMD_SPD].f == 777.5f);
 	assert_true(bit(&b, VSMD_ST_PWR) && !bit(&b, VSMD_ST_HS));
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 	assert_int_equal(unlink(path), 0);
 	b.config.flash_path = directory; /* cannot be read or replaced */
 	power_on(&b);
 	assert_true(bit(&b, VSMD_ST_FLASH_ERR));
 	assert_true(send(&b, "sav") && bit(&b, VSMD_ST_FLASH_ERR));
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 	assert_int_equal(rmdir(directory), 0);
 }
 

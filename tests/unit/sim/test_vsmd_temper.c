@@ -6,6 +6,7 @@
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -64,7 +65,7 @@ static void the_documented_drive(void **state)
 	sim_vsmd_power(b.drive, false, b.now);
 	sim_vsmd_power(b.drive, true, b.now);
 	assert_false(shows(&b, VSMD_ST_HS));
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void handshakes(void **state)
@@ -81,7 +82,7 @@ static void handshakes(void **state)
 	assert_true(shows(&b, VSMD_ST_HS));
 	b.now += 500 * MS;
 	assert_false(shows(&b, VSMD_ST_HS));
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void late_bits_and_motions(void **state)
@@ -115,7 +116,7 @@ static void late_bits_and_motions(void **state)
 	say(&b, (struct vsmd_command){ .verb = VSMD_MOV, .has_velocity = true, .velocity = 1.0f });
 	b.now += 81 * MS;
 	assert_false(shows(&b, VSMD_ST_STP));
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void refusals(void **state)
@@ -137,9 +138,9 @@ static void refusals(void **state)
 	assert_true(shows(&once, VSMD_ST_CMD_WRG));
 	assert_false(shows(&once, VSMD_ST_CMD_WRG));
 	assert_false(shows(&cleared, VSMD_ST_CMD_WRG));
-	sim_vsmd_free(kept.drive);
-	sim_vsmd_free(once.drive);
-	sim_vsmd_free(cleared.drive);
+	free(kept.drive);
+	free(once.drive);
+	free(cleared.drive);
 }
 
 static void values_and_levels(void **state)
@@ -159,7 +160,7 @@ static void values_and_levels(void **state)
 	assert_int_equal(told(&b).position, 11);
 	say(&b, (struct vsmd_command){ .verb = VSMD_SENSOR_OUT, .port = 5, .value = 1 });
 	assert_false(shows(&b, VSMD_ST_CMD_WRG) || shows(&b, VSMD_ST_S5));
-	sim_vsmd_free(b.drive);
+	free(b.drive);
 }
 
 static void registers(void **state)

@@ -45,7 +45,7 @@ static struct sim_xyza *new_controller(unsigned number, struct xyza_style style,
 static void replace_controller(struct bench *bench, size_t place, unsigned number,
                                struct xyza_style style)
 {
-	sim_xyza_free(bench->nodes[place].xyza);
+	free(bench->nodes[place].xyza);
 	bench->nodes[place].xyza = new_controller(number, style, bench->now);
 	assert_non_null(bench->nodes[place].xyza);
 }
@@ -75,7 +75,7 @@ static int teardown(void **state)
 
 	free(bench->bus);
 	for (size_t i = 0; i < CONTROLLERS; i++)
-		sim_xyza_free(bench->nodes[i].xyza);
+		free(bench->nodes[i].xyza);
 	return 0;
 }
 

@@ -29,7 +29,7 @@ struct bench {
 
 static void make(struct bench *bench)
 {
-	sim_xyza_free(bench->controller);
+	free(bench->controller);
 	bench->controller = sim_xyza_new(&bench->config, bench->now);
 	assert_non_null(bench->controller);
 }
@@ -51,7 +51,7 @@ static int teardown(void **state)
 {
 	struct bench *bench = *state;
 
-	sim_xyza_free(bench->controller);
+	free(bench->controller);
 	bench->controller = NULL;
 	return 0;
 }

@@ -110,7 +110,7 @@ static void free_plant(struct plant *plant)
 	fake_registers_close(&plant->registers);
 	free(plant->wire);
 	for (size_t i = 0; i < plant->bus->drive_count; i++)
-		sim_vsmd_free(plant->nodes[i].drive);
+		free(plant->nodes[i].drive);
 	fake_bus_free(plant->bus);
 	free(plant);
 }
