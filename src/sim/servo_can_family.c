@@ -22,12 +22,16 @@ static bool open_drive(struct sim_node *node, void *wire, const struct sim_bus_c
 		free(drive);
 		return false;
 	}
-	sim_servo_node_init(node->servo, config->name, drive, (uint8_t)config->address,
-	                    &bus->layout, bus->can.latency);
-	node->servo->lengths = config->servo_lengths;
-	node->servo->ack_latency = config->servo_ack_latency;
-	node->servo->stray_acks = config->servo_stray_acks;
-	node->servo->witness = node->witness;
+	*node->servo = (struct sim_servo_node){
+		.drive = drive,
+		.address = (uint8_t)config->address,
+		.layout = bus->layout,
+		.latency = bus->can.latency,
+		.ack_latency = config->servo_ack_latency,
+		.stray_acks = config->servo_stray_acks,
+		.lengths = config->servo_lengths,
+		.witness = node->witness,
+	};
 	node->stalled = &drive->blocked;
 	node->forced_status = &drive->forced;
 	station = sim_servo_node_station(node->servo);

@@ -4,17 +4,6 @@
 
 #include <string.h>
 
-void sim_servo_node_init(struct sim_servo_node *node, const char *name, struct sim_servo *drive,
-                         uint8_t address, const struct servo_can_layout *layout, db_time latency)
-{
-	memset(node, 0, sizeof(*node));
-	node->name = name;
-	node->drive = drive;
-	node->address = address;
-	node->layout = *layout;
-	node->latency = latency;
-}
-
 static bool enqueue(struct sim_servo_node *node, struct servo_can_message *message, db_time due)
 {
 	struct db_can_frame *frame;

@@ -28,17 +28,17 @@ enum sim_servo_lengths {
 };
 
 struct sim_servo_node {
-	const char *name;        /* not owned */
-	struct sim_servo *drive; /* not owned */
+	/* Set by the owner; all else is 0 at first. */
+	struct sim_servo *drive; /* not owned; must outlive the node */
 	uint8_t address;         /* 1..31 */
 	struct servo_can_layout layout;
 	db_time latency;     /* response time of an answer */
 	db_time ack_latency; /* additional time before an acknowledgement */
 	bool stray_acks;     /* before each acknowledgement comes one of something else */
 	enum sim_servo_lengths lengths;
-	struct sim_faults faults;
 	struct sim_witness witness;
 
+	struct sim_faults faults;
 	struct {
 		db_time due;
 		struct db_can_frame frame;
@@ -51,10 +51,6 @@ struct sim_servo_node {
 	uint32_t reports;
 	uint32_t lost; /* for which the queue had no room */
 };
-
-/* `name` and `drive` must outlive the node. */
-void sim_servo_node_init(struct sim_servo_node *node, const char *name, struct sim_servo *drive,
-                         uint8_t address, const struct servo_can_layout *layout, db_time latency);
 
 /* Its end of the bus. */
 struct sim_can_station sim_servo_node_station(struct sim_servo_node *node);

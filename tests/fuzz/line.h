@@ -95,7 +95,10 @@ static inline void line_add_servo(struct line *line, size_t place, unsigned addr
 	config.temper.motion_delay = line->motion_delay;
 	drive = sim_servo_new(&config, now);
 	must(drive);
-	sim_servo_node_init(servo, "servo", drive, (uint8_t)address, &line_layout, LINE_LATENCY);
+	*servo = (struct sim_servo_node){ .drive = drive,
+		                          .address = (uint8_t)address,
+		                          .layout = line_layout,
+		                          .latency = LINE_LATENCY };
 	station = sim_servo_node_station(servo);
 	station.faults = &line->nodes[place].faults;
 	must(sim_can_bus_attach(line->can, &station));

@@ -61,11 +61,12 @@ static void set_passive(struct db_port_health *health, bool passive)
 	health->error_passive = passive;
 }
 
-static void go_bus_off(struct db_port_health *health)
+static void go_bus_off(struct db_port *port, db_time now)
 {
-	health->up = false;
-	health->error = ENETRESET;
-	health->bus_offs++;
+	port->health.up = false;
+	port->health.error = ENETRESET;
+	port->health.bus_offs++;
+	port->ask_state_at = now + STATE_INTERVAL;
 }
 
 static void come_back(struct db_port_health *health)
@@ -102,10 +103,8 @@ static void note_error(struct db_port *port, const struct db_can_frame *frame, d
 	}
 	if (frame->id & CAN_ERR_RESTARTED)
 		come_back(health);
-	if (frame->id & CAN_ERR_BUSOFF && health->up) {
-		go_bus_off(health);
-		port->ask_state_at = now + STATE_INTERVAL;
-	}
+	if (frame->id & CAN_ERR_BUSOFF && health->up)
+		go_bus_off(port, now);
 }
 
 /* Takes the state before the port was opened. */
@@ -121,10 +120,8 @@ static void note_link(struct db_port *port, db_time now)
 	port->health.error_warning = link.state == CAN_STATE_ERROR_WARNING ||
 	                             link.state == CAN_STATE_ERROR_PASSIVE;
 	set_passive(&port->health, link.state == CAN_STATE_ERROR_PASSIVE);
-	if (link.state == CAN_STATE_BUS_OFF) {
-		go_bus_off(&port->health);
-		port->ask_state_at = now + STATE_INTERVAL;
-	}
+	if (link.state == CAN_STATE_BUS_OFF)
+		go_bus_off(port, now);
 }
 
 /* --- opening ---------------------------------------------------------------------------------- */

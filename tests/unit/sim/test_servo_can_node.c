@@ -58,7 +58,9 @@ static struct alone make_alone(void)
 	config.start = -2;
 	alone.drive = sim_servo_new(&config, alone.now);
 	assert_non_null(alone.drive);
-	sim_servo_node_init(&alone.node, "alone", alone.drive, 5, &layout, LATENCY);
+	alone.node = (struct sim_servo_node){
+		.drive = alone.drive, .address = 5, .layout = layout, .latency = LATENCY
+	};
 	return alone;
 }
 
@@ -294,8 +296,10 @@ static void start(struct world *world, const struct sim_servo_config *config)
 			                                world->axes[i] };
 		world->servos[i] = sim_servo_new(config, world->now);
 		assert_non_null(world->servos[i]);
-		sim_servo_node_init(&world->nodes[i], "d", world->servos[i], (uint8_t)(i + 1),
-		                    &layout, LATENCY);
+		world->nodes[i] = (struct sim_servo_node){ .drive = world->servos[i],
+			                                   .address = (uint8_t)(i + 1),
+			                                   .layout = layout,
+			                                   .latency = LATENCY };
 		station = sim_servo_node_station(&world->nodes[i]);
 		assert_true(sim_can_bus_attach(world->wire, &station));
 	}
