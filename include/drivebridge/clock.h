@@ -31,6 +31,14 @@ static inline uint64_t db_clock_wall_us(void)
 	return (uint64_t)(db_clock_read(CLOCK_REALTIME) / DB_NS_PER_US);
 }
 
+/* The same of an earlier moment, where both clocks are now at `now` and `wall_us`. */
+static inline uint64_t db_clock_wall_us_of(db_time moment, db_time now, uint64_t wall_us)
+{
+	uint64_t age = now > moment ? (uint64_t)((now - moment) / DB_NS_PER_US) : 0;
+
+	return wall_us > age ? wall_us - age : 0;
+}
+
 /* CLOCK_REALTIME minus CLOCK_MONOTONIC, nanoseconds, as `read` (db_clock_read) reads them. A thread
  * that has to wait for the processor between two readings would be wrong by that time, and the
  * times of its data would go back: the quickest of some readings counts. */
@@ -50,14 +58,6 @@ static inline db_time db_clock_wall_offset(db_time (*read)(clockid_t))
 		}
 	}
 	return offset;
-}
-
-/* The same of an earlier moment, where both clocks are now at `now` and `wall_us`. */
-static inline uint64_t db_clock_wall_us_of(db_time moment, db_time now, uint64_t wall_us)
-{
-	uint64_t age = now > moment ? (uint64_t)((now - moment) / DB_NS_PER_US) : 0;
-
-	return wall_us > age ? wall_us - age : 0;
 }
 
 #endif
