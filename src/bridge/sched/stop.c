@@ -65,7 +65,6 @@ static bool send_stop(struct db_engine *engine, struct station *station, db_time
 		station->blind_stop_sent = !in_step;
 		return true;
 	}
-	station->blind_stop_sent = false;
 	/* The driver knows without a request that nothing has to be sent. */
 	station_stop_sent(station, true, now);
 	stop_answered(engine, station, result, now);
