@@ -1,0 +1,533 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Whose turn it is on a bus, and what is said of those who miss theirs: commands of many exchanges, readings of parameters,
+ * drives that are gone, reports, damaged frames, a port that is down or full. Made-up drives in made-up time.
+ */
+#include "fakes/bus.h"
+#include "sched/sched_private.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+#define LATENCY (100 * MS)
+#define EXCHANGES 6 /* of a long command */
+
+struct world {
+	struct fake_bus *bus;
+	struct db_driver driver;
+	db_time answer_time;
+	float speed;
+	bool silent[FAKE_KINDS];
+};
+
+static db_time obey(void *context, struct fake_frame *frame)
+{
+	const struct world *world = context;
+
+	frame->speed = world->speed;
+	return world->silent[frame->kind] ? 0 : world->answer_time;
+}
+
+/* Not open yet. */
+static struct world *new_world(size_t drives)
+{
+	struct world *world = calloc(1, sizeof *world);
+
+	assert_non_null(world);
+	world->driver = fake_family;
+	world->answer_time = FAKE_ANSWER_TIME;
+	world->bus = fake_bus_new(&world->driver, drives);
+	world->bus->context = world;
+	world->bus->obey = obey;
+	return world;
+}
+
+static void open_world(struct world *world)
+{
+	fake_bus_open(world->bus, world->bus->drive_count, NULL);
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 500 * MS);
+	fake_forget_sent(world->bus);
+}
+
+static void close_world(struct world *world)
+{
+	fake_bus_free(world->bus);
+	free(world);
+}
+
+/* --- commands --------------------------------------------------------------------------------- */
+
+static enum db_step begin_long(struct db_conversation *talk)
+{
+	enum db_step step = fake_family.begin(talk);
+
+	return fake_kind_of(talk->job) == FAKE_COMMAND ? fake_say(talk, FAKE_PREPARE) : step;
+}
+
+static enum db_step answer_long(struct db_conversation *talk, const uint8_t *bytes, size_t length)
+{
+	if (fake_frame_at(bytes, length).kind != FAKE_PREPARE)
+		return fake_family.answer(talk, bytes, length);
+	if (++talk->job->step < EXCHANGES)
+		return fake_say(talk, FAKE_PREPARE);
+	talk->result = DB_RESULT_OK;
+	return DB_STEP_DONE;
+}
+
+/* The addresses of the exchanges of commands, in their order. */
+static size_t list_commands(const struct world *world, unsigned *addresses, size_t most)
+{
+	size_t count = 0;
+
+	for (size_t i = 0; i < world->bus->sent_count; i++) {
+		const struct fake_frame *frame = &world->bus->sent[i].frame;
+
+		if (frame->kind == FAKE_PREPARE && count < most)
+			addresses[count++] = frame->address;
+	}
+	return count;
+}
+
+static void long_commands_take_turns(void **state)
+{
+	struct world *world = new_world(3);
+	unsigned addresses[3 * EXCHANGES];
+
+	(void)state;
+	world->driver.begin = begin_long;
+	world->driver.answer = answer_long;
+	open_world(world);
+	for (size_t i = 0; i < 3; i++)
+		fake_post(world->bus, i, DB_CMD_MOVE_ABSOLUTE);
+	fake_pass(world->bus, 200 * MS);
+	assert_int_equal(list_commands(world, addresses, 3 * EXCHANGES), 3 * EXCHANGES);
+	for (size_t i = 0; i < 3; i++)
+		assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	/* While all three are there, none has two exchanges in a row. */
+	for (size_t i = 6; i < 2 * EXCHANGES; i++)
+		assert_int_not_equal(addresses[i], addresses[i - 1]);
+	close_world(world);
+}
+
+/* One that continues waits for one new command, and a new one for one that continues. */
+static void new_commands_and_long_ones_take_turns(void **state)
+{
+	struct world *world = new_world(4);
+	unsigned addresses[4 * EXCHANGES];
+	size_t count;
+	size_t begun = 0;
+	bool seen[5] = { false };
+
+	(void)state;
+	world->driver.begin = begin_long;
+	world->driver.answer = answer_long;
+	open_world(world);
+	fake_post(world->bus, 0, DB_CMD_MOVE_ABSOLUTE);
+	while (list_commands(world, addresses, 1) == 0)
+		fake_pass(world->bus, MS / 10);
+	for (size_t i = 1; i < 4; i++)
+		fake_post(world->bus, i, DB_CMD_MOVE_ABSOLUTE);
+	fake_pass(world->bus, 200 * MS);
+	count = list_commands(world, addresses, 4 * EXCHANGES);
+	assert_int_equal(count, 4 * EXCHANGES);
+	for (size_t i = 0; begun < 4; i++) {
+		assert_true(i < 7);
+		begun += !seen[addresses[i]];
+		/* Not two in a row that begin, or that continue. */
+		if (i > 0)
+			assert_int_equal(seen[addresses[i]], i % 2 == 1);
+		seen[addresses[i]] = true;
+	}
+	close_world(world);
+}
+
+/* --- parameters ------------------------------------------------------------------------------- */
+
+static void hide_parameters(const struct db_device *device, struct db_feedback *feedback)
+{
+	fake_family.feedback(device, feedback);
+	feedback->status &= ~(uint32_t)DB_STATUS_PARAMS_VALID;
+}
+
+/* All is asked for, and something stays unknown. */
+static void what_stays_unknown_is_asked_for_twice_a_second(void **state)
+{
+	struct world *world = new_world(1);
+
+	(void)state;
+	world->driver.feedback = hide_parameters;
+	open_world(world);
+	fake_pass(world->bus, 10000 * MS);
+	assert_in_range(fake_count(world->bus, 1, FAKE_IDENTIFY), 19, 21);
+	close_world(world);
+}
+
+static void what_is_not_answered_is_asked_for_ever_less_often(void **state)
+{
+	struct world *world = new_world(1);
+
+	(void)state;
+	world->silent[FAKE_IDENTIFY] = true;
+	open_world(world);
+	fake_pass(world->bus, 20000 * MS);
+	assert_in_range(fake_count(world->bus, 1, FAKE_IDENTIFY), 3, 6);
+	assert_true(fake_snapshot(world->bus, 0).stats.timeouts >= 3);
+	assert_true(fake_snapshot(world->bus, 0).stats.retries >= 3);
+	assert_in_range(fake_stats(world->bus).retries, 3, 20);
+	assert_true(fake_is_online(world->bus, 0));
+	close_world(world);
+}
+
+static enum db_step begin_refresh(struct db_conversation *talk)
+{
+	return talk->job->kind == DB_JOB_REFRESH ? fake_say(talk, FAKE_LOOK) :
+	                                           fake_family.begin(talk);
+}
+
+static enum db_step answer_refresh(struct db_conversation *talk, const uint8_t *bytes,
+                                   size_t length)
+{
+	if (talk->job->kind != DB_JOB_REFRESH)
+		return fake_family.answer(talk, bytes, length);
+	talk->result = DB_RESULT_OK;
+	return DB_STEP_DONE;
+}
+
+static struct world *open_refreshing(db_time pause)
+{
+	struct world *world = new_world(3);
+
+	world->driver.refresh_pause = pause;
+	world->driver.begin = begin_refresh;
+	world->driver.answer = answer_refresh;
+	open_world(world);
+	return world;
+}
+
+static void known_parameters_are_read_again_in_turn(void **state)
+{
+	struct world *world = open_refreshing(100 * MS);
+	db_time last = 0;
+	unsigned before = 0;
+
+	(void)state;
+	fake_pass(world->bus, 3000 * MS);
+	for (size_t i = 0; i < world->bus->sent_count; i++) {
+		const struct fake_sent *sent = &world->bus->sent[i];
+
+		if (sent->frame.kind != FAKE_LOOK)
+			continue;
+		assert_true(sent->at - last >= 100 * MS);
+		if (before != 0)
+			assert_int_equal(sent->frame.address, before % 3 + 1);
+		last = sent->at;
+		before = sent->frame.address;
+	}
+	for (unsigned address = 1; address <= 3; address++)
+		assert_in_range(fake_count(world->bus, address, FAKE_LOOK), 8, 10);
+	close_world(world);
+}
+
+/* Nor where the family does not ask for it. */
+static void known_parameters_are_not_read_again_while_a_drive_moves(void **state)
+{
+	struct world *world = open_refreshing(100 * MS);
+
+	(void)state;
+	world->speed = 1.0f;
+	fake_pass(world->bus, 200 * MS);
+	fake_forget_sent(world->bus);
+	fake_pass(world->bus, 1000 * MS);
+	for (unsigned address = 1; address <= 3; address++)
+		assert_int_equal(fake_count(world->bus, address, FAKE_LOOK), 0);
+	close_world(world);
+	world = open_refreshing(0);
+	fake_pass(world->bus, 1000 * MS);
+	for (unsigned address = 1; address <= 3; address++)
+		assert_int_equal(fake_count(world->bus, address, FAKE_LOOK), 0);
+	close_world(world);
+}
+
+/* --- cycles ----------------------------------------------------------------------------------- */
+
+/* The cycles of a second that were too short for four drives, each of which takes so long. */
+static uint32_t count_overruns(unsigned cycle_ms, db_time answer_time, bool evenly)
+{
+	struct world *world = new_world(4);
+	uint32_t before;
+	uint32_t after;
+
+	world->bus->config.polls_evenly = evenly;
+	world->bus->config.cycle_ms = cycle_ms;
+	world->bus->config.drive_latency_ms = 50;
+	open_world(world);
+	world->answer_time = answer_time;
+	fake_pass(world->bus, 500 * MS);
+	before = fake_stats(world->bus).overruns;
+	fake_pass(world->bus, 1000 * MS);
+	after = fake_stats(world->bus).overruns;
+	close_world(world);
+	return after - before;
+}
+
+static void a_cycle_that_is_too_short_counts_where_it_had_to_be_enough(void **state)
+{
+	(void)state;
+	assert_int_equal(count_overruns(20, MS, false), 0);
+	assert_int_equal(count_overruns(20, MS, true), 0);
+	assert_in_range(count_overruns(20, 10 * MS, false), 20, 50);
+	assert_in_range(count_overruns(20, 10 * MS, true), 20, 50);
+	/* One in which so many that stand cannot all be read need not be. */
+	assert_int_equal(count_overruns(1, FAKE_ANSWER_TIME, false), 0);
+	assert_in_range(count_overruns(1, FAKE_ANSWER_TIME, true), 400, 1000);
+}
+
+/* --- drives that are gone --------------------------------------------------------------------- */
+
+/* A twentieth of the line, and all of that. */
+static void drives_that_are_gone_are_looked_for_with_their_share(void **state)
+{
+	struct world *world = new_world(5);
+	unsigned probes = 0;
+
+	(void)state;
+	world->bus->config.drive_latency_ms = LATENCY / MS;
+	open_world(world);
+	for (unsigned address = 1; address <= 4; address++)
+		world->bus->dead[address] = true;
+	fake_pass(world->bus, 10000 * MS);
+	fake_forget_sent(world->bus);
+	fake_pass(world->bus, 100000 * MS);
+	for (unsigned address = 1; address <= 4; address++)
+		probes += fake_count(world->bus, address, FAKE_PROBE);
+	assert_in_range(probes, 100000 / 100 / 20 - 2, 100000 / 100 / 20 + 1);
+	close_world(world);
+}
+
+/* --- reports ---------------------------------------------------------------------------------- */
+
+static unsigned polls_begun;
+
+/* Knows without asking what the drive does. */
+static enum db_step begin_no_poll(struct db_conversation *talk)
+{
+	if (talk->job->kind != DB_JOB_POLL)
+		return fake_family.begin(talk);
+	polls_begun++;
+	talk->result = DB_RESULT_OK;
+	return DB_STEP_DONE;
+}
+
+static bool take_report(struct db_device *device, const uint8_t *bytes, size_t length, db_time now)
+{
+	struct fake_frame frame = fake_frame_at(bytes, length);
+
+	if (frame.kind != FAKE_REPORT)
+		return false;
+	device->speed = frame.speed;
+	device->taken = now;
+	return true;
+}
+
+/* It is asked for once in each cycle all the same, and not all the time. */
+static void a_drive_that_reports_by_itself_takes_no_time(void **state)
+{
+	struct world *world = new_world(1);
+	const struct fake_frame report = { .address = 1, .kind = FAKE_REPORT, .speed = 1.0f };
+
+	(void)state;
+	world->driver.begin = begin_no_poll;
+	world->driver.report = take_report;
+	open_world(world);
+	polls_begun = 0;
+	for (unsigned i = 0; i < 20; i++) {
+		fake_receive(world->bus, &report, sizeof report);
+		fake_pass(world->bus, 50 * MS);
+	}
+	assert_true(fake_feedback(world->bus, 0).status & DB_STATUS_MOVING);
+	assert_in_range(polls_begun, 45, 55);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_POLL), 0);
+	assert_int_equal(fake_stats(world->bus).overruns, 0);
+	close_world(world);
+}
+
+/* --- frames that cannot be used --------------------------------------------------------------- */
+
+static enum db_frame accept_damaged(const struct db_bus_config *bus, const uint8_t *bytes,
+                                    size_t length, int *address)
+{
+	struct fake_frame frame = fake_frame_at(bytes, length);
+
+	if (frame.kind != FAKE_FOREIGN)
+		return fake_family.accept(bus, bytes, length, address);
+	*address = frame.address;
+	return DB_FRAME_BAD;
+}
+
+/* A damaged frame that says it is from the second drive, while the first one's answer is awaited, or none. */
+static void receive_damaged(enum db_medium medium, bool awaited, uint32_t *first, uint32_t *second,
+                            struct db_unusable unusable[2])
+{
+	const struct fake_frame damaged = { .address = 2, .kind = FAKE_FOREIGN, .unused = 0x5A };
+	struct world *world = new_world(2);
+	uint32_t before;
+
+	world->driver.medium = medium;
+	world->driver.accept = accept_damaged;
+	world->answer_time = 5 * MS;
+	open_world(world);
+	while (world->bus->engine->flights > 0)
+		fake_pass(world->bus, MS);
+	fake_forget_sent(world->bus);
+	world->bus->dead[2] = true;
+	while (awaited && !world->bus->engine->nodes[0]->flight.station)
+		fake_pass(world->bus, MS / 10);
+	before = fake_stats(world->bus).bad_frames;
+	fake_receive(world->bus, &damaged, sizeof damaged);
+	assert_int_equal(fake_stats(world->bus).bad_frames, before + 1);
+	for (size_t i = 0; i < 2; i++) {
+		unusable[i] = world->bus->engine->nodes[i]->unusable;
+		engine_publish(world->bus->engine, world->bus->engine->stations[i]);
+	}
+	*first = fake_snapshot(world->bus, 0).stats.bad_frames;
+	*second = fake_snapshot(world->bus, 1).stats.bad_frames;
+	close_world(world);
+}
+
+static void a_damaged_frame_is_kept_as_of_who_may_have_sent_it(void **state)
+{
+	struct db_unusable unusable[2];
+	uint32_t first;
+	uint32_t second;
+
+	(void)state;
+	/* On a serial line its address may be what is damaged: it is of who was asked. */
+	receive_damaged(DB_MEDIUM_SERIAL, true, &first, &second, unusable);
+	assert_int_equal(first, 1);
+	assert_int_equal(second, 0);
+	assert_int_equal(unusable[0].count, 1);
+	assert_int_equal(unusable[0].length, sizeof(struct fake_frame));
+	assert_int_equal(unusable[1].count, 0);
+	receive_damaged(DB_MEDIUM_SERIAL, false, &first, &second, unusable);
+	assert_int_equal(first + second, 0);
+	assert_int_equal(unusable[0].count + unusable[1].count, 0);
+	/* On CAN an id shows who sent it. */
+	receive_damaged(DB_MEDIUM_CAN, false, &first, &second, unusable);
+	assert_int_equal(first + second, 0);
+	assert_int_equal(unusable[0].count, 0);
+	assert_int_equal(unusable[1].count, 1);
+}
+
+static void a_whole_status_ends_what_could_not_be_used(void **state)
+{
+	struct world *world = new_world(1);
+
+	(void)state;
+	open_world(world);
+	world->bus->engine->nodes[0]->unusable.count = 4;
+	fake_pass(world->bus, 50 * MS);
+	assert_int_equal(world->bus->engine->nodes[0]->unusable.count, 0);
+	close_world(world);
+}
+
+/* --- ports ------------------------------------------------------------------------------------ */
+
+static void a_port_is_down_since_it_was_lost(void **state)
+{
+	struct world *world = new_world(1);
+	struct fake_bus *bus = world->bus;
+	db_time first;
+
+	(void)state;
+	fake_bus_open(bus, 1, NULL);
+	/* It was never open. */
+	first = bus->now;
+	fake_port(bus, 5);
+	fake_pass(bus, 100 * MS);
+	fake_port(bus, 5);
+	assert_int_equal(fake_stats(bus).down_since, first);
+	fake_port(bus, 0);
+	fake_pass(bus, 100 * MS);
+	first = bus->now;
+	fake_port(bus, 5);
+	fake_pass(bus, 100 * MS);
+	fake_port(bus, 6);
+	assert_int_equal(fake_stats(bus).down_since, first);
+	assert_int_equal(fake_stats(bus).last_error, 6);
+	assert_false(fake_stats(bus).aside);
+	/* It is down for another reason. */
+	fake_pass(bus, 100 * MS);
+	db_engine_set_aside(bus->engine, bus->now);
+	assert_int_equal(fake_stats(bus).down_since, bus->now);
+	assert_true(fake_stats(bus).aside);
+	fake_pass(bus, 100 * MS);
+	fake_port(bus, 5);
+	assert_int_equal(fake_stats(bus).down_since, bus->now);
+	assert_false(fake_stats(bus).aside);
+	close_world(world);
+}
+
+/* What it has taken is sent that much later, and so answered. */
+static void a_full_port_gives_each_drive_its_time_back(void **state)
+{
+	struct world *world = new_world(3);
+	struct fake_bus *bus = world->bus;
+	uint32_t timeouts;
+	db_time wire_free;
+
+	(void)state;
+	world->driver.medium = DB_MEDIUM_CAN;
+	bus->config.drive_latency_ms = 40;
+	bus->config.retries = 5;
+	open_world(world);
+	for (unsigned address = 1; address <= 3; address++)
+		bus->dead[address] = true;
+	while (bus->engine->flights < 3)
+		fake_pass(bus, MS / 10);
+	timeouts = fake_stats(bus).timeouts;
+	wire_free = bus->engine->wire_free;
+	db_engine_hold(bus->engine, true, bus->now);
+	fake_pass(bus, 10 * MS);
+	/* As often as it is said, it has been full since then. */
+	db_engine_hold(bus->engine, true, bus->now);
+	fake_pass(bus, 90 * MS);
+	assert_int_equal(fake_stats(bus).timeouts, timeouts);
+	db_engine_hold(bus->engine, false, bus->now);
+	assert_int_equal(bus->engine->wire_free, wire_free + 100 * MS);
+	fake_pass(bus, 35 * MS);
+	assert_int_equal(fake_stats(bus).timeouts, timeouts);
+	fake_pass(bus, 10 * MS);
+	assert_int_equal(fake_stats(bus).timeouts, timeouts + 3);
+	/* Said once more, it gives nothing. */
+	wire_free = bus->engine->wire_free;
+	db_engine_hold(bus->engine, false, bus->now);
+	assert_int_equal(bus->engine->wire_free, wire_free);
+	close_world(world);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(long_commands_take_turns),
+		cmocka_unit_test(new_commands_and_long_ones_take_turns),
+		cmocka_unit_test(what_stays_unknown_is_asked_for_twice_a_second),
+		cmocka_unit_test(what_is_not_answered_is_asked_for_ever_less_often),
+		cmocka_unit_test(known_parameters_are_read_again_in_turn),
+		cmocka_unit_test(known_parameters_are_not_read_again_while_a_drive_moves),
+		cmocka_unit_test(a_cycle_that_is_too_short_counts_where_it_had_to_be_enough),
+		cmocka_unit_test(drives_that_are_gone_are_looked_for_with_their_share),
+		cmocka_unit_test(a_drive_that_reports_by_itself_takes_no_time),
+		cmocka_unit_test(a_damaged_frame_is_kept_as_of_who_may_have_sent_it),
+		cmocka_unit_test(a_whole_status_ends_what_could_not_be_used),
+		cmocka_unit_test(a_port_is_down_since_it_was_lost),
+		cmocka_unit_test(a_full_port_gives_each_drive_its_time_back),
+	};
+
+	return cmocka_run_group_tests_name("sched/turns", tests, NULL, NULL);
+}
