@@ -52,6 +52,10 @@ struct story {
 	size_t takes; /* bytes at a time */
 	uint8_t taken[64];
 	size_t taken_length;
+	size_t gathered
+		[16]; /* so many bytes wake the thread up: in the order in which this was set */
+	size_t gather_count;
+	bool cannot_gather;
 };
 
 /* The transport's functions know no more than their port. */
@@ -162,6 +166,7 @@ static void begin(struct story *story)
 	transport.pass = pass;
 	transport.run = NULL;
 	transport.health = NULL;
+	transport.gather = NULL;
 	transport.wire_time = take_no_time;
 	story->bus = fake_bus_new(driver, 1);
 	story->bus->config.transport = &transport;
@@ -678,6 +683,159 @@ static void a_controller_that_is_off_the_bus_is_waited_for(void **state)
 	assert_string_equal(told.lines[5], "can0 is up");
 }
 
+/* --- a port that wakes the thread up when an answer is whole ------------------------------------- */
+
+#define USUAL 12 /* bytes of an answer */
+
+static bool note_gather(struct db_port *port, size_t bytes)
+{
+	struct story *story = (struct story *)port;
+
+	assert_true(story->gather_count < sizeof(story->gathered) / sizeof(story->gathered[0]));
+	story->gathered[story->gather_count++] = bytes;
+	return !story->cannot_gather;
+}
+
+static db_time take_time_of_answer(const struct db_bus_config *bus, const uint8_t *request,
+                                   size_t request_length, size_t answer_length)
+{
+	return take_no_time(bus, request, request_length, answer_length) * (db_time)answer_length;
+}
+
+/* The caller's until it has ended. */
+static void begin_gathering(struct story *story, struct db_driver *driver)
+{
+	begin(story);
+	*driver = *story->bus->config.driver;
+	driver->usual_answer = USUAL;
+	story->bus->config.driver = driver;
+	transport.gather = note_gather;
+	transport.fd = no_fd;
+	(void)bus_line_run(&story->line, story->bus->now);
+}
+
+/* When it looks by itself, where so much is awaited and so much of it has come. */
+static db_time looks_at(struct story *story, size_t awaited, size_t come)
+{
+	struct db_engine *engine = story->bus->engine;
+	unsigned flights = engine->flights;
+	size_t length = engine->received_length;
+	struct pollfd poll;
+	db_time at;
+
+	engine->flights = awaited > 0;
+	engine->late_until = 0;
+	engine->awaited = awaited;
+	engine->received_length = come;
+	at = bus_line_poll(&story->line, &poll);
+	assert_int_equal(poll.events, POLLIN);
+	engine->flights = flights;
+	engine->received_length = length;
+	return at;
+}
+
+static void a_port_that_gathers_is_looked_at_for_what_it_does_not_report(void **state)
+{
+	const db_time byte = 100 * DB_NS_PER_US;
+	struct story story = { .answers = true };
+	struct db_driver driver;
+
+	(void)state;
+	begin_gathering(&story, &driver);
+	assert_int_equal(story.gather_count, 1);
+	assert_int_equal(story.gathered[0], USUAL);
+	story.line.last_io = 5000 * MS;
+	transport.wire_time = take_time_of_answer;
+	/* Nothing is awaited, or just what it reports by itself. */
+	assert_true(looks_at(&story, 0, 0) == DB_TIME_NEVER);
+	assert_true(looks_at(&story, USUAL, 0) == DB_TIME_NEVER);
+	/* The rest of a usual one takes as long as its bytes do. */
+	assert_true(looks_at(&story, USUAL, 4) == 5000 * MS + 8 * byte);
+	assert_true(looks_at(&story, USUAL, 11) == 5000 * MS + MS / 4);
+	/* Another one may come at any time. */
+	assert_true(looks_at(&story, 8, 0) == 5000 * MS + MS);
+	assert_true(looks_at(&story, 40, 0) == 5000 * MS + MS);
+	assert_true(looks_at(&story, 40, 39) == 5000 * MS + MS);
+	assert_true(looks_at(&story, USUAL, USUAL) == 5000 * MS + MS);
+	/* One that cannot gather reports each byte. */
+	story.line.gathers = 0;
+	assert_true(looks_at(&story, 8, 0) == DB_TIME_NEVER);
+	end(&story);
+}
+
+/* A scan is told each byte, and a port that was opened again begins anew. */
+static void what_a_port_gathers_follows_who_uses_it(void **state)
+{
+	static const size_t gathered[] = { USUAL, 0, USUAL, USUAL };
+	const struct db_scan_plan plan = { .first = ADDRESS, .last = ADDRESS };
+	struct story story = { .answers = true };
+	struct db_driver driver;
+
+	(void)state;
+	begin_gathering(&story, &driver);
+	fake_pass(story.bus, 1000 * MS);
+	story.scan = scan_new(&story.bus->config, &plan, 1);
+	assert_non_null(story.scan);
+	scan_begin(story.bus->engine, story.scan, story.bus->now);
+	fake_pass(story.bus, 2 * MS);
+	assert_int_equal(story.gather_count, 2);
+	fake_pass(story.bus, 3000 * MS);
+	assert_null(story.bus->engine->scan);
+	assert_int_equal(story.gather_count, 3);
+	story.line.port_error = ENODEV;
+	assert_true(bus_line_check(&story.line, story.bus->now));
+	fake_pass(story.bus, 1000 * MS);
+	assert_int_equal(story.opens, 2);
+	assert_int_equal(story.gather_count, 4);
+	assert_memory_equal(story.gathered, gathered, sizeof gathered);
+	scan_free(story.scan);
+	end(&story);
+}
+
+/* Then it is not asked in vain for what it cannot, and what has come is found without it. */
+static void a_port_that_cannot_gather_is_read_when_it_says_so(void **state)
+{
+	struct story story = { .answers = true, .cannot_gather = true };
+	struct db_driver driver;
+
+	(void)state;
+	begin_gathering(&story, &driver);
+	assert_int_equal(story.line.gathers, 0);
+	assert_true(looks_at(&story, 8, 0) == DB_TIME_NEVER);
+	end(&story);
+}
+
+/* Before an answer is given up, what has come of it is read; not where nothing is awaited, or where each byte is reported. */
+static void what_has_come_of_a_late_answer_is_read(void **state)
+{
+	static const struct {
+		size_t gathers;
+		size_t awaited;
+		bool late;
+		bool is_read;
+	} cases[] = { { USUAL, 8, true, true },
+		      { USUAL, 8, false, false },
+		      { USUAL, 0, true, false },
+		      { 0, 8, true, false } };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct story story = { .answers = true, .arrives = 16 };
+		struct db_driver driver;
+
+		begin_gathering(&story, &driver);
+		transport.read = read_zeros;
+		story.line.gathers = cases[i].gathers;
+		story.bus->engine->flights = cases[i].awaited > 0;
+		story.bus->engine->late_until = 0;
+		story.bus->engine->awaited = cases[i].awaited;
+		bus_line_polled(&story.line, 0, cases[i].late);
+		assert_int_equal(story.arrives == 0, cases[i].is_read);
+		story.bus->engine->flights = 0;
+		end(&story);
+	}
+}
+
 /* --- a scan that has the line to itself --------------------------------------------------------- */
 
 static struct db_scan_progress scan_at(struct story *story, unsigned first, unsigned second)
@@ -731,6 +889,30 @@ static void a_scan_has_the_line_at_each_speed_and_gives_it_back(void **state)
 	end(&story);
 }
 
+/* Neither what it did not take, which is old by then, nor what was wrong with it. */
+static void a_port_that_is_opened_anew_has_nothing_of_the_one_before(void **state)
+{
+	struct story story = { .answers = true };
+
+	(void)state;
+	begin(&story);
+	transport.write = take_some;
+	(void)bus_line_send(&story.line, (const uint8_t *)"abc", 3);
+	assert_int_equal(story.line.unsent_length, 3);
+	story.line.port_error = EIO;
+	/* A scan of another speed follows one that has the line to itself. */
+	story.line.use = LINE_ASIDE;
+	bus_line_begin_scan(&story.line, story.bus->now);
+	assert_int_equal(story.closes, 1);
+	story.line.use = LINE_IN_SERVICE;
+	story.takes = sizeof(story.taken);
+	(void)bus_line_run(&story.line, story.bus->now);
+	assert_int_equal(story.opens, 2);
+	assert_int_equal(story.taken_length, 0);
+	assert_false(bus_line_check(&story.line, story.bus->now));
+	end(&story);
+}
+
 /* Nothing can be asked at a port that is gone: the bus gets its line back. */
 static void a_scan_ends_with_its_port(void **state)
 {
@@ -768,7 +950,12 @@ int main(void)
 		cmocka_unit_test(a_port_that_breaks_is_given_up),
 		cmocka_unit_test(a_port_that_finds_itself_broken_is_given_up),
 		cmocka_unit_test(a_controller_that_is_off_the_bus_is_waited_for),
+		cmocka_unit_test(a_port_that_gathers_is_looked_at_for_what_it_does_not_report),
+		cmocka_unit_test(what_a_port_gathers_follows_who_uses_it),
+		cmocka_unit_test(a_port_that_cannot_gather_is_read_when_it_says_so),
+		cmocka_unit_test(what_has_come_of_a_late_answer_is_read),
 		cmocka_unit_test(a_scan_has_the_line_at_each_speed_and_gives_it_back),
+		cmocka_unit_test(a_port_that_is_opened_anew_has_nothing_of_the_one_before),
 		cmocka_unit_test(a_scan_ends_with_its_port),
 	};
 
