@@ -290,6 +290,61 @@ static void a_stop_that_its_driver_refuses_ends_at_once(void **state)
 	close_world(world);
 }
 
+/* Knows without asking what the drive does. */
+static enum db_step begin_no_poll(struct db_conversation *talk)
+{
+	if (talk->job->kind != DB_JOB_POLL)
+		return fake_family.begin(talk);
+	talk->result = DB_RESULT_OK;
+	return DB_STEP_DONE;
+}
+
+/* No reading is waited for that never comes. */
+static void a_stop_of_a_drive_that_reports_by_itself_keeps_its_pace(void **state)
+{
+	struct world *world = new_world(1);
+
+	(void)state;
+	world->speed = 1.0f;
+	world->bus->drives[0].stop_reaction_ms = 5000;
+	open_world(world);
+	fake_pass(world->bus, 100 * MS);
+	world->driver.begin = begin_no_poll;
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 500 * MS);
+	assert_in_range(fake_count(world->bus, 1, FAKE_STOP), 20, 26);
+	close_world(world);
+}
+
+/* --- drives that run on ----------------------------------------------------------------------- */
+
+/* Who asks again is told at once that it runs on, but not before the drive was told once more to stop. */
+static void each_stop_that_is_asked_for_is_sent(void **state)
+{
+	struct world *world = new_world(1);
+	struct db_request ended;
+
+	(void)state;
+	world->speed = 1.0f;
+	open_world(world);
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 1000 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_RUNS_ON);
+	for (unsigned i = 0; i < 5; i++) {
+		db_time posted = world->bus->now;
+
+		fake_post(world->bus, 0, DB_CMD_STOP);
+		do {
+			fake_pass(world->bus, MS);
+			assert_true(world->bus->now <= posted + 200 * MS);
+		} while (!fake_collect(world->bus->queue, &ended));
+		assert_int_equal(ended.result, DB_RESULT_RUNS_ON);
+		assert_true(ended.sent >= posted);
+		fake_pass(world->bus, 33 * MS);
+	}
+	close_world(world);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -302,6 +357,8 @@ int main(void)
 		cmocka_unit_test(stops_to_all_that_are_gone_leave_the_line_to_others),
 		cmocka_unit_test(a_first_stop_to_one_that_is_gone_does_not_wait_for_its_share),
 		cmocka_unit_test(a_stop_that_its_driver_refuses_ends_at_once),
+		cmocka_unit_test(a_stop_of_a_drive_that_reports_by_itself_keeps_its_pace),
+		cmocka_unit_test(each_stop_that_is_asked_for_is_sent),
 	};
 
 	return cmocka_run_group_tests_name("sched/stop_frames", tests, NULL, NULL);
