@@ -6,6 +6,7 @@
  */
 #include "fakes/bus.h"
 #include "sched/change.h"
+#include "sched/sched_private.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -516,6 +517,55 @@ static void a_change_that_comes_after_the_end_does_nothing(void **state)
 	fake_bus_free(bus);
 }
 
+/* --- whose turn it is ------------------------------------------------------------------------------ */
+
+#define TURNS 6
+
+static void get_turns(struct db_engine *engine, size_t *turns[TURNS])
+{
+	turns[0] = &engine->next_poll;
+	turns[1] = &engine->next_probe;
+	turns[2] = &engine->next_command;
+	turns[3] = &engine->next_stop;
+	turns[4] = &engine->next_identify;
+	turns[5] = &engine->next_refresh;
+}
+
+/* On a bus that is down, where nothing else changes whose turn it is: `next` before, and this afterwards. */
+static void expect_turns(size_t drives, size_t next, int leaves, int comes, size_t after)
+{
+	struct fake_bus *bus = open_bus(drives, DRIVES);
+	size_t *turns[TURNS];
+
+	fake_port(bus, 5);
+	get_turns(bus->engine, turns);
+	for (size_t i = 0; i < TURNS; i++)
+		*turns[i] = next;
+	change_drives(bus, drives, leaves, comes);
+	fake_pass(bus, MS);
+	assert_true(fetch_change(bus));
+	for (size_t i = 0; i < TURNS; i++)
+		assert_int_equal(*turns[i], after);
+	if (comes >= 0)
+		assert_int_equal(fake_feedback(bus, (size_t)comes).error, DB_ERROR_BUS_DOWN);
+	fake_bus_free(bus);
+}
+
+/* The drive whose turn it was is the next one, whoever leaves; and one that comes is not before the others. */
+static void turns_go_on_where_they_were(void **state)
+{
+	(void)state;
+	expect_turns(6, 3, 1, -1, 2);
+	expect_turns(6, 3, 2, -1, 2);
+	expect_turns(6, 3, 3, -1, 3);
+	expect_turns(6, 3, 4, -1, 3);
+	expect_turns(6, 0, 0, -1, 0);
+	/* Behind the last one it is the first one's. */
+	expect_turns(6, 6, 2, -1, 0);
+	expect_turns(5, 5, -1, 5, 0);
+	expect_turns(5, 2, -1, 5, 2);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -540,6 +590,7 @@ int main(void)
 		cmocka_unit_test(the_first_axis_comes_back),
 		cmocka_unit_test(the_end_comes_while_one_leaves),
 		cmocka_unit_test(a_change_that_comes_after_the_end_does_nothing),
+		cmocka_unit_test(turns_go_on_where_they_were),
 	};
 
 	return cmocka_run_group_tests_name("change", tests, NULL, NULL);
