@@ -210,6 +210,80 @@ static void what_is_awaited_is_known(void **state)
 	fake_bus_free(bus);
 }
 
+/* --- answers without an end ------------------------------------------------------------------- */
+
+static void cut_nothing(const struct db_received *received, size_t *skip, size_t *length)
+{
+	(void)received;
+	*skip = *length = 0;
+}
+
+static enum db_step begin_open_ended(struct db_conversation *talk)
+{
+	enum db_step step = fake_family.begin(talk);
+
+	talk->exchange->open_ended = true;
+	return step;
+}
+
+static db_time take_time(const struct db_bus_config *bus, const uint8_t *request,
+                         size_t request_length, size_t answer_length)
+{
+	(void)bus;
+	(void)request;
+	(void)request_length;
+	return (db_time)answer_length * (100 * MS / DB_ANSWER_MAX);
+}
+
+/* How long it is waited for, where so many bytes of it come after 90 ms, and another one every 50 ms. */
+static db_time wait_for(bool open_ended, size_t bytes, bool goes_on)
+{
+	const uint8_t part[DB_ANSWER_MAX] = { 0 };
+	struct db_transport transport = fake_wire;
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus;
+	db_time sent;
+
+	transport.wire_time = take_time;
+	bus = fake_bus_new(&driver, 1);
+	bus->config.transport = &transport;
+	bus->config.drive_latency_ms = 100;
+	fake_bus_open(bus, 1, NULL);
+	fake_port(bus, 0);
+	fake_pass(bus, 300 * MS);
+	bus->obey = answer_nothing;
+	driver.cut = cut_nothing;
+	if (open_ended)
+		driver.begin = begin_open_ended;
+	fake_forget_sent(bus);
+	while (fake_count(bus, 1, FAKE_POLL) == 0 || bus->engine->flights == 0)
+		fake_pass(bus, MS / 10);
+	sent = bus->sent[bus->sent_count - 1].at;
+	fake_pass(bus, sent + 90 * MS - bus->now);
+	fake_receive(bus, part, bytes);
+	for (unsigned i = 1; fake_stats(bus).timeouts == 0; i++) {
+		assert_true(i < 1000);
+		if (goes_on && i % 50 == 0)
+			fake_receive(bus, part, 1);
+		fake_pass(bus, MS);
+	}
+	sent = bus->now - sent;
+	fake_bus_free(bus);
+	return sent;
+}
+
+static void an_answer_without_an_end_is_awaited_while_it_comes(void **state)
+{
+	(void)state;
+	/* What is short may be anything. */
+	assert_in_range(wait_for(true, 256, true), 99 * MS, 110 * MS);
+	/* And so is what is not awaited. */
+	assert_in_range(wait_for(false, 300, true), 99 * MS, 110 * MS);
+	assert_in_range(wait_for(true, 257, false), 188 * MS, 195 * MS);
+	/* As long as the longest answer may take, and the drive to begin it. */
+	assert_in_range(wait_for(true, 300, true), 188 * MS, 202 * MS);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -219,6 +293,7 @@ int main(void)
 		cmocka_unit_test(a_frame_is_cut_with_the_question_that_it_may_answer),
 		cmocka_unit_test(the_end_of_what_is_too_short_shows_by_silence),
 		cmocka_unit_test(what_is_awaited_is_known),
+		cmocka_unit_test(an_answer_without_an_end_is_awaited_while_it_comes),
 	};
 
 	return cmocka_run_group_tests_name("sched/received", tests, NULL, NULL);
