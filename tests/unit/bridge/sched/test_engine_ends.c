@@ -1,0 +1,334 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What a stop of one axis is for the others, and when a bus is quiet enough for the service to end or for a scan to have it.
+ * Made-up drives in made-up time.
+ */
+#include "fakes/bus.h"
+#include "sched/sched_private.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+
+struct world {
+	struct fake_bus *bus;
+	struct db_driver driver;
+};
+
+static enum db_step begin(struct db_conversation *talk)
+{
+	enum db_step step = fake_family.begin(talk);
+
+	return fake_kind_of(talk->job) == FAKE_COMMAND ? fake_say(talk, FAKE_PREPARE) : step;
+}
+
+static enum db_step answer(struct db_conversation *talk, const uint8_t *bytes, size_t length)
+{
+	struct fake_frame frame = fake_frame_at(bytes, length);
+
+	if (frame.kind == FAKE_PREPARE)
+		return fake_say(talk, FAKE_BEGIN);
+	if (frame.kind != FAKE_BEGIN)
+		return fake_family.answer(talk, bytes, length);
+	talk->result = DB_RESULT_OK;
+	return DB_STEP_DONE;
+}
+
+/* Each of them has so many axes. */
+static struct world *open_world(size_t drives, unsigned axes)
+{
+	struct world *world = calloc(1, sizeof *world);
+
+	assert_non_null(world);
+	world->driver = fake_family;
+	world->driver.begin = begin;
+	world->driver.answer = answer;
+	world->bus = fake_bus_new(&world->driver, drives);
+	for (size_t i = 0; i < drives; i++) {
+		world->bus->drives[i].address = (unsigned)(i / axes) + 1;
+		world->bus->drives[i].axis = (unsigned)(i % axes);
+		world->bus->drives[i].stop_reaction_ms = 500;
+	}
+	fake_bus_open(world->bus, drives, NULL);
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 300 * MS);
+	fake_forget_sent(world->bus);
+	return world;
+}
+
+static void close_world(struct world *world)
+{
+	fake_bus_free(world->bus);
+	free(world);
+}
+
+/* --- several axes ----------------------------------------------------------------------------- */
+
+/* The second axis prepares a motion when the first one gets this. What came of the motion, and whether it began. */
+static enum db_result move_beside(enum db_command command, bool *began)
+{
+	struct world *world = open_world(2, 2);
+	const uint32_t ticket = fake_ticket(1, DB_CMD_MOVE_ABSOLUTE);
+	struct db_request ended;
+	enum db_result result = DB_RESULT_NONE;
+
+	fake_post(world->bus, 1, DB_CMD_MOVE_ABSOLUTE);
+	while (fake_count(world->bus, 1, FAKE_PREPARE) == 0)
+		fake_pass(world->bus, MS / 10);
+	fake_post(world->bus, 0, command);
+	fake_pass(world->bus, 200 * MS);
+	while (fake_collect(world->bus->queue, &ended)) {
+		if (ended.ticket == ticket)
+			result = ended.result;
+	}
+	*began = fake_count(world->bus, 1, FAKE_BEGIN) > 0;
+	close_world(world);
+	return result;
+}
+
+/* A controller's stop is for all axes, so that none of them may begin what it was told before; its disable is for one. */
+static void a_stop_of_one_axis_cancels_what_others_prepare(void **state)
+{
+	bool began;
+
+	(void)state;
+	assert_int_equal(move_beside(DB_CMD_STOP, &began), DB_RESULT_CANCELLED);
+	assert_false(began);
+	assert_int_equal(move_beside(DB_CMD_QUICK_STOP, &began), DB_RESULT_CANCELLED);
+	assert_false(began);
+	assert_int_equal(move_beside(DB_CMD_DISABLE, &began), DB_RESULT_OK);
+	assert_true(began);
+}
+
+/* --- requests --------------------------------------------------------------------------------- */
+
+/* A drive that was told something is looked at as often as one that moves. */
+static void a_drive_is_lively_after_a_command(void **state)
+{
+	struct world *world = open_world(2, 1);
+	struct db_engine *engine = world->bus->engine;
+	db_time posted = world->bus->now;
+
+	(void)state;
+	assert_false(node_is_lively(engine->nodes[0], world->bus->now));
+	fake_post(world->bus, 0, DB_CMD_ENABLE);
+	fake_pass(world->bus, 50 * MS);
+	assert_int_equal(engine->stations[0]->commanded, posted);
+	assert_true(node_is_lively(engine->nodes[0], world->bus->now));
+	assert_false(node_is_lively(engine->nodes[1], world->bus->now));
+	fake_pass(world->bus, (DB_SHARE_LIVELY_MS + 10) * MS);
+	assert_false(node_is_lively(engine->nodes[0], world->bus->now));
+	close_world(world);
+}
+
+static void how_many_requests_wait_shows(void **state)
+{
+	struct world *world = open_world(1, 1);
+
+	(void)state;
+	assert_int_equal(fake_stats(world->bus).queued, 0);
+	for (unsigned i = 0; i < 3; i++)
+		fake_post(world->bus, 0, DB_CMD_ENABLE);
+	(void)db_engine_run(world->bus->engine, world->bus->now);
+	assert_int_equal(fake_stats(world->bus).queued, 3);
+	fake_pass(world->bus, 100 * MS);
+	assert_int_equal(fake_stats(world->bus).queued, 0);
+	close_world(world);
+}
+
+/* --- the end ---------------------------------------------------------------------------------- */
+
+/* What a drive must stand for because the bus goes is over when it is back; what somebody asked for is not. */
+static void drives_that_are_left_for_a_scan_need_not_stand_afterwards(void **state)
+{
+	struct world *world = open_world(3, 1);
+	struct db_engine *engine = world->bus->engine;
+
+	(void)state;
+	for (unsigned address = 1; address <= 3; address++)
+		world->bus->dead[address] = true;
+	fake_post(world->bus, 1, DB_CMD_STOP);
+	fake_pass(world->bus, 5 * MS);
+	db_engine_shut_down(engine, world->bus->now);
+	for (unsigned i = 0; i < 3; i++)
+		assert_true(fake_feedback(world->bus, i).status & DB_STATUS_MUST_STAND);
+	db_engine_set_aside(engine, world->bus->now);
+	for (unsigned i = 0; i < 3; i++)
+		assert_int_equal(!!(fake_feedback(world->bus, i).status & DB_STATUS_MUST_STAND),
+		                 i == 1);
+	/* And commands are taken again. */
+	for (unsigned address = 1; address <= 3; address++)
+		world->bus->dead[address] = false;
+	fake_port(world->bus, 0);
+	fake_pass(world->bus, 500 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	fake_post(world->bus, 2, DB_CMD_MOVE_ABSOLUTE);
+	fake_pass(world->bus, 50 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	close_world(world);
+}
+
+static void a_bus_is_quiet_when_all_of_its_drives_are(void **state)
+{
+	struct world *world = open_world(3, 1);
+	struct db_engine *engine = world->bus->engine;
+	struct station *last;
+
+	(void)state;
+	while (engine->flights > 0)
+		fake_pass(world->bus, MS / 10);
+	last = engine->stations[2];
+	assert_true(db_engine_is_quiet(engine, false));
+	last->standing.kind = DB_CMD_STOP;
+	assert_false(db_engine_is_quiet(engine, false));
+	assert_false(db_engine_is_quiet(engine, true));
+	/* Of one that is gone nothing more is awaited where the line is cleared for a scan. */
+	last->node->online = false;
+	assert_false(db_engine_is_quiet(engine, false));
+	assert_true(db_engine_is_quiet(engine, true));
+	last->node->online = true;
+	last->standing.kind = DB_CMD_NONE;
+	while (engine->flights == 0)
+		fake_pass(world->bus, MS / 10);
+	assert_false(db_engine_is_quiet(engine, false));
+	assert_false(db_engine_is_quiet(engine, true));
+	fake_port(world->bus, 5);
+	last->standing.kind = DB_CMD_STOP;
+	assert_true(db_engine_is_quiet(engine, false));
+	last->standing.kind = DB_CMD_NONE;
+	close_world(world);
+}
+
+/* --- frames for others ------------------------------------------------------------------------ */
+
+/* Why it does not answer may show in them: while one is asked that has been gone for long. */
+static void all_frames_are_wanted_while_one_that_is_gone_is_asked(void **state)
+{
+	struct world *world = open_world(2, 1);
+	struct db_engine *engine = world->bus->engine;
+	struct node *node = engine->nodes[1];
+	db_time now = world->bus->now;
+
+	(void)state;
+	assert_false(db_engine_wants_all_frames(engine, now));
+	node->online = false;
+	engine->stats.online--;
+	node->probe_backoff = PROBE_BACKOFF_MAX;
+	node->probe_at = now + 1;
+	assert_false(db_engine_wants_all_frames(engine, now));
+	node->probe_at = now;
+	assert_true(db_engine_wants_all_frames(engine, now));
+	node->probe_backoff = PROBE_BACKOFF_MAX / 2;
+	assert_false(db_engine_wants_all_frames(engine, now));
+	node->probe_backoff = PROBE_BACKOFF_MAX;
+	node->probe_at = now + 1;
+	node->flight.station = node->first;
+	assert_true(db_engine_wants_all_frames(engine, now));
+	node->flight.station = NULL;
+	fake_port(world->bus, 5);
+	assert_false(db_engine_wants_all_frames(engine, now));
+	close_world(world);
+}
+
+/* --- drives that come and go ------------------------------------------------------------------ */
+
+/* Not with the drive's next answer, which may never come. */
+static void that_a_drive_must_stand_shows_at_once(void **state)
+{
+	struct world *world = open_world(2, 1);
+
+	(void)state;
+	while (world->bus->engine->flights == 0)
+		fake_pass(world->bus, MS / 10);
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	(void)db_engine_run(world->bus->engine, world->bus->now);
+	assert_true(fake_feedback(world->bus, 0).status & DB_STATUS_MUST_STAND);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 0);
+	close_world(world);
+}
+
+/* A controller must answer its stop, for the other axes; a drive that stands is done with it. */
+static void a_stop_is_owed_by_families_with_several_axes(void **state)
+{
+	(void)state;
+	for (unsigned axes = 1; axes <= 2; axes++) {
+		struct world *world = open_world(1, 1);
+		struct db_engine *engine = world->bus->engine;
+
+		world->driver.axes = axes;
+		engine_add_stop(engine, engine->stations[0], DB_CMD_STOP, DB_STAND_EXIT, NULL,
+		                world->bus->now);
+		assert_int_equal(engine->stations[0]->standing.owed != 0, axes > 1);
+		close_world(world);
+	}
+}
+
+static void one_that_is_back_is_read_before_the_next_cycle(void **state)
+{
+	struct world *world = open_world(1, 1);
+
+	(void)state;
+	/* A serial line asks whoever answers once more, to learn its pauses. */
+	world->driver.medium = DB_MEDIUM_CAN;
+	world->bus->dead[1] = true;
+	fake_pass(world->bus, 500 * MS);
+	assert_false(fake_is_online(world->bus, 0));
+	world->bus->engine->cycle_at = world->bus->now + 5000 * MS;
+	world->bus->dead[1] = false;
+	while (!world->bus->engine->nodes[0]->online)
+		fake_pass(world->bus, MS);
+	fake_pass(world->bus, 5 * MS);
+	assert_true(fake_is_online(world->bus, 0));
+	close_world(world);
+}
+
+/* What was prepared for a drive is not sent when it is back: it may have been another one meanwhile. */
+static void nothing_stays_prepared_for_a_drive_that_goes(void **state)
+{
+	struct world *world = open_world(2, 2);
+	struct db_engine *engine = world->bus->engine;
+
+	(void)state;
+	for (size_t i = 0; i < 2; i++) {
+		for (size_t lane = 0; lane < LANE_COMMAND; lane++)
+			engine->stations[i]->lanes[lane].active =
+				engine->stations[i]->lanes[lane].ready = true;
+		engine->stations[i]->blind_stop_sent = true;
+	}
+	engine->stations[1]->lanes[LANE_COMMAND].ready = true;
+	engine_take_offline(engine, engine->nodes[0], DB_RESULT_OFFLINE, world->bus->now);
+	for (size_t i = 0; i < 2; i++) {
+		for (size_t lane = 0; lane < LANE_COUNT; lane++)
+			assert_false(engine->stations[i]->lanes[lane].active ||
+			             engine->stations[i]->lanes[lane].ready);
+		assert_false(engine->stations[i]->blind_stop_sent);
+	}
+	assert_int_equal(engine->stats.online, 0);
+	assert_int_equal(engine->nodes_due, 0);
+	assert_int_equal(engine->nodes[0]->probe_at,
+	                 world->bus->now + engine->nodes[0]->probe_backoff);
+	close_world(world);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_stop_of_one_axis_cancels_what_others_prepare),
+		cmocka_unit_test(a_drive_is_lively_after_a_command),
+		cmocka_unit_test(how_many_requests_wait_shows),
+		cmocka_unit_test(drives_that_are_left_for_a_scan_need_not_stand_afterwards),
+		cmocka_unit_test(a_bus_is_quiet_when_all_of_its_drives_are),
+		cmocka_unit_test(all_frames_are_wanted_while_one_that_is_gone_is_asked),
+		cmocka_unit_test(that_a_drive_must_stand_shows_at_once),
+		cmocka_unit_test(a_stop_is_owed_by_families_with_several_axes),
+		cmocka_unit_test(one_that_is_back_is_read_before_the_next_cycle),
+		cmocka_unit_test(nothing_stays_prepared_for_a_drive_that_goes),
+	};
+
+	return cmocka_run_group_tests_name("sched/engine_ends", tests, NULL, NULL);
+}
