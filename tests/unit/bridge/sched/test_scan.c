@@ -436,6 +436,145 @@ static void saves_nothing_before_it_is_read_that_all_drives_stand(void **state)
 	close_world(&world);
 }
 
+/* What has an effect only after it was saved is no use without the save. */
+static void count_settings(enum db_inquiry_kind kind, enum db_takes_effect effect,
+                           struct db_scan_progress *progress, unsigned *sent)
+{
+	struct world world;
+
+	open_world(&world, 20);
+	world.driver.address_effect = kind == DB_INQUIRY_SET_ADDRESS ? effect :
+	                                                               DB_TAKES_EFFECT_AT_ONCE;
+	world.driver.speed_effect = kind == DB_INQUIRY_SET_SPEED ? effect : DB_TAKES_EFFECT_AT_ONCE;
+	fake_post(world.bus, 2, DB_CMD_MOVE_VELOCITY);
+	fake_pass(world.bus, 100 * MS);
+	begin_plan(&world, (struct db_scan_plan){ .first = 2, .last = 2, .set_up = kind });
+	fake_pass(world.bus, 300 * MS);
+	*progress = progress_of(&world);
+	*sent = count_inquiries(&world, kind);
+	close_world(&world);
+}
+
+static void sets_nothing_that_must_be_saved_while_a_drive_of_the_line_moves(void **state)
+{
+	static const enum db_inquiry_kind kinds[] = { DB_INQUIRY_SET_ADDRESS,
+		                                      DB_INQUIRY_SET_SPEED };
+	struct db_scan_progress progress;
+	unsigned sent;
+
+	(void)state;
+	for (size_t i = 0; i < 2; i++) {
+		count_settings(kinds[i], DB_TAKES_EFFECT_POWER_UP, &progress, &sent);
+		assert_int_equal(progress.end, DB_SCAN_MOVES);
+		assert_int_equal(progress.drive, 2);
+		assert_int_equal(sent, 0);
+		count_settings(kinds[i], DB_TAKES_EFFECT_AT_ONCE, &progress, &sent);
+		assert_int_equal(progress.end, DB_SCAN_DONE);
+		assert_int_equal(sent, 1);
+	}
+}
+
+/* --- whom it gives way to ---------------------------------------------------------------------------- */
+
+static void do_nothing(struct db_engine *engine, db_time now)
+{
+	(void)engine;
+	(void)now;
+}
+
+static void be_quiet(struct db_engine *engine, db_time now)
+{
+	engine->quiet_until = now + 1;
+}
+
+static void be_reserved(struct db_engine *engine, db_time now)
+{
+	engine->reserved.until = now + 1;
+}
+
+static void await_late_answers(struct db_engine *engine, db_time now)
+{
+	engine->scan->not_before = now + 1;
+}
+
+static void be_full(struct db_engine *engine, db_time now)
+{
+	engine->port_full_since = now;
+}
+
+static void ask_another(struct db_engine *engine, db_time now)
+{
+	(void)now;
+	engine->flights = 1;
+}
+
+static void ask_this_one(struct db_engine *engine, db_time now)
+{
+	(void)now;
+	engine->nodes[0]->flight.station = engine->stations[0];
+}
+
+static void lose_this_one(struct db_engine *engine, db_time now)
+{
+	engine->nodes[0]->in_step = false;
+	engine->nodes[0]->late_probes = 1;
+	engine->nodes[0]->late_probes_until = now + 2;
+	engine->nodes[0]->risky_until = now + 2;
+}
+
+static void command_this_one(struct db_engine *engine, db_time now)
+{
+	(void)now;
+	engine->stations[0]->lanes[LANE_COMMAND].active = true;
+}
+
+static void stop_this_one(struct db_engine *engine, db_time now)
+{
+	(void)now;
+	engine->stations[0]->standing.kind = DB_CMD_STOP;
+}
+
+/* The first question, to the first drive's address, is asked although this is so. */
+static bool asks(enum db_medium medium, void (*let_it)(struct db_engine *engine, db_time now))
+{
+	struct world world;
+	struct db_engine *engine;
+	bool sent;
+
+	open_world_on(&world, medium, 20);
+	engine = world.bus->engine;
+	while (engine->flights > 0)
+		fake_pass(world.bus, MS / 10);
+	/* No cycle is to be kept. */
+	engine->stats.online = 0;
+	begin(&world, 8);
+	let_it(engine, world.bus->now);
+	sent = scan_send_next(engine, world.bus->now);
+	assert_int_equal(fake_count(world.bus, 1, FAKE_INQUIRY), sent);
+	assert_int_equal(scan_send_next(engine, world.bus->now), false);
+	engine->stations[0]->lanes[LANE_COMMAND].active = false;
+	close_world(&world);
+	return sent;
+}
+
+static void gives_way_to_whatever_the_line_is_for(void **state)
+{
+	static void (*const always[])(struct db_engine * engine, db_time now) = {
+		be_quiet,     be_reserved,   await_late_answers, be_full,
+		ask_this_one, lose_this_one, command_this_one,   stop_this_one,
+	};
+
+	(void)state;
+	for (enum db_medium medium = DB_MEDIUM_SERIAL; medium <= DB_MEDIUM_CAN; medium++) {
+		assert_true(asks(medium, do_nothing));
+		for (size_t i = 0; i < sizeof(always) / sizeof(always[0]); i++)
+			assert_false(asks(medium, always[i]));
+	}
+	/* Several may be asked at once on CAN only. */
+	assert_false(asks(DB_MEDIUM_SERIAL, ask_another));
+	assert_true(asks(DB_MEDIUM_CAN, ask_another));
+}
+
 /* --- verdicts ---------------------------------------------------------------------------------------- */
 
 /* Answers every question of a visit so; the find. */
@@ -566,6 +705,8 @@ int main(void)
 		cmocka_unit_test(sets_up_no_drive_that_is_told_to_move_meanwhile),
 		cmocka_unit_test(saves_nothing_while_a_drive_of_the_line_moves),
 		cmocka_unit_test(saves_nothing_before_it_is_read_that_all_drives_stand),
+		cmocka_unit_test(sets_nothing_that_must_be_saved_while_a_drive_of_the_line_moves),
+		cmocka_unit_test(gives_way_to_whatever_the_line_is_for),
 		cmocka_unit_test(tells_one_drive_from_two),
 		cmocka_unit_test(tells_two_identities),
 		cmocka_unit_test(asks_in_another_form_until_one_is_answered),
