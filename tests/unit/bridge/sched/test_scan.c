@@ -421,7 +421,7 @@ static void saves_nothing_before_it_is_read_that_all_drives_stand(void **state)
 	           (struct db_scan_plan){ .first = 2, .last = 2, .set_up = DB_INQUIRY_SAVE });
 	while (count_inquiries(&world, DB_INQUIRY_STANDING) < fake_family.axes)
 		fake_pass(world.bus, MS / 4);
-	fake_post(world.bus, 0, DB_CMD_MOVE_VELOCITY);
+	fake_post(world.bus, 2, DB_CMD_MOVE_VELOCITY);
 	while (fake_result(world.bus) == DB_RESULT_NONE)
 		fake_pass(world.bus, MS / 10);
 	fake_pass(world.bus, 4 * MS);
@@ -429,7 +429,7 @@ static void saves_nothing_before_it_is_read_that_all_drives_stand(void **state)
 	assert_false(atomic_load(&world.scan->ended));
 	/* One that stands there holds nothing up. */
 	world.bus->obey = NULL;
-	fake_post(world.bus, 0, DB_CMD_STOP);
+	fake_post(world.bus, 2, DB_CMD_STOP);
 	fake_pass(world.bus, 300 * MS);
 	assert_int_equal(count_inquiries(&world, DB_INQUIRY_SAVE), 1);
 	assert_int_equal(progress_of(&world).end, DB_SCAN_DONE);
@@ -451,6 +451,8 @@ static void count_settings(enum db_inquiry_kind kind, enum db_takes_effect effec
 	begin_plan(&world, (struct db_scan_plan){ .first = 2, .last = 2, .set_up = kind });
 	fake_pass(world.bus, 300 * MS);
 	*progress = progress_of(&world);
+	/* That it stands itself is asked all the same. */
+	assert_true(count_inquiries(&world, DB_INQUIRY_STANDING) > 0);
 	*sent = count_inquiries(&world, kind);
 	close_world(&world);
 }
