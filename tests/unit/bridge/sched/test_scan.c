@@ -187,6 +187,32 @@ static void says_when_a_cycle_leaves_no_time(void **state)
 	close_world(&world);
 }
 
+/* The shortest cycle in which there is time is the one that leaves what was said to be needed. */
+static void says_how_much_time_it_needs(void **state)
+{
+	uint32_t needed = 0;
+	uint32_t shortest = 0;
+
+	(void)state;
+	for (unsigned cycle_ms = 3; shortest == 0; cycle_ms++) {
+		struct world world;
+		struct db_scan_progress progress;
+
+		assert_true(cycle_ms < 20);
+		open_world(&world, cycle_ms);
+		world.bus->config.turnaround_us = 1000;
+		begin(&world, 4);
+		fake_pass(world.bus, 5000 * MS);
+		progress = progress_of(&world);
+		if (progress.end == DB_SCAN_DONE) {
+			shortest = 1000 * cycle_ms - fake_stats(world.bus).cycle_us;
+			assert_in_range(needed, shortest - 999, shortest);
+		}
+		needed = progress.needed_us;
+		close_world(&world);
+	}
+}
+
 /* Its frames are in the trace; they answer none of the questions to drives that are told there. */
 static void its_answers_are_told_in_the_trace(void **state)
 {
@@ -698,6 +724,7 @@ int main(void)
 		cmocka_unit_test(finds_who_is_there_and_makes_no_cycle_late),
 		cmocka_unit_test(a_stop_waits_for_one_question_at_most),
 		cmocka_unit_test(says_when_a_cycle_leaves_no_time),
+		cmocka_unit_test(says_how_much_time_it_needs),
 		cmocka_unit_test(its_answers_are_told_in_the_trace),
 		cmocka_unit_test(waits_in_peace_for_what_it_asked_a_drive_that_is_away),
 		cmocka_unit_test(waits_in_peace_for_a_port_that_takes_nothing),

@@ -211,6 +211,48 @@ static void what_was_learnt_of_its_times_shows(void **state)
 	fake_bus_free(bus);
 }
 
+/* --- what is told of it ----------------------------------------------------------------------- */
+
+static struct db_outage outage;
+static unsigned outages;
+
+static void note_outage(void *context, const struct db_drive_config *drive, enum db_event event,
+                        const struct db_feedback *feedback, const struct db_outage *was)
+{
+	(void)context;
+	(void)drive;
+	(void)feedback;
+	if (event != DB_EVENT_DRIVE_ONLINE || !was)
+		return;
+	outage = *was;
+	outages++;
+}
+
+/* Since it was read last. */
+static void how_long_a_drive_was_gone_is_told(void **state)
+{
+	struct fake_bus *bus = open_bus(&fake_family);
+	struct db_engine_ops ops = *bus->engine->ops;
+	db_time last;
+
+	(void)state;
+	outages = 0;
+	ops.on_event = note_outage;
+	bus->engine->ops = &ops;
+	last = fake_feedback(bus, 0).taken;
+	bus->dead[1] = true;
+	fake_pass(bus, 3000 * MS);
+	assert_true(fake_feedback(bus, 0).taken - last < 25 * MS);
+	last = fake_feedback(bus, 0).taken;
+	bus->dead[1] = false;
+	while (!fake_is_online(bus, 0))
+		fake_pass(bus, MS / 10);
+	assert_int_equal(outages, 1);
+	assert_int_equal(outage.cause, DB_TROUBLE_NO_ANSWER);
+	assert_in_range(outage.time, bus->now - last - 5 * MS, bus->now - last);
+	fake_bus_free(bus);
+}
+
 /* --- its nameplate ---------------------------------------------------------------------------- */
 
 static uint64_t none[1];
@@ -276,6 +318,7 @@ int main(void)
 		cmocka_unit_test(two_drives_show_as_long_as_they_are_taken_to_answer),
 		cmocka_unit_test(why_a_drive_is_silent_shows),
 		cmocka_unit_test(what_was_learnt_of_its_times_shows),
+		cmocka_unit_test(how_long_a_drive_was_gone_is_told),
 		cmocka_unit_test(a_nameplate_is_published_when_it_has_changed),
 	};
 
