@@ -436,6 +436,64 @@ static void a_whole_status_ends_what_could_not_be_used(void **state)
 	close_world(world);
 }
 
+/* What a drive sends that answers nothing may be why it is not understood; one that is, and was not asked, needs no reason. */
+static void what_answers_nothing_is_kept_where_it_may_explain_something(void **state)
+{
+	const struct fake_frame other = { .address = 1, .kind = FAKE_LOOK };
+
+	(void)state;
+	for (unsigned online = 0; online < 2; online++) {
+		for (unsigned asked = 0; asked < 2; asked++) {
+			struct world *world = new_world(1);
+			struct node *node;
+			uint32_t stray;
+
+			world->answer_time = 5 * MS;
+			open_world(world);
+			node = world->bus->engine->nodes[0];
+			world->bus->dead[1] = !online;
+			while (node->online != online || (node->flight.station != NULL) != asked)
+				fake_pass(world->bus, MS / 10);
+			node->unusable.count = 0;
+			node->lost_due = 0;
+			stray = fake_stats(world->bus).stray_frames;
+			fake_receive(world->bus, &other, sizeof other);
+			assert_int_equal(fake_stats(world->bus).stray_frames - stray, 1);
+			assert_int_equal(node->unusable.count, !online || asked);
+			close_world(world);
+		}
+	}
+}
+
+static uint32_t tell_part(const struct db_bus_config *bus, const uint8_t *frame, size_t length)
+{
+	(void)bus;
+	return fake_frame_at(frame, length).kind == FAKE_POLL;
+}
+
+/* With the second answer, not with the next reading. */
+static void two_drives_at_one_address_show_at_once(void **state)
+{
+	const struct fake_frame first = { .address = 1, .kind = FAKE_POLL, .speed = 1.0f };
+	const struct fake_frame second = { .address = 1, .kind = FAKE_POLL, .speed = 2.0f };
+	struct world *world = new_world(1);
+
+	(void)state;
+	open_world(world);
+	world->driver.part = tell_part;
+	while (world->bus->engine->flights > 0)
+		fake_pass(world->bus, MS / 10);
+	world->silent[FAKE_POLL] = true;
+	while (world->bus->engine->flights == 0)
+		fake_pass(world->bus, MS / 10);
+	fake_receive(world->bus, &first, sizeof first);
+	assert_int_equal(fake_snapshot(world->bus, 0).stats.doubled_answers, 0);
+	fake_receive(world->bus, &second, sizeof second);
+	assert_int_equal(fake_snapshot(world->bus, 0).stats.doubled_answers, 1);
+	assert_true(fake_feedback(world->bus, 0).velocity == 1.0f);
+	close_world(world);
+}
+
 /* --- ports ------------------------------------------------------------------------------------ */
 
 static void a_port_is_down_since_it_was_lost(void **state)
@@ -525,6 +583,8 @@ int main(void)
 		cmocka_unit_test(a_drive_that_reports_by_itself_takes_no_time),
 		cmocka_unit_test(a_damaged_frame_is_kept_as_of_who_may_have_sent_it),
 		cmocka_unit_test(a_whole_status_ends_what_could_not_be_used),
+		cmocka_unit_test(what_answers_nothing_is_kept_where_it_may_explain_something),
+		cmocka_unit_test(two_drives_at_one_address_show_at_once),
 		cmocka_unit_test(a_port_is_down_since_it_was_lost),
 		cmocka_unit_test(a_full_port_gives_each_drive_its_time_back),
 	};
