@@ -898,9 +898,109 @@ static void an_axis_that_stood_and_moves_does_not_obey(void **state)
 	}
 }
 
+/* What it did before it moved, came back or got another cause proves nothing: it may be seen where it turns round. */
+static void one_that_stood_and_then_moved_is_seen_to_stand_twice(void **state)
+{
+	struct standing standing = entered(0, false);
+
+	(void)state;
+	assert_int_equal(judge(&standing, 100, true, T + 10 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge(&standing, 0, false, T + 20 * MS), STANDING_OBEYS);
+	assert_int_equal(judge(&standing, 0, false, T + 120 * MS), STANDING_DONE);
+	/* It was away. */
+	standing = entered(0, false);
+	standing_resume(&standing, T + 10 * MS);
+	standing_stop_sent(&standing, true, 2 * MS, T + 10 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 20 * MS), STANDING_OBEYS);
+	assert_int_equal(judge(&standing, 0, false, T + 120 * MS), STANDING_DONE);
+	/* Another cause joins. */
+	standing = entered(1000, true);
+	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_OBEYS);
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_WATCHDOG, NULL, T + 50 * MS);
+	standing_stop_sent(&standing, true, 2 * MS, T + 50 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 130 * MS), STANDING_OBEYS);
+	assert_int_equal(judge(&standing, 0, false, T + 229 * MS), STANDING_OBEYS);
+	assert_int_equal(judge(&standing, 0, false, T + 230 * MS), STANDING_DONE);
+}
+
+static enum standing_verdict judge_place(struct standing *standing, int32_t position, db_time asked)
+{
+	const struct standing_rules doubtful = { .patience = 500 * MS, .doubt = 50 * MS };
+	struct db_feedback feedback = sample(0, false);
+
+	feedback.position = position;
+	return standing_judge(standing, &doubtful, &feedback, asked, asked + 1 * MS);
+}
+
+/* Sixteen counts are dither; more are motion, also of a drive that was known to stand. */
+static void one_that_stood_and_then_drifts_moves(void **state)
+{
+	struct standing standing = entered(0, false);
+
+	(void)state;
+	assert_int_equal(judge_place(&standing, 1000, T + 10 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge_place(&standing, 1016, T + 40 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge_place(&standing, 1016, T + 60 * MS), STANDING_DONE);
+	standing = entered(0, false);
+	assert_int_equal(judge_place(&standing, 1000, T + 10 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge_place(&standing, 1017, T + 40 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge_place(&standing, 1017, T + 60 * MS), STANDING_UNSEEN);
+	assert_int_equal(judge_place(&standing, 1017, T + 95 * MS), STANDING_OBEYS);
+	assert_int_equal(judge_place(&standing, 1017, T + 140 * MS), STANDING_DONE);
+}
+
+/* Half as fast is not enough where it then stays so: it is told again. */
+static void one_that_slows_down_no_further_runs_on(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	standing_stop_answered(&standing, DB_CMD_STOP, true, true, T + 3 * MS);
+	assert_int_equal(judge(&standing, 500, true, T + 10 * MS), STANDING_OBEYS);
+	assert_true(standing_send_at(&standing) == DB_TIME_NEVER);
+	assert_int_equal(judge(&standing, 500, true, T + 510 * MS - 1), STANDING_OBEYS);
+	assert_int_equal(judge(&standing, 500, true, T + 510 * MS), STANDING_RUNS_ON);
+	assert_true(standing_is_open(&standing));
+	assert_false(standing_send_at(&standing) == DB_TIME_NEVER);
+}
+
+/* While a later motion is under way, nothing is judged by what was before it. */
+static void a_sample_during_a_later_motion_proves_nothing(void **state)
+{
+	struct standing standing = entered(0, false);
+
+	(void)state;
+	standing.gives_way = true;
+	assert_int_equal(judge(&standing, 0, false, T + 10 * MS), STANDING_UNSEEN);
+	assert_false(standing_is_free(&standing));
+	standing_motion_ended(&standing, false, T + 20 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 30 * MS), STANDING_DONE);
+}
+
+/* A drive that was back is hurried again, not as one that is gone for long. */
+static void pauses_begin_again_with_a_drive_that_was_back(void **state)
+{
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	for (unsigned i = 0; i < 3; i++) {
+		assert_true(standing_stop_lost(&standing, false, 2, MS, T));
+		assert_true(standing_send_at(&standing) == T + (20 * MS << i));
+	}
+	standing_resume(&standing, T);
+	standing_stop_sent(&standing, true, 2 * MS, T);
+	assert_true(standing_stop_lost(&standing, false, 2, MS, T));
+	assert_true(standing_send_at(&standing) == T + 20 * MS);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(one_that_stood_and_then_moved_is_seen_to_stand_twice),
+		cmocka_unit_test(one_that_stood_and_then_drifts_moves),
+		cmocka_unit_test(one_that_slows_down_no_further_runs_on),
+		cmocka_unit_test(a_sample_during_a_later_motion_proves_nothing),
+		cmocka_unit_test(pauses_begin_again_with_a_drive_that_was_back),
 		cmocka_unit_test(a_stop_is_said_again_at_its_pace),
 		cmocka_unit_test(a_stop_that_may_not_have_arrived_has_no_pace),
 		cmocka_unit_test(a_drive_is_read_behind_the_answer_to_its_stop),
