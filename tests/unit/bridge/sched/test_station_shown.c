@@ -9,6 +9,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include <cmocka.h>
 
@@ -253,6 +254,60 @@ static void how_long_a_drive_was_gone_is_told(void **state)
 	fake_bus_free(bus);
 }
 
+static struct db_feedback told_last;
+
+static void tell_told(const struct db_device *device, struct db_feedback *feedback)
+{
+	fake_family.feedback(device, feedback);
+	feedback->status |= told_last.status;
+	feedback->error = told_last.error;
+	feedback->restarts = told_last.restarts;
+	feedback->doubts = told_last.doubts;
+}
+
+/* What is told when the drive says this, in the order of these events. */
+static void expect_told(struct fake_bus *bus, uint32_t status, uint16_t error,
+                        const unsigned counts[5])
+{
+	static const enum db_event events[] = { DB_EVENT_DRIVE_FAULT, DB_EVENT_DRIVE_FAULT_GONE,
+		                                DB_EVENT_DRIVE_WARNING, DB_EVENT_DRIVE_RESTARTED,
+		                                DB_EVENT_DRIVE_MAY_HAVE_RESTARTED };
+	unsigned before[DB_EVENT_COUNT];
+
+	memcpy(before, bus->told, sizeof before);
+	told_last.status = status;
+	told_last.error = error;
+	fake_pass(bus, 50 * MS);
+	for (size_t i = 0; i < 5; i++)
+		assert_int_equal(bus->told[events[i]] - before[events[i]], counts[i]);
+}
+
+/* Once, when it comes; a warning not beside a fault, and no doubt beside what is certain. */
+static void what_changes_is_told_once(void **state)
+{
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus;
+
+	(void)state;
+	told_last = (struct db_feedback){ .status = 0 };
+	driver.feedback = tell_told;
+	bus = open_bus(&driver);
+	expect_told(bus, 0, DB_ERROR_NONE, (const unsigned[]){ 0, 0, 0, 0, 0 });
+	expect_told(bus, DB_STATUS_WARNING, DB_ERROR_NONE, (const unsigned[]){ 0, 0, 1, 0, 0 });
+	expect_told(bus, DB_STATUS_WARNING, DB_ERROR_NONE, (const unsigned[]){ 0, 0, 0, 0, 0 });
+	expect_told(bus, 0, DB_ERROR_NONE, (const unsigned[]){ 0, 0, 0, 0, 0 });
+	expect_told(bus, DB_STATUS_WARNING, DB_ERROR_HARDWARE, (const unsigned[]){ 1, 0, 0, 0, 0 });
+	expect_told(bus, 0, DB_ERROR_HARDWARE, (const unsigned[]){ 0, 0, 0, 0, 0 });
+	expect_told(bus, 0, DB_ERROR_NONE, (const unsigned[]){ 0, 1, 0, 0, 0 });
+	told_last.doubts++;
+	expect_told(bus, 0, DB_ERROR_NONE, (const unsigned[]){ 0, 0, 0, 0, 1 });
+	told_last.restarts++;
+	told_last.doubts++;
+	expect_told(bus, 0, DB_ERROR_NONE, (const unsigned[]){ 0, 0, 0, 1, 0 });
+	expect_told(bus, 0, DB_ERROR_NONE, (const unsigned[]){ 0, 0, 0, 0, 0 });
+	fake_bus_free(bus);
+}
+
 /* --- its nameplate ---------------------------------------------------------------------------- */
 
 static uint64_t none[1];
@@ -319,6 +374,7 @@ int main(void)
 		cmocka_unit_test(why_a_drive_is_silent_shows),
 		cmocka_unit_test(what_was_learnt_of_its_times_shows),
 		cmocka_unit_test(how_long_a_drive_was_gone_is_told),
+		cmocka_unit_test(what_changes_is_told_once),
 		cmocka_unit_test(a_nameplate_is_published_when_it_has_changed),
 	};
 

@@ -316,6 +316,51 @@ static void a_stop_of_a_drive_that_reports_by_itself_keeps_its_pace(void **state
 	close_world(world);
 }
 
+static bool take_report(struct db_device *device, const uint8_t *bytes, size_t length, db_time now)
+{
+	struct fake_frame frame = fake_frame_at(bytes, length);
+
+	if (frame.kind != FAKE_REPORT)
+		return false;
+	device->speed = frame.speed;
+	device->taken = now;
+	return true;
+}
+
+/* It may have been on its way for half a second, and then it shows as much as an answer. */
+static void a_report_shows_a_stop_when_it_cannot_be_older(void **state)
+{
+	const struct fake_frame report = { .address = 1, .kind = FAKE_REPORT, .powered = true };
+	struct world *world = new_world(1);
+	db_time stopped;
+
+	(void)state;
+	world->driver.report = take_report;
+	world->speed = 1.0f;
+	world->bus->drives[0].stop_reaction_ms = 5000;
+	open_world(world);
+	fake_pass(world->bus, 100 * MS);
+	stopped = world->bus->now;
+	world->speed = 0.5f;
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 30 * MS);
+	/* It obeys, and is left alone. */
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	world->driver.begin = begin_no_poll;
+	while (world->bus->now < stopped + 500 * MS) {
+		assert_true(fake_feedback(world->bus, 0).status & DB_STATUS_MUST_STAND);
+		fake_receive(world->bus, &report, sizeof report);
+		fake_pass(world->bus, 40 * MS);
+	}
+	for (unsigned i = 0; i < 6; i++) {
+		fake_receive(world->bus, &report, sizeof report);
+		fake_pass(world->bus, 40 * MS);
+	}
+	assert_false(fake_feedback(world->bus, 0).status & DB_STATUS_MUST_STAND);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 1);
+	close_world(world);
+}
+
 /* --- drives that run on ----------------------------------------------------------------------- */
 
 /* Who asks again is told at once that it runs on, but not before the drive was told once more to stop. */
@@ -358,6 +403,7 @@ int main(void)
 		cmocka_unit_test(a_first_stop_to_one_that_is_gone_does_not_wait_for_its_share),
 		cmocka_unit_test(a_stop_that_its_driver_refuses_ends_at_once),
 		cmocka_unit_test(a_stop_of_a_drive_that_reports_by_itself_keeps_its_pace),
+		cmocka_unit_test(a_report_shows_a_stop_when_it_cannot_be_older),
 		cmocka_unit_test(each_stop_that_is_asked_for_is_sent),
 	};
 

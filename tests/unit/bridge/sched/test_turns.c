@@ -168,6 +168,23 @@ static void what_stays_unknown_is_asked_for_twice_a_second(void **state)
 	close_world(world);
 }
 
+/* Where readings leave no time between them there is no idle moment to look for it. */
+static void what_becomes_unknown_is_asked_for_on_a_full_line(void **state)
+{
+	struct world *world = new_world(4);
+
+	(void)state;
+	world->bus->config.cycle_ms = 1;
+	open_world(world);
+	fake_pass(world->bus, 500 * MS);
+	fake_forget_sent(world->bus);
+	world->driver.feedback = hide_parameters;
+	fake_pass(world->bus, 1000 * MS);
+	for (unsigned address = 1; address <= 4; address++)
+		assert_true(fake_count(world->bus, address, FAKE_IDENTIFY) > 0);
+	close_world(world);
+}
+
 static void what_is_not_answered_is_asked_for_ever_less_often(void **state)
 {
 	struct world *world = new_world(1);
@@ -575,6 +592,7 @@ int main(void)
 		cmocka_unit_test(long_commands_take_turns),
 		cmocka_unit_test(new_commands_and_long_ones_take_turns),
 		cmocka_unit_test(what_stays_unknown_is_asked_for_twice_a_second),
+		cmocka_unit_test(what_becomes_unknown_is_asked_for_on_a_full_line),
 		cmocka_unit_test(what_is_not_answered_is_asked_for_ever_less_often),
 		cmocka_unit_test(known_parameters_are_read_again_in_turn),
 		cmocka_unit_test(known_parameters_are_not_read_again_while_a_drive_moves),
