@@ -1705,6 +1705,246 @@ static void an_interruption_is_cleared(void **state)
 	drop(f);
 }
 
+/* --- what crosses a cycle ------------------------------------------------------------------------------ */
+
+/* A job that was put aside goes on behind the frame that it has sent. */
+static void go_on(struct fixture *f, struct db_job job, const char *said)
+{
+	f->job = job;
+	f->talking = f->axes[0];
+	f->exchange.request_length = compose(said, f->bytes);
+}
+
+static struct fixture *make_slow(unsigned axes)
+{
+	struct fixture *f = make(axes);
+	struct db_device *first = NULL;
+
+	set_option(f, "reaction-ms", 100);
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
+		if (!f->axes[i])
+			continue;
+		db_driver_xyza.init(f->axes[i], first, &f->bus, &f->drives[i]);
+		first = first ? first : f->axes[i];
+	}
+	return f;
+}
+
+/* That it moved before it was told to says no more about now than that it stood. */
+static void a_motion_from_before_a_jog_does_not_show_it(void **state)
+{
+	struct fixture *f = make_slow(1);
+	struct db_job poll;
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 0);
+	poll = f->job;
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	go_on(f, poll, "0AF10103E1A2");
+	value(f, 0);
+	value(f, 3);
+	value(f, 0);
+	/* So "standing" may still be from before it. */
+	poll_all(f, true, 3, 0);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+	f->now += 100 * MS;
+	poll_all(f, true, 3, 0);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	drop(f);
+}
+
+/* A program that is ended may have started any axis right before. */
+static void a_motion_from_before_a_programs_end_does_not_show_its_last(void **state)
+{
+	struct fixture *f = make_slow(1);
+	struct db_job poll;
+
+	(void)state;
+	poll_all(f, true, 0, 1);
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 0);
+	poll = f->job;
+	command(f, 0, DB_CMD_END_PROGRAM, (struct db_args){ 0 });
+	program(f, 1, 1, 7);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	answer(f, OK_PROGRAM);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+	assert_true(feedback(f, 0).status & DB_STATUS_MOVING);
+	go_on(f, poll, "0AF10103E1A2");
+	value(f, 0);
+	value(f, 3);
+	value(f, 0);
+	poll_all(f, true, 3, 0);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+	f->now += 100 * MS;
+	poll_all(f, true, 3, 0);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	drop(f);
+}
+
+/* A stop is sent between two reads of a cycle: what was seen before does not end it. */
+static void what_was_seen_before_a_stop_does_not_end_it(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	for (uint32_t stood = 0; stood < 2; stood++) {
+		struct db_job poll;
+
+		poll_all(f, false, 0, 0);
+		begin(f, 0, DB_JOB_POLL);
+		value(f, stood);
+		poll = f->job;
+		command(f, 0, DB_CMD_STOP, (struct db_args){ 0 });
+		answer(f, OK_MANUAL);
+		assert_string_equal(answer(f, OK_PROGRAM), "=ok");
+		go_on(f, poll, "0AF10103E1A2");
+		value(f, 0);
+		value(f, 3);
+		value(f, 0);
+		assert_int_equal(feedback(f, 0).state, DB_AXIS_STOPPING);
+		assert_true(feedback(f, 0).status & DB_STATUS_MOVING);
+		poll_all(f, true, 3, 0);
+		assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	}
+	drop(f);
+}
+
+/* It stands since that was read: a cycle that saw it moving before does not say otherwise. */
+static void what_was_seen_before_a_stand_does_not_end_it(void **state)
+{
+	struct fixture *f = make(1);
+	struct db_job poll;
+
+	(void)state;
+	poll_all(f, false, 0, 0);
+	poll_all(f, false, 50, 0);
+	assert_true(feedback(f, 0).velocity > 0.0f);
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 0);
+	poll = f->job;
+	command(f, 0, DB_CMD_MOVE_VELOCITY, (struct db_args){ 0 });
+	answer(f, OK_MANUAL);
+	assert_string_equal(value(f, 1), "=ok");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	assert_float_equal(feedback(f, 0).velocity, 0.0f, 0.0f);
+	go_on(f, poll, "0AF10103E1A2");
+	value(f, 0);
+	value(f, 60);
+	value(f, 0);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	assert_false(feedback(f, 0).status & DB_STATUS_MOVING);
+	drop(f);
+}
+
+/* An axis that was to stop, and was jogged after that, is not stopping. */
+static void a_jog_behind_a_stop_is_a_motion(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, true, 0, 1);
+	whole(f, command(f, 0, DB_CMD_STOP, (struct db_args){ 0 }));
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_STOPPING);
+	assert_string_equal(whole(f, jog(f, 0)), ASK_PROGRAM " 0AF3010303A1 0AF10103E1A3 =ok");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+	assert_false(feedback(f, 0).status & DB_STATUS_STOPPING);
+	drop(f);
+}
+
+/* The direction of a jog is known before any cycle has seen it. */
+static void a_jog_goes_on_in_its_direction(void **state)
+{
+	static const struct db_args back = { .target_velocity = -900.0f };
+	static const struct db_args forth = { .target_velocity = 900.0f };
+
+	(void)state;
+	for (unsigned negative = 0; negative < 2; negative++) {
+		struct fixture *f = make(1);
+		enum db_command way = negative ? DB_CMD_JOG_NEGATIVE : DB_CMD_JOG_POSITIVE;
+
+		whole(f, command(f, 0, way, (struct db_args){ 0 }));
+		assert_string_equal(command(f, 0, DB_CMD_MOVE_VELOCITY, negative ? back : forth),
+		                    "0AF10103E2A4");
+		assert_string_equal(command(f, 0, DB_CMD_MOVE_VELOCITY, negative ? forth : back),
+		                    "0AF301030200");
+		drop(f);
+	}
+}
+
+/* A position that is set is not shown half; a stop ends that, and what is read counts at once. */
+static void a_stop_shows_positions_again(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, true, 100, 0);
+	command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ .target_position = -7 });
+	value(f, 1);
+	answer(f, OK_DATA);
+	poll_all(f, true, 7, 0);
+	assert_int_equal(feedback(f, 0).position, 100);
+	whole(f, command(f, 0, DB_CMD_STOP, (struct db_args){ 0 }));
+	poll_all(f, true, 7, 0);
+	assert_int_equal(feedback(f, 0).position, 7);
+	drop(f);
+}
+
+/* A program that ended by itself was not paused; one that goes on may differ in any bit of its step. */
+static void a_program_shows_what_was_done_to_it(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	command(f, 0, DB_CMD_PAUSE_PROGRAM, (struct db_args){ 0 });
+	program(f, 1, 6, 1);
+	answer(f, OK_PROGRAM);
+	assert_string_equal(program(f, 0, 6, 1), "=failed");
+	command(f, 0, DB_CMD_CONTINUE_PROGRAM, (struct db_args){ 0 });
+	program(f, 2, 6, 1);
+	answer(f, OK_PROGRAM);
+	assert_string_equal(program(f, 2, 6, 0x8001), "=ok");
+	drop(f);
+}
+
+/* Speeds are told apart from positions by a fifth, and by 4 pulses of a cycle: nearer ones are not
+ * waited for. x goes by `way` in 100 ms, and is to go at `wanted`. */
+static void speeds_too_near_to_tell_apart_are_not_waited_for(void **state)
+{
+	static const struct {
+		int32_t way;
+		float wanted;
+		bool waits;
+	} cases[] = {
+		{ 50, 550.0f, false },    { 50, 700.0f, true },    { 80, 1000.0f, false },
+		{ 80, 1001.0f, true },    { 1, 50.0f, false },     { 1, 51.0f, true },
+		{ -80, -1000.0f, false }, { -80, -1001.0f, true },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture *f = make(1);
+		db_time taken;
+
+		poll_all(f, false, -10000, 0);
+		taken = feedback(f, 0).taken;
+		f->now = taken + 97 * MS; /* the place is the third answer, 1 ms each */
+		poll_all(f, false, -10000 + cases[i].way, 0);
+		assert_float_equal(feedback(f, 0).velocity, 10.0f * (float)cases[i].way, 0.001f);
+		command(f, 0, DB_CMD_MOVE_VELOCITY,
+		        (struct db_args){ .target_velocity = cases[i].wanted });
+		value(f, 1);
+		answer(f, OK_DATA);
+		value(f, (uint32_t)fabsf(cases[i].wanted));
+		assert_string_equal(answer(f, OK_MANUAL), "0AF10103E1A3");
+		assert_string_equal(value(f, 0), cases[i].waits ? "0AF10103E1A3" : "=unproven");
+		drop(f);
+	}
+}
+
 /* --- lost answers ------------------------------------------------------------------------------------ */
 
 static void a_jog_is_never_repeated_blindly(void **state)
@@ -2676,6 +2916,15 @@ int main(void)
 		cmocka_unit_test(the_ramp_follows_from_speeds_and_time),
 		cmocka_unit_test(a_ramp_is_written_as_its_time),
 		cmocka_unit_test(dangerous_parameters_are_locked),
+		cmocka_unit_test(a_motion_from_before_a_jog_does_not_show_it),
+		cmocka_unit_test(a_motion_from_before_a_programs_end_does_not_show_its_last),
+		cmocka_unit_test(what_was_seen_before_a_stop_does_not_end_it),
+		cmocka_unit_test(what_was_seen_before_a_stand_does_not_end_it),
+		cmocka_unit_test(a_jog_behind_a_stop_is_a_motion),
+		cmocka_unit_test(a_jog_goes_on_in_its_direction),
+		cmocka_unit_test(a_stop_shows_positions_again),
+		cmocka_unit_test(a_program_shows_what_was_done_to_it),
+		cmocka_unit_test(speeds_too_near_to_tell_apart_are_not_waited_for),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
