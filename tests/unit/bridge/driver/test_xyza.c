@@ -8,6 +8,7 @@
 #include "codec/description.h"
 #include "codec/xyza.h"
 #include "driver/list.h"
+#include "driver/xyza/xyza_private.h"
 #include "fakes/options.h"
 
 #include <math.h>
@@ -2797,6 +2798,281 @@ static void a_ramp_is_written_as_its_time(void **state)
 	drop(f);
 }
 
+/* What was read once and is not told any more counts for nothing. */
+static void what_is_not_told_any_more_is_not_shown(void **state)
+{
+	static const char *const of_scale[] = { "0AF10103E3A1", "0AF10103E3A2", "0AF10103E3A3" };
+	static const char *const of_ramp[] = { "0AF10103E2A1", "0AF10103E2A2", "0AF10103E2A3",
+		                               "0AF10103E5C3" };
+	struct fixture *f = make(1);
+
+	(void)state;
+	*memory(f, 0xE2, 0xA1) = 200;
+	*memory(f, 0xE2, 0xA2) = 3200;
+	*memory(f, 0xE2, 0xA3) = 5;
+	*memory(f, 0xE3, 0xA1) = 200;
+	*memory(f, 0xE3, 0xA2) = 16;
+	*memory(f, 0xE3, 0xA3) = 5000;
+	*memory(f, 0xE5, 0xC1) = *memory(f, 0xE5, 0xC3) = 1;
+	poll_all(f, true, 0, 0);
+	for (size_t i = 0; i < 3; i++) {
+		identify(f, 0);
+		assert_float_equal(feedback(f, 0).counts_per_unit, 640.0f, 0.001f);
+		identify_without(f, 0, of_scale[i]);
+		assert_float_equal(feedback(f, 0).counts_per_unit, 0.0f, 0.0f);
+		assert_float_equal(feedback(f, 0).deceleration, 6000.0f, 0.0f);
+	}
+	for (size_t i = 0; i < 4; i++) {
+		uint32_t generation;
+
+		identify(f, 0);
+		generation = plate(f, 0)->generation;
+		assert_float_equal(feedback(f, 0).deceleration, 6000.0f, 0.0f);
+		identify_without(f, 0, of_ramp[i]);
+		assert_float_equal(feedback(f, 0).deceleration, 0.0f, 0.0f);
+		assert_int_equal(plate(f, 0)->generation, generation + 1 + (i < 3 ? 2 : 1));
+		for (unsigned ramp = 0; ramp < 2; ramp++) {
+			uint64_t bit = UINT64_C(1)
+			               << (ramp ? XYZA_RAMP_DECELERATION : XYZA_RAMP_ACCELERATION);
+
+			/* Without brakes it accelerates all the same. */
+			assert_true(!(plate(f, 0)->missing[0] & bit) == (i == 3 && !ramp));
+			assert_true(!(plate(f, 0)->valid[0] & bit) == !(i == 3 && !ramp));
+		}
+	}
+	identify(f, 0);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_STANDSTILL);
+	identify_without(f, 0, "0AF10103E5C1");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	/* No spindle has a lead of 0. */
+	*memory(f, 0xE3, 0xA3) = 0;
+	identify(f, 0);
+	assert_float_equal(feedback(f, 0).counts_per_unit, 0.0f, 0.0f);
+	drop(f);
+}
+
+/* A value counts as changed when it is another one, and a ramp with what it is computed from. */
+static void what_is_read_again_unchanged_is_no_change(void **state)
+{
+	struct fixture *f = make(1);
+	uint32_t generation;
+
+	(void)state;
+	*memory(f, 0xE2, 0xA1) = 200;
+	*memory(f, 0xE2, 0xA2) = 3200;
+	*memory(f, 0xE2, 0xA3) = 5;
+	*memory(f, 0xE5, 0xC3) = 1;
+	identify(f, 0);
+	generation = plate(f, 0)->generation;
+	identify(f, 0);
+	assert_int_equal(plate(f, 0)->generation, generation + 1); /* that all was read */
+	*memory(f, 0xE3, 0xA3) = 7;
+	identify(f, 0);
+	assert_int_equal(plate(f, 0)->generation, generation + 3);
+	/* Both ramps as well. */
+	*memory(f, 0xE2, 0xA3) = 6;
+	identify(f, 0);
+	assert_int_equal(plate(f, 0)->generation, generation + 7);
+	drop(f);
+}
+
+static void read_value(struct fixture *f, enum xyza_item item, db_time now)
+{
+	xyza_learn_item(f->axes[0], item, 1, now);
+}
+
+static uint32_t told(struct fixture *f, enum xyza_param param)
+{
+	return plate(f, 0)->told[param];
+}
+
+/* A ramp is as old as the oldest value that it is computed from. */
+static void a_ramp_is_as_old_as_its_values(void **state)
+{
+	static const enum xyza_item items[] = { XYZA_ITEM_MIN_SPEED, XYZA_ITEM_MAX_SPEED,
+		                                XYZA_ITEM_ACCELERATION_TIME };
+	static const enum xyza_param params[] = { XYZA_MIN_SPEED, XYZA_MAX_SPEED,
+		                                  XYZA_ACCELERATION_TIME };
+
+	(void)state;
+	for (unsigned first = 0; first < 3; first++) {
+		struct fixture *f = make(1);
+
+		for (unsigned i = 0; i < 3; i++) {
+			unsigned next = (first + i) % 3;
+
+			assert_int_equal(told(f, XYZA_RAMP_ACCELERATION), 0);
+			/* The first is read when the clock begins. */
+			read_value(f, items[next], 1000 * MS * i);
+			assert_int_equal(told(f, params[next]), db_told_at(1000 * MS * i));
+		}
+		assert_int_equal(told(f, XYZA_RAMP_ACCELERATION), db_told_at(0));
+		assert_int_equal(told(f, XYZA_RAMP_DECELERATION), 0);
+		read_value(f, XYZA_ITEM_BRAKE, 500 * MS);
+		assert_int_equal(told(f, XYZA_RAMP_DECELERATION), db_told_at(0));
+		read_value(f, items[first], 3000 * MS);
+		assert_int_equal(told(f, XYZA_RAMP_ACCELERATION), db_told_at(1000 * MS));
+		assert_int_equal(told(f, XYZA_RAMP_DECELERATION), db_told_at(500 * MS));
+		read_value(f, XYZA_ITEM_BRAKE, 4000 * MS);
+		assert_int_equal(told(f, XYZA_RAMP_DECELERATION), db_told_at(1000 * MS));
+		drop(f);
+	}
+}
+
+/* It stands when that was read, whatever a program may have begun before. */
+static void a_refused_jog_shows_a_stand(void **state)
+{
+	struct fixture *f = make_slow(1);
+
+	(void)state;
+	poll_all(f, true, 0, 1);
+	whole(f, command(f, 0, DB_CMD_END_PROGRAM, (struct db_args){ 0 }));
+	jog(f, 0);
+	for (unsigned i = 0; i < 2; i++) {
+		answer(f, FAILED_MANUAL);
+		value(f, 1);
+	}
+	assert_string_equal(f->said, "=refused");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	poll_all(f, true, 3, 0);
+	assert_float_equal(feedback(f, 0).velocity, 0.0f, 0.0f);
+	drop(f);
+}
+
+/* Exactly the bits of what it does. */
+static void a_status_says_what_an_axis_does(void **state)
+{
+	struct fixture *f = make(1);
+	const uint32_t valid = DB_STATUS_PARAMS_VALID;
+	db_time began = f->now;
+
+	(void)state;
+	assert_int_equal(feedback(f, 0).status, 0);
+	poll_all(f, true, 0, 0);
+	assert_int_equal(feedback(f, 0).status, 0);
+	assert_int_equal(feedback(f, 0).taken, began + 3 * MS);
+	*memory(f, 0xE5, 0xC1) = 1;
+	identify(f, 0);
+	assert_int_equal(feedback(f, 0).status, DB_STATUS_ENABLED | valid);
+	poll_all(f, false, 0, 0);
+	assert_int_equal(feedback(f, 0).status, DB_STATUS_ENABLED | valid | DB_STATUS_MOVING);
+	command(f, 0, DB_CMD_STOP, (struct db_args){ 0 });
+	answer(f, OK_MANUAL);
+	answer(f, OK_PROGRAM);
+	assert_int_equal(feedback(f, 0).status,
+	                 DB_STATUS_ENABLED | valid | DB_STATUS_MOVING | DB_STATUS_STOPPING);
+	poll_all(f, true, 0, XYZA_PROGRAM_INTERRUPTED);
+	assert_int_equal(feedback(f, 0).status, DB_STATUS_ENABLED | valid | DB_STATUS_ERROR);
+	/* A program that goes on may have started it. */
+	poll_all(f, true, 0, 1);
+	command(f, 0, DB_CMD_STOP, (struct db_args){ 0 });
+	answer(f, OK_PROGRAM);
+	answer(f, OK_MANUAL);
+	assert_int_equal(feedback(f, 0).status,
+	                 DB_STATUS_ENABLED | valid | DB_STATUS_MOVING | DB_STATUS_STOPPING);
+	drop(f);
+}
+
+/* It was away, and stands where counters begin: it has restarted. A position that is set, or
+ * clear_fault, ends what follows from that. */
+static void one_that_comes_back_at_0_has_restarted(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	identify_without(f, 0, "0AF10103E2A1");
+	poll_all(f, true, 5000, 0);
+	assert_true(plate(f, 0)->missing[0] != 0);
+	db_driver_xyza.gone(f->axes[0]);
+	assert_true(plate(f, 0)->missing[0] == 0);
+	poll_all(f, true, 0, 0);
+	assert_int_equal(feedback(f, 0).restarts, 1);
+	assert_true(feedback(f, 0).status & DB_STATUS_ORIGIN_LOST);
+	whole(f, command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ .target_position = -70 }));
+	assert_false(feedback(f, 0).status & DB_STATUS_ORIGIN_LOST);
+	assert_int_equal(feedback(f, 0).drive_status & 1, 1);
+	whole(f, command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ .target_position = 0 }));
+	assert_int_equal(feedback(f, 0).drive_status & 1, 0);
+	whole(f, command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ .target_position = 70 }));
+	assert_int_equal(feedback(f, 0).drive_status & 1, 0);
+	/* What is read from now on is shown. */
+	poll_all(f, true, 72, 0);
+	assert_int_equal(feedback(f, 0).position, 72);
+	/* Without its having been away it is a doubt. */
+	poll_all(f, true, 0, 0);
+	assert_int_equal(feedback(f, 0).doubt, DB_DOUBT_SIGN);
+	whole(f, command(f, 0, DB_CMD_CLEAR_FAULT, (struct db_args){ 0 }));
+	assert_int_equal(feedback(f, 0).doubt, DB_DOUBT_NONE);
+	drop(f);
+}
+
+/* A lost read leaves open what became of a write before it, and of nothing else. */
+static void a_lost_read_tells_what_was_done_before(void **state)
+{
+	struct fixture *f = make(1);
+	const struct db_args args = { .target_position = 9 };
+
+	(void)state;
+	command(f, 0, DB_CMD_SET_POSITION, args);
+	assert_string_equal(lost(f), "=timeout");
+	command(f, 0, DB_CMD_SET_POSITION, args);
+	value(f, 1);
+	answer(f, OK_DATA);
+	assert_string_equal(answer(f, OK_DATA), "0AF10103E1A2");
+	assert_string_equal(lost(f), "=indeterminate");
+	/* Behind a single write nothing is read, though a jog before it had a read there. */
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	assert_string_equal(value(f, 0), "=ok");
+	command(f, 0, DB_CMD_SINGLE_STEP, (struct db_args){ 0 });
+	assert_string_equal(lost(f), "=timeout");
+	drop(f);
+}
+
+/* Each value has its own time to show. */
+static void each_effect_may_take_its_time(void **state)
+{
+	struct fixture *f = make_slow(1);
+
+	(void)state;
+	command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ .target_position = -9 });
+	value(f, 1);
+	answer(f, OK_DATA);
+	answer(f, OK_DATA);
+	for (unsigned i = 0; i < 2; i++) {
+		assert_string_equal(value(f, 0), i == 0 ? "0AF10103E1A2" : "0AF10103E1A1");
+		f->now += 60 * MS;
+		assert_string_equal(value(f, 0), i == 0 ? "0AF10103E1A2" : "0AF10103E1A1");
+		value(f, i == 0 ? 1 : 9);
+	}
+	assert_string_equal(f->said, "=ok");
+	drop(f);
+}
+
+/* Even the shortest delay is one. */
+static void a_delay_of_1_is_cleared_too(void **state)
+{
+	struct fixture *f = make(1);
+	const struct db_args later = { .program_number = 4, .program_delay = 1 };
+	const struct db_args now = { .program_number = 4 };
+
+	(void)state;
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_START_PROGRAM, later)),
+	                    ASK_PROGRAM " 0AF401030501 0AF401030304 " ASK_PROGRAM " =ok");
+	f->program_state = 0;
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_START_PROGRAM, now)),
+	                    ASK_PROGRAM " 0AF401030500 0AF401030304 " ASK_PROGRAM " =ok");
+	f->program_state = 0;
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_START_PROGRAM, now)),
+	                    ASK_PROGRAM " 0AF401030304 " ASK_PROGRAM " =ok");
+	/* Until it is over nothing shows. */
+	f->program_state = 0;
+	f->ignores = "0AF4010303";
+	assert_string_equal(strchr(whole(f, command(f, 0, DB_CMD_START_PROGRAM, later)), '='),
+	                    "=unproven");
+	drop(f);
+}
+
 static void dangerous_parameters_are_locked(void **state)
 {
 	static const enum xyza_param locked[] = { XYZA_FACTORY_RESET, XYZA_SLAVE_NUMBER,
@@ -2925,6 +3201,15 @@ int main(void)
 		cmocka_unit_test(a_stop_shows_positions_again),
 		cmocka_unit_test(a_program_shows_what_was_done_to_it),
 		cmocka_unit_test(speeds_too_near_to_tell_apart_are_not_waited_for),
+		cmocka_unit_test(what_is_not_told_any_more_is_not_shown),
+		cmocka_unit_test(what_is_read_again_unchanged_is_no_change),
+		cmocka_unit_test(a_ramp_is_as_old_as_its_values),
+		cmocka_unit_test(a_refused_jog_shows_a_stand),
+		cmocka_unit_test(a_status_says_what_an_axis_does),
+		cmocka_unit_test(one_that_comes_back_at_0_has_restarted),
+		cmocka_unit_test(a_lost_read_tells_what_was_done_before),
+		cmocka_unit_test(each_effect_may_take_its_time),
+		cmocka_unit_test(a_delay_of_1_is_cleared_too),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
