@@ -1391,6 +1391,393 @@ static void saving_is_rate_limited_and_its_failure_seen(void **state)
 	drop(f);
 }
 
+/* It may have moved since the command was checked: a target is never outside of the limits. */
+static void a_relative_move_keeps_the_limits(void **state)
+{
+	static const struct {
+		int32_t place;
+		int32_t way;
+		const char *said;
+	} cases[] = {
+		{ 100, 50, "00080386#00000096 0008039E#0102" },
+		{ 150, 50, "00080386#000000C8 0008039E#0102" },
+		{ 151, 50, "=limit" },
+		{ 50, -70, "00080386#FFFFFFEC 0008039E#0102" },
+		{ 49, -70, "=limit" },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture *f = make(0, 0);
+
+		f->drive.counts_per_unit = 10.0;
+		f->drive.min_position = -2.0;
+		f->drive.max_position = 20.0;
+		db_driver_vsmd_can.init(f->device, NULL, &f->bus, &f->drive);
+		poll(f, cases[i].place, STANDS);
+		command(f, DB_CMD_MOVE_RELATIVE,
+		        (struct db_args){ .target_position = cases[i].way });
+		confirm(f, cases[i].place, STANDS);
+		assert_string_equal(place(f, cases[i].place), cases[i].said);
+		drop(f);
+	}
+}
+
+static void a_relative_move_ends_where_counters_do(void **state)
+{
+	static const struct {
+		int32_t place;
+		int32_t way;
+		bool in;
+	} cases[] = {
+		{ INT32_MAX - 10, 10, true },
+		{ INT32_MAX - 10, 11, false },
+		{ INT32_MIN + 10, -10, true },
+		{ INT32_MIN + 10, -11, false },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture *f = make(0, 0);
+
+		poll(f, cases[i].place, STANDS);
+		command(f, DB_CMD_MOVE_RELATIVE,
+		        (struct db_args){ .target_position = cases[i].way });
+		confirm(f, cases[i].place, STANDS);
+		place(f, cases[i].place);
+		assert_true((strcmp(f->said, "=out_of_range") == 0) == !cases[i].in);
+		drop(f);
+	}
+}
+
+/* Three pairs of readings that do not agree, and no drive is as fast as that. */
+static void a_relative_move_without_readings_that_agree_fails(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	for (unsigned moves = 0; moves < 2; moves++) {
+		int32_t position = 0;
+		unsigned reads = 0;
+
+		poll(f, 0, moves ? RUNS : STANDS);
+		command(f, DB_CMD_MOVE_RELATIVE, (struct db_args){ .target_position = 50 });
+		while (f->said[0] != '=' && reads < 50) {
+			position += moves ? 1000000 : 1;
+			if (reads++ % 2 == 0)
+				confirm(f, position, moves ? RUNS : STANDS);
+			else
+				place(f, position);
+		}
+		assert_string_equal(f->said, "=failed");
+		assert_int_equal(reads, 6);
+	}
+	drop(f);
+}
+
+/* What is read after the answer to an order was lost. */
+static void a_lost_answer_is_looked_into(void **state)
+{
+	static const char again[] = "0008039E#0102";
+	static const struct {
+		enum db_command command;
+		uint32_t before;
+		int32_t position;
+		uint32_t now;
+		const char *said; /* how it begins */
+	} cases[] = {
+		{ DB_CMD_MOVE_ABSOLUTE, STANDS, 1, RUNS, "=ok" },
+		{ DB_CMD_MOVE_ABSOLUTE, STANDS, 500, STANDS, "=ok" },
+		{ DB_CMD_MOVE_ABSOLUTE, RUNS, 500, STANDS, "=ok" },
+		{ DB_CMD_MOVE_ABSOLUTE, STANDS, 60, STANDS, "=indeterminate" },
+		{ DB_CMD_MOVE_ABSOLUTE, STANDS, 0, STANDS, again },
+		{ DB_CMD_MOVE_ABSOLUTE, STANDS, 0, STANDS | VSMD_ST_CMD_WRG, "=refused" },
+		{ DB_CMD_MOVE_ABSOLUTE, STANDS, 60, STANDS | VSMD_ST_CMD_WRG, "=indeterminate" },
+		{ DB_CMD_MOVE_ABSOLUTE, RUNS, 0, STANDS | VSMD_ST_CMD_WRG, "=indeterminate" },
+		/* Said once more it changes nothing. */
+		{ DB_CMD_MOVE_ABSOLUTE, RUNS, 60, RUNS, "00080386#" },
+		{ DB_CMD_MOVE_VELOCITY, RUNS, 60, RUNS, "00080385#" },
+		{ DB_CMD_MOVE_PRESET, RUNS, 60, RUNS, "00080385#" },
+		{ DB_CMD_SET_POSITION, RUNS, 60, RUNS, "=indeterminate" },
+		{ DB_CMD_SHAKE_START, RUNS, 60, RUNS, "=indeterminate" },
+		{ DB_CMD_MOVE_VELOCITY, RUNS, 60, STANDS, "=indeterminate" },
+		{ DB_CMD_MOVE_VELOCITY, STANDS, 60, RUNS, "=ok" },
+		{ DB_CMD_MOVE_VELOCITY, STANDS, 500, STANDS, "=indeterminate" },
+		/* That it is homed shows the end of homing, and of nothing else. */
+		{ DB_CMD_MOVE_VELOCITY, STANDS, 0, STANDS | VSMD_ST_ZERO, again },
+		{ DB_CMD_HOME, STANDS, 0, STANDS | VSMD_ST_ZERO, "=ok" },
+		{ DB_CMD_HOME, STANDS, 0, STANDS, again },
+		{ DB_CMD_HOME, STANDS, 60, RUNS, "=ok" },
+		{ DB_CMD_SET_POSITION, STANDS, 500, STANDS, "=ok" },
+		{ DB_CMD_SET_POSITION, STANDS, 500, RUNS, "=indeterminate" },
+		{ DB_CMD_SET_POSITION, STANDS, 1, RUNS, "=indeterminate" },
+		{ DB_CMD_SHAKE_START, STANDS, 0, STANDS, again },
+	};
+	const struct db_args args = { .target_position = 500,
+		                      .target_velocity = 800.0f,
+		                      .shake_frequency = 1.0f };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture *f = make(0, 0);
+
+		poll(f, 0, cases[i].before);
+		command(f, cases[i].command, args);
+		if (cases[i].command == DB_CMD_HOME)
+			confirm(f, 0, cases[i].before);
+		assert_string_equal(lost(f), again);
+		confirm(f, cases[i].position, cases[i].now);
+		assert_memory_equal(f->said, cases[i].said, strlen(cases[i].said));
+		/* It may be on its way there. */
+		if (cases[i].command == DB_CMD_MOVE_ABSOLUTE)
+			assert_int_equal(feedback(f).target, 500);
+		assert_true(feedback(f).has_target || cases[i].command != DB_CMD_MOVE_ABSOLUTE);
+		drop(f);
+	}
+}
+
+/* It has not moved in all its time: said again, and not for ever. A shake may have ended where it began. */
+static void an_order_that_is_never_answered_is_said_three_times(void **state)
+{
+	static const struct {
+		enum db_command command;
+		unsigned said;
+		const char *ends;
+	} cases[] = {
+		{ DB_CMD_MOVE_ABSOLUTE, 3, "=timeout" },
+		{ DB_CMD_MOVE_VELOCITY, 3, "=timeout" },
+		{ DB_CMD_SET_POSITION, 3, "=timeout" },
+		{ DB_CMD_SHAKE_START, 1, "=indeterminate" },
+	};
+	const struct db_args args = { .target_position = 500,
+		                      .target_velocity = 800.0f,
+		                      .shake_frequency = 1.0f };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture *f = make(0, 0);
+		unsigned said = 0;
+
+		poll(f, 0, STANDS);
+		command(f, cases[i].command, args);
+		for (unsigned j = 0; j < 1000 && f->said[0] != '='; j++) {
+			bool read = strcmp(f->said, "0008039E#0102") == 0;
+
+			said += !read;
+			if (read)
+				confirm(f, 0, STANDS);
+			else
+				lost(f);
+		}
+		assert_string_equal(f->said, cases[i].ends);
+		assert_int_equal(said, cases[i].said);
+		drop(f);
+	}
+}
+
+/* What a command that failed has left is not known: the older one does not explain the next. */
+static void after_a_failed_move_nothing_is_taken_for_granted(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned said;
+
+	(void)state;
+	run_at_3000(f);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 3000.0f });
+	assert_string_equal(confirm(f, 110, RUNS), "=ok");
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -3000.0f });
+	assert_string_equal(go_on_with(f, 3000.0f, 200, "00080385#C53B8000 ", &said), "=failed");
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 3000.0f });
+	assert_string_not_equal(confirm(f, 210, RUNS), "=ok");
+	/* What is no motion changes nothing of that. */
+	run_at_3000(f);
+	command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++)
+		confirm(f, 110, 0);
+	assert_string_equal(f->said, "=failed");
+	poll_running(f, 3000.0f, 120, RUNS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 3000.0f });
+	assert_string_equal(confirm(f, 130, RUNS), "=ok");
+	drop(f);
+}
+
+/* Every 10 ms, until the power must have followed. */
+static void off_is_said_again_until_its_time_is_over(void **state)
+{
+	struct fixture *f = make(0, 0);
+	unsigned offs = 0;
+	unsigned reads = 0;
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_DISABLE, (struct db_args){ 0 });
+	for (; reads < 1000 && f->said[0] != '='; reads++) {
+		offs += strncmp(f->said, "00080382#", 9) == 0;
+		confirm(f, 0, STANDS);
+	}
+	assert_string_equal(f->said, "=failed");
+	assert_int_equal(offs, 2);
+	assert_int_equal(reads, 2 * REACTION_MS + 1);
+	drop(f);
+}
+
+/* Shaking or homing that may have begun is ended by a stop. */
+static void a_stop_ends_what_may_have_begun(void **state)
+{
+	const struct db_args shake = { .shake_frequency = 1.0f, .shake_end_position = 50 };
+	static const enum db_command commands[] = { DB_CMD_SHAKE_START, DB_CMD_SHAKE_START_TIME };
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	for (size_t i = 0; i < 2; i++) {
+		poll(f, 0, STANDS);
+		command(f, commands[i], shake);
+		command(f, DB_CMD_STOP, (struct db_args){ 0 });
+		assert_string_equal(confirm(f, 0, STANDS), "0008039B#00 0008039E#0102");
+		assert_string_equal(confirm(f, 0, STANDS), "=ok");
+		command(f, DB_CMD_STOP, (struct db_args){ 0 });
+		assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	}
+	command(f, DB_CMD_HOME, (struct db_args){ 0 });
+	confirm(f, 0, STANDS);
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS), "0008038A# 0008039E#0102");
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	drop(f);
+}
+
+/* Each port is set, and has its own time and its own repeats. */
+static void outputs_are_set_one_after_the_other(void **state)
+{
+	const struct db_args both = { .output_mask = 3, .output_levels = 3 };
+	struct fixture *f = make(0, 0);
+	unsigned said[2] = { 0, 0 };
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_SET_OUTPUTS, both);
+	for (unsigned port = 0; port < 2; port++) {
+		uint32_t levels = STANDS | (port > 0 ? VSMD_ST_S1 : 0);
+
+		assert_memory_equal(f->said, "00080388#", 9);
+		for (unsigned i = 0; i < 30; i++)
+			assert_string_equal(confirm(f, 0, levels), "0008039E#0102");
+		confirm(f, 0, levels | (port > 0 ? VSMD_ST_S2 : VSMD_ST_S1));
+	}
+	assert_string_equal(f->said, "=ok");
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_SET_OUTPUTS, both);
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++) {
+		said[0] += strncmp(f->said, "00080388#01", 11) == 0;
+		said[1] += strncmp(f->said, "00080388#02", 11) == 0;
+		confirm(f, 0, STANDS);
+	}
+	assert_string_equal(f->said, "=unproven");
+	assert_int_equal(said[0], 3);
+	assert_int_equal(said[1], 3);
+	drop(f);
+}
+
+static void saving_is_allowed_again_when_its_time_is_over(void **state)
+{
+	struct fixture *f = make(0, 0);
+	db_time began = f->now;
+
+	(void)state;
+	for (unsigned i = 0; i < 2; i++) {
+		command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 });
+		assert_string_equal(confirm(f, 0, STANDS), "=unproven");
+		began += i == 0 ? 0 : 10000 * MS;
+		f->now = began + 10000 * MS - 1;
+		assert_string_equal(command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 }),
+		                    "=rate_limited");
+		f->now++;
+	}
+	drop(f);
+}
+
+/* An encoder error is cleared in the drive, whether or not its position is doubted; a doubt alone is not. */
+static void a_fault_is_cleared_where_there_is_one(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 5000, STANDS);
+	poll(f, 0, STANDS);
+	assert_int_not_equal(feedback(f).doubt, DB_DOUBT_NONE);
+	assert_string_equal(command(f, DB_CMD_CLEAR_FAULT, (struct db_args){ 0 }), "=ok");
+	assert_int_equal(feedback(f).doubt, DB_DOUBT_NONE);
+	poll(f, 5000, STANDS);
+	poll(f, 0, STANDS);
+	assert_int_not_equal(feedback(f).doubt, DB_DOUBT_NONE);
+	poll(f, 0, STANDS | VSMD_ST_ENC_ERR);
+	assert_string_not_equal(command(f, DB_CMD_CLEAR_FAULT, (struct db_args){ 0 }), "=ok");
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	assert_int_equal(feedback(f).doubt, DB_DOUBT_NONE);
+	drop(f);
+}
+
+/* A target is shown as long as the drive has it. */
+static void a_target_does_not_outlive_its_move(void **state)
+{
+	static const struct {
+		enum db_command command;
+		uint32_t status;
+	} cases[] = {
+		{ DB_CMD_STOP, STANDS },
+		{ DB_CMD_SET_POSITION, STANDS },
+		{ DB_CMD_DISABLE, VSMD_ST_STP },
+		{ DB_CMD_MOVE_VELOCITY, RUNS },
+	};
+	const struct db_args args = { .target_position = 500, .target_velocity = 800.0f };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture *f = make(0, 0);
+
+		poll(f, 0, STANDS);
+		command(f, DB_CMD_MOVE_ABSOLUTE, args);
+		assert_string_equal(confirm(f, 1, RUNS), "=ok");
+		poll(f, 500, STANDS);
+		assert_true(feedback(f).has_target);
+		assert_true(feedback(f).status & DB_STATUS_AT_TARGET);
+		command(f, cases[i].command, args);
+		assert_string_equal(confirm(f, 500, cases[i].status), "=ok");
+		assert_false(feedback(f).has_target);
+		assert_false(feedback(f).status & DB_STATUS_AT_TARGET);
+		drop(f);
+	}
+}
+
+/* speed-sign=position: the direction is that in which its place changes, and stays while it does not. */
+static void a_speed_has_the_sign_of_its_way(void **state)
+{
+	static const struct {
+		int32_t position;
+		float shown;
+	} cases[] = {
+		{ 1000, 800.0f }, { 900, -800.0f }, { 905, -800.0f }, { 895, -800.0f },
+		{ 906, 800.0f },  { 896, 800.0f },  { 885, -800.0f },
+	};
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	fake_set_option(&db_driver_vsmd_can, &f->options, "speed-sign", 1);
+	f->drive.in_position_window = 10.0;
+	db_driver_vsmd_can.init(f->device, NULL, &f->bus, &f->drive);
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		poll_running(f, 800.0f, cases[i].position, RUNS);
+		assert_float_equal(feedback(f).velocity, cases[i].shown, 0.0f);
+	}
+	drop(f);
+	f = make(0, 0);
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		poll_running(f, 800.0f, cases[i].position, RUNS);
+		assert_float_equal(feedback(f).velocity, 800.0f, 0.0f);
+	}
+	drop(f);
+}
+
 /* --- parameters ---------------------------------------------------------------------------------------- */
 
 static void set(struct fixture *f, enum vsmd_param param, uint32_t value)
@@ -1822,6 +2209,19 @@ int main(void)
 		cmocka_unit_test(a_stop_while_an_answer_is_outstanding),
 		cmocka_unit_test(what_begins_a_motion_can_be_said_to_all),
 		cmocka_unit_test(what_was_said_to_all_is_not_said_again),
+		cmocka_unit_test(a_relative_move_keeps_the_limits),
+		cmocka_unit_test(a_relative_move_ends_where_counters_do),
+		cmocka_unit_test(a_relative_move_without_readings_that_agree_fails),
+		cmocka_unit_test(a_lost_answer_is_looked_into),
+		cmocka_unit_test(an_order_that_is_never_answered_is_said_three_times),
+		cmocka_unit_test(after_a_failed_move_nothing_is_taken_for_granted),
+		cmocka_unit_test(off_is_said_again_until_its_time_is_over),
+		cmocka_unit_test(a_stop_ends_what_may_have_begun),
+		cmocka_unit_test(outputs_are_set_one_after_the_other),
+		cmocka_unit_test(saving_is_allowed_again_when_its_time_is_over),
+		cmocka_unit_test(a_fault_is_cleared_where_there_is_one),
+		cmocka_unit_test(a_target_does_not_outlive_its_move),
+		cmocka_unit_test(a_speed_has_the_sign_of_its_way),
 	};
 
 	return cmocka_run_group_tests_name("driver/vsmd_can", tests, NULL, NULL);
