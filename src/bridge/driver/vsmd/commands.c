@@ -304,7 +304,6 @@ static enum db_step answer_off(struct db_conversation *talk)
 		return end_job(talk, DB_RESULT_FAILED);
 	if (!axis->link->acknowledges && axis->status_at - axis->off_sent >= OFF_AGAIN) {
 		axis->off_sent = axis->status_at;
-		talk->job->step = VSMD_STEP_POWER;
 		return send_order(talk);
 	}
 	return send_step(talk, vsmd_command_steps, VSMD_STEP_POWER);

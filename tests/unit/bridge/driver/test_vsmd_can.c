@@ -8,6 +8,7 @@
 #include "codec/can.h"
 #include "codec/vsmd.h"
 #include "driver/list.h"
+#include "driver/vsmd/vsmd_private.h"
 #include "fakes/options.h"
 
 #include <math.h>
@@ -1463,7 +1464,7 @@ static void a_relative_move_without_readings_that_agree_fails(void **state)
 		poll(f, 0, moves ? RUNS : STANDS);
 		command(f, DB_CMD_MOVE_RELATIVE, (struct db_args){ .target_position = 50 });
 		while (f->said[0] != '=' && reads < 50) {
-			position += moves ? 1000000 : 1;
+			position += moves ? 10000 : 1;
 			if (reads++ % 2 == 0)
 				confirm(f, position, moves ? RUNS : STANDS);
 			else
@@ -1531,7 +1532,7 @@ static void a_lost_answer_is_looked_into(void **state)
 		/* It may be on its way there. */
 		if (cases[i].command == DB_CMD_MOVE_ABSOLUTE)
 			assert_int_equal(feedback(f).target, 500);
-		assert_true(feedback(f).has_target || cases[i].command != DB_CMD_MOVE_ABSOLUTE);
+		assert_true(feedback(f).has_target == (cases[i].command == DB_CMD_MOVE_ABSOLUTE));
 		drop(f);
 	}
 }
@@ -1775,6 +1776,189 @@ static void a_speed_has_the_sign_of_its_way(void **state)
 		poll_running(f, 800.0f, cases[i].position, RUNS);
 		assert_float_equal(feedback(f).velocity, 800.0f, 0.0f);
 	}
+	drop(f);
+}
+
+/* What is lost behind readings that showed nothing yet has its whole time again. */
+static void a_lost_look_begins_anew(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 500 });
+	for (unsigned i = 0; i < 30; i++)
+		assert_string_equal(confirm(f, 0, STANDS), "0008039E#0102");
+	lost(f);
+	for (unsigned i = 0; i < 2 * REACTION_MS; i++)
+		assert_string_equal(confirm(f, 0, STANDS), "0008039E#0102");
+	assert_memory_equal(confirm(f, 0, STANDS), "00080386#", 9);
+	drop(f);
+}
+
+/* A motion that the older command explains, too, is watched for 20 ms, however slow the drive may be. */
+static void what_stays_open_ends_soon(void **state)
+{
+	struct fixture *f = make(0, 0);
+	db_time first;
+
+	(void)state;
+	fake_set_option(&db_driver_vsmd_can, &f->options, "reaction-ms", 500);
+	db_driver_vsmd_can.init(f->device, NULL, &f->bus, &f->drive);
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 3000.0f });
+	assert_string_equal(confirm(f, 1, RUNS), "=ok");
+	poll_running(f, 1000.0f, 100, RUNS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 2000.0f });
+	assert_string_equal(confirm(f, 110, RUNS), "0008039E#0001");
+	first = f->now;
+	assert_memory_equal(speed(f, 2000.0f), "00080385#44FA0000 ", 18);
+	while (f->said[0] != '=') {
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, 2000.0f);
+		else
+			confirm(f, 110, RUNS);
+	}
+	assert_string_equal(f->said, "=unproven");
+	assert_int_equal(f->now - first, 20 * MS);
+	drop(f);
+}
+
+/* Only a further end, which the model may not know, may be refused. */
+static void a_stop_may_not_be_refused(void **state)
+{
+	static const enum db_command commands[] = { DB_CMD_STOP, DB_CMD_QUICK_STOP,
+		                                    DB_CMD_DISABLE };
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, RUNS);
+	for (size_t i = 0; i < sizeof(commands) / sizeof(commands[0]); i++) {
+		command(f, commands[i], (struct db_args){ 0 });
+		assert_string_equal(confirm(f, 1, RUNS | VSMD_ST_CMD_WRG), "=refused");
+		assert_true(feedback(f).status & DB_STATUS_REFUSED);
+	}
+	drop(f);
+}
+
+/* What a command does to the homing bit is no sign of a restart. */
+static void ending_homing_is_no_restart(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS | VSMD_ST_ZERO);
+	command(f, DB_CMD_HOME_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	assert_int_equal(feedback(f).doubts, 0);
+	assert_int_equal(feedback(f).restarts, 0);
+	/* Said again because it did not show, it is not repeated for a lost answer as well. */
+	poll(f, 0, STANDS | VSMD_ST_ZERO);
+	command(f, DB_CMD_HOME, (struct db_args){ 0 });
+	assert_true(f->exchange.repeatable);
+	do
+		confirm(f, 0, STANDS | VSMD_ST_ZERO);
+	while (strncmp(f->said, "0008038A#", 9) != 0);
+	assert_false(f->exchange.repeatable);
+	drop(f);
+}
+
+static void told_a_setting(struct fixture *f, enum vsmd_param param, union db_value value)
+{
+	const struct vsmd_axis *axis = (const struct vsmd_axis *)f->device;
+	uint32_t generation = axis->plate.generation;
+	struct db_setting setting = { .param = (uint16_t)param, .value = value };
+	const struct db_request request = { .settings = &setting, .setting_count = 1 };
+
+	vsmd_take_settings((struct vsmd_axis *)f->device, &request);
+	assert_int_equal(axis->plate.generation, generation + 1);
+}
+
+/* A running motor follows its preset speed at once; other settings do not touch it. */
+static void another_preset_speed_may_change_a_run(void **state)
+{
+	const struct db_args same = { .target_velocity = 3000.0f };
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	run_at_3000(f);
+	told_a_setting(f, VSMD_MCS, (union db_value){ .u = 4 });
+	command(f, DB_CMD_MOVE_VELOCITY, same);
+	assert_string_equal(confirm(f, 110, RUNS), "=ok");
+	told_a_setting(f, VSMD_SPD, (union db_value){ .f = 500.0f });
+	command(f, DB_CMD_MOVE_VELOCITY, same);
+	assert_string_not_equal(confirm(f, 120, RUNS), "=ok");
+	drop(f);
+}
+
+/* Of a port that is an output its level is not documented to show. */
+static void an_output_without_a_level_is_unproven(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	told_a_setting(f, VSMD_S5, (union db_value){ .u = 1 });
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_SET_OUTPUT, (struct db_args){ .output_number = 5, .output_value = 1 });
+	for (unsigned i = 0; i < 1000 && f->said[0] != '='; i++)
+		confirm(f, 0, STANDS);
+	assert_string_equal(f->said, "=unproven");
+	drop(f);
+}
+
+/* What was stopping does so until it stands; what moves it then is not known. */
+static void what_stands_is_at_rest(void **state)
+{
+	const struct db_args back = { .target_velocity = -3000.0f };
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	run_at_3000(f);
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	confirm(f, 110, RUNS);
+	assert_int_equal(feedback(f).state, DB_AXIS_STOPPING);
+	poll(f, 120, STANDS);
+	assert_int_equal(feedback(f).state, DB_AXIS_STANDSTILL);
+	assert_false(feedback(f).status & DB_STATUS_MOVING);
+	/* Something else starts it: it is not stopping, and may turn for that reason as well. */
+	poll_running(f, 100.0f, 130, RUNS);
+	assert_int_equal(feedback(f).state, DB_AXIS_CONTINUOUS_MOTION);
+	command(f, DB_CMD_MOVE_VELOCITY, back);
+	confirm(f, 140, RUNS);
+	speed(f, 100.0f);
+	confirm(f, 150, RUNS);
+	assert_memory_equal(speed(f, -500.0f), "00080385#C53B8000 ", 18);
+	assert_string_equal(command(f, DB_CMD_STOP, (struct db_args){ 0 }),
+	                    "00080384#00 0008039E#0102");
+	assert_string_equal(confirm(f, 140, RUNS), "0008038A# 0008039E#0102");
+	drop(f);
+}
+
+/* Told to stop and to shake while it stands: nothing ends, and it counts as moving until it was seen. */
+static void a_motion_counts_from_its_order_on(void **state)
+{
+	const struct db_args shake = { .shake_frequency = 1.0f, .shake_end_position = 50 };
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS), "=ok");
+	assert_int_equal(feedback(f).state, DB_AXIS_STANDSTILL);
+	command(f, DB_CMD_SHAKE_START, shake);
+	assert_string_equal(confirm(f, 1, RUNS), "=unproven");
+	assert_int_equal(feedback(f).state, DB_AXIS_CONTINUOUS_MOTION);
+	/* Between two strokes, too, a stop ends it. */
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 1, RUNS), "0008039B#00 0008039E#0102");
+	assert_string_equal(confirm(f, 1, STANDS), "=ok");
+	/* Until a cycle has seen it standing it counts as moving. */
+	assert_true(feedback(f).status & DB_STATUS_MOVING);
+	poll(f, 1, STANDS);
+	assert_int_equal(feedback(f).state, DB_AXIS_STANDSTILL);
+	/* Nothing is left of the shaking. */
+	command(f, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 1, STANDS), "=ok");
 	drop(f);
 }
 
@@ -2222,6 +2406,14 @@ int main(void)
 		cmocka_unit_test(a_fault_is_cleared_where_there_is_one),
 		cmocka_unit_test(a_target_does_not_outlive_its_move),
 		cmocka_unit_test(a_speed_has_the_sign_of_its_way),
+		cmocka_unit_test(a_lost_look_begins_anew),
+		cmocka_unit_test(what_stays_open_ends_soon),
+		cmocka_unit_test(a_stop_may_not_be_refused),
+		cmocka_unit_test(ending_homing_is_no_restart),
+		cmocka_unit_test(another_preset_speed_may_change_a_run),
+		cmocka_unit_test(an_output_without_a_level_is_unproven),
+		cmocka_unit_test(what_stands_is_at_rest),
+		cmocka_unit_test(a_motion_counts_from_its_order_on),
 	};
 
 	return cmocka_run_group_tests_name("driver/vsmd_can", tests, NULL, NULL);
