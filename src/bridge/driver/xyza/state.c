@@ -98,8 +98,7 @@ void xyza_learn_item(struct db_device *device, enum xyza_item item, uint32_t con
 	struct db_device *const *axes = device->first->axes;
 
 	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++) {
-		if (!axes[i] || !(axes[i]->unread >> item & 1) ||
-		    (xyza_item_of_axis(item) && axes[i] != device))
+		if (!axes[i] || (xyza_item_of_axis(item) && axes[i] != device))
 			continue;
 		axes[i]->unread &= ~(1u << item);
 		axes[i]->plate.missing[0] &= ~params_of(item);

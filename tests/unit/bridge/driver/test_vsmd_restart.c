@@ -6,6 +6,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include <cmocka.h>
 
@@ -365,6 +366,300 @@ static void settings_are_unsaved_until_they_are_saved(void **state)
 	assert_false(seen(&f).status & DB_STATUS_ENABLED);
 }
 
+/* The text as the document has it, and as drives send it; it ends where no more of it can be shown. */
+static void an_identity_is_text_without_quotation_marks(void **state)
+{
+	static const struct {
+		const char *told;
+		const char *kept;
+	} cases[] = {
+		{ "VSMD 106-025T", "VSMD 106-025T" },
+		{ "\"VSMD\"", "VSMD" },
+		{ "\"\"", "" },
+		{ "\"AB", "\"AB" },
+		{ "AB\"", "AB\"" },
+		{ "\"", "\"" },
+		{ "AB\rCD", "AB" },
+	};
+	char text[DB_IDENTITY_MAX + 8];
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture f;
+		uint32_t generation;
+
+		make(&f, 0, STANDS);
+		vsmd_take_identity(&f.axis, "before", 6);
+		f.axis.memory.unsaved = true;
+		generation = f.axis.plate.generation;
+		vsmd_take_identity(&f.axis, "before", 6);
+		assert_int_equal(f.axis.plate.generation, generation);
+		assert_true(f.axis.memory.unsaved);
+		/* Another drive. */
+		vsmd_take_identity(&f.axis, cases[i].told, strlen(cases[i].told));
+		assert_int_equal(f.axis.plate.generation, generation + 1);
+		assert_string_equal(f.axis.plate.identity, cases[i].kept);
+		assert_false(f.axis.memory.unsaved);
+		memset(text, 'x', sizeof(text));
+		vsmd_take_identity(&f.axis, text, sizeof(text));
+		assert_memory_equal(f.axis.plate.identity, text, DB_IDENTITY_MAX);
+		memcpy(text, "yyzz", 4);
+		vsmd_take_identity(&f.axis, text, 2);
+		assert_string_equal(f.axis.plate.identity, "yy");
+	}
+}
+
+/* Homing that stands for longer than its pause has ended; what moves in between begins anew. */
+static void homing_stands_for_its_pause(void **state)
+{
+	struct fixture f;
+
+	(void)state;
+	make(&f, 0, STANDS);
+	f.axis.homing_pause = 100 * MS;
+	for (unsigned round = 0; round < 3; round++) {
+		if (round != 1)
+			carry_out(&f, DB_CMD_HOME);
+		else
+			status(&f, 0, VSMD_ST_PWR);
+		for (unsigned i = 0; i < 6; i++) {
+			status(&f, 0, STANDS);
+			assert_int_equal(seen(&f).state, DB_AXIS_HOMING);
+		}
+	}
+	status(&f, 0, STANDS);
+	assert_int_equal(seen(&f).state, DB_AXIS_STANDSTILL);
+}
+
+/* A homing bit that was set before is no end of the next homing. */
+static void an_old_homing_bit_is_no_end_of_homing(void **state)
+{
+	(void)state;
+	for (unsigned i = 0; i < 4; i++) {
+		uint32_t old = i & 1 ? VSMD_ST_ZERO : 0;
+		struct fixture f;
+
+		make(&f, 5000, STANDS | old);
+		if (i < 2)
+			carry_out(&f, DB_CMD_DISABLE);
+		else
+			status(&f, 0, OFF | old); /* it has restarted */
+		assert_true(is_lost(&f));
+		carry_out(&f, DB_CMD_HOME);
+		status(&f, 0, HOMED);
+		assert_true(is_homed(&f) == !old);
+		assert_true(is_lost(&f) == (old != 0));
+		status(&f, 0, STANDS);
+		status(&f, 0, HOMED);
+		assert_true(is_homed(&f));
+	}
+}
+
+/* What a command changes is no restart for half a second and the drive's reaction; after its effect
+ * was seen everything is. */
+static void a_change_is_expected_for_a_while(void **state)
+{
+	struct fixture f;
+
+	(void)state;
+	make(&f, 5000, STANDS);
+	vsmd_expect_change(&f.axis);
+	f.now += 490 * MS;
+	status(&f, 5000, STANDS);
+	status(&f, 0, OFF);
+	assert_int_equal(seen(&f).restarts, 0);
+	make(&f, 5000, STANDS);
+	vsmd_expect_change(&f.axis);
+	f.now += 510 * MS;
+	status(&f, 5000, STANDS);
+	status(&f, 0, OFF);
+	assert_int_equal(seen(&f).restarts, 1);
+	/* Homed, placed or disabled. */
+	for (unsigned i = 0; i < 3; i++) {
+		make(&f, 5000, STANDS);
+		vsmd_expect_change(&f.axis);
+		if (i == 0)
+			status(&f, 5000, HOMED);
+		else
+			carry_out(&f, i == 1 ? DB_CMD_SET_POSITION : DB_CMD_DISABLE);
+		status(&f, 0, OFF);
+		assert_int_equal(seen(&f).restarts, 1);
+	}
+}
+
+/* One who homes it, disables it, places it or says that it is right ends a doubt. */
+static void a_doubt_ends_with_what_makes_it_certain(void **state)
+{
+	static const enum db_command commands[] = { DB_CMD_DISABLE, DB_CMD_SET_POSITION,
+		                                    DB_CMD_CLEAR_FAULT };
+
+	(void)state;
+	for (size_t i = 0; i < 4; i++) {
+		struct fixture f;
+
+		make(&f, 5000, STANDS);
+		status(&f, 0, STANDS);
+		assert_int_equal(seen(&f).doubt, DB_DOUBT_SIGN);
+		if (i < 3)
+			carry_out(&f, commands[i]);
+		else
+			status(&f, 0, HOMED);
+		assert_int_equal(seen(&f).doubt, DB_DOUBT_NONE);
+		/* What is placed or homed has an origin; that it is right makes none of one that is lost. */
+		assert_true(is_lost(&f) == (i == 0 || i == 2));
+	}
+}
+
+/* What was refuted leaves it as it was: homed, and with an origin that silence makes doubtful. */
+static void a_refuted_doubt_gives_back_what_was_known(void **state)
+{
+	static const uint32_t words[] = { STANDS, HOMED };
+	struct fixture f;
+
+	(void)state;
+	for (size_t i = 0; i < 2; i++) {
+		make(&f, 5000, words[i]);
+		status(&f, 0, words[i]);
+		assert_false(is_homed(&f));
+		status(&f, 5000, words[i]);
+		assert_true(is_homed(&f) == (words[i] == HOMED));
+		assert_int_equal(seen(&f).doubts, 1);
+		read_params(&f, 6400.0f, 1);
+		assert_false(f.axis.plate.doubtful);
+		silent(&f);
+		status(&f, 9000, STANDS);
+		assert_int_equal(seen(&f).doubts + seen(&f).restarts, 2);
+	}
+	/* One that was disabled since has no origin to be doubted. */
+	make(&f, 5000, STANDS);
+	carry_out(&f, DB_CMD_DISABLE);
+	read_params(&f, 6400.0f, 1);
+	silent(&f);
+	status(&f, 9000, STANDS);
+	assert_int_equal(seen(&f).doubts + seen(&f).restarts, 0);
+}
+
+/* One that was away and never had an origin has none to lose. */
+static void what_never_had_an_origin_loses_none(void **state)
+{
+	static const struct {
+		int32_t position;
+		bool disabled;
+		bool lost;
+	} cases[] = { { 0, false, false }, { 5000, false, true }, { 0, true, true } };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		struct fixture f;
+
+		make(&f, 0, STANDS);
+		f.axis.placed = false;
+		if (cases[i].disabled)
+			carry_out(&f, DB_CMD_DISABLE);
+		status(&f, cases[i].position, VSMD_ST_PWR);
+		status(&f, cases[i].position, STANDS);
+		silent(&f);
+		assert_false(seen(&f).status & DB_STATUS_PARAMS_VALID);
+		status(&f, 0, OFF);
+		assert_int_equal(seen(&f).restarts, 1);
+		assert_true(is_lost(&f) == cases[i].lost);
+	}
+}
+
+/* Homing, and a target, end with a restart; parameters that differ show one after a silence. */
+static void nothing_goes_on_after_a_restart(void **state)
+{
+	const struct db_args args = { .target_position = 500 };
+	const struct db_request move = { .command = DB_CMD_MOVE_ABSOLUTE, .args = &args };
+	struct fixture f;
+
+	(void)state;
+	make(&f, 60000, STANDS);
+	carry_out(&f, DB_CMD_HOME);
+	status(&f, 60000, VSMD_ST_PWR);
+	silent(&f);
+	status(&f, 0, STANDS);
+	assert_int_equal(seen(&f).restarts, 1);
+	assert_int_equal(seen(&f).state, DB_AXIS_STANDSTILL);
+	make(&f, 5000, STANDS);
+	vsmd_carry_out(&f.axis, &move);
+	status(&f, 5000, STANDS);
+	assert_true(seen(&f).has_target);
+	status(&f, 0, OFF);
+	assert_int_equal(seen(&f).restarts, 1);
+	assert_false(seen(&f).has_target);
+	make(&f, 5000, STANDS);
+	silent(&f);
+	read_params(&f, 100.0f, 0);
+	status(&f, 4000, STANDS);
+	assert_int_equal(seen(&f).restarts, 1);
+	/* They are known already, and count once. */
+	status(&f, 4000, STANDS);
+	silent(&f);
+	status(&f, 4100, STANDS);
+	assert_int_equal(seen(&f).restarts, 1);
+	/* They differ while it is doubted: that is the second sign, and they are known. */
+	make(&f, 5000, STANDS);
+	status(&f, 0, STANDS);
+	read_params(&f, 100.0f, 0);
+	assert_int_equal(seen(&f).restarts, 1);
+	assert_true(seen(&f).status & DB_STATUS_PARAMS_VALID);
+	assert_false(f.axis.plate.doubtful);
+}
+
+/* Until the next status a command counts, and disable and stop end what was commanded before. */
+static void a_command_counts_until_the_next_status(void **state)
+{
+	struct fixture f;
+
+	(void)state;
+	make(&f, 0, STANDS);
+	carry_out(&f, DB_CMD_MOVE_PRESET);
+	assert_true(seen(&f).status & DB_STATUS_MOVING);
+	carry_out(&f, DB_CMD_STOP);
+	assert_int_equal(seen(&f).state, DB_AXIS_STOPPING);
+	assert_true(seen(&f).status & DB_STATUS_STOPPING);
+	carry_out(&f, DB_CMD_MOVE_PRESET);
+	assert_int_equal(seen(&f).state, DB_AXIS_CONTINUOUS_MOTION);
+	carry_out(&f, DB_CMD_STOP);
+	carry_out(&f, DB_CMD_DISABLE);
+	assert_int_equal(seen(&f).state, DB_AXIS_STANDSTILL);
+	assert_false(seen(&f).status & (DB_STATUS_MOVING | DB_STATUS_STOPPING));
+	/* A stop of what stands stops nothing; one of what moves by itself does. */
+	carry_out(&f, DB_CMD_STOP);
+	assert_int_equal(seen(&f).state, DB_AXIS_STANDSTILL);
+	vsmd_take_confirmation(&f.axis, 777, VSMD_ST_PWR, f.now);
+	carry_out(&f, DB_CMD_STOP);
+	assert_int_equal(seen(&f).state, DB_AXIS_STOPPING);
+	/* A position that was set shows at once. */
+	carry_out(&f, DB_CMD_SET_POSITION);
+	assert_int_equal(seen(&f).position, 777);
+	assert_false(is_lost(&f));
+}
+
+/* Six ports, and each only as far as its mode was read. */
+static void a_port_is_what_its_mode_says(void **state)
+{
+	struct fixture f;
+
+	(void)state;
+	make(&f, 0, STANDS);
+	status(&f, 0,
+	       STANDS | VSMD_ST_S1 | VSMD_ST_S2 | VSMD_ST_S3 | VSMD_ST_S4 | VSMD_ST_S5 |
+	               VSMD_ST_S6);
+	for (unsigned output = 0; output < 2; output++) {
+		for (unsigned i = 0; i < VSMD_PARAM_COUNT; i++)
+			f.axis.plate.values[i].u = output;
+		f.axis.plate.valid[0] = UINT64_MAX;
+		assert_int_equal(vsmd_input_ports(&f.axis.plate), output ? 0 : 0x3F);
+		assert_int_equal(seen(&f).outputs, output ? 0x3F : 0);
+		assert_int_equal(seen(&f).inputs, 0x3F);
+		f.axis.plate.valid[0] = 0;
+		assert_int_equal(vsmd_input_ports(&f.axis.plate), 0);
+		assert_int_equal(seen(&f).outputs, 0);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -379,6 +674,16 @@ int main(void)
 		cmocka_unit_test(homing_by_itself_is_none),
 		cmocka_unit_test(a_handshake_lapses_without_a_restart),
 		cmocka_unit_test(a_handshake_that_stayed_for_long_counts),
+		cmocka_unit_test(an_identity_is_text_without_quotation_marks),
+		cmocka_unit_test(homing_stands_for_its_pause),
+		cmocka_unit_test(an_old_homing_bit_is_no_end_of_homing),
+		cmocka_unit_test(a_change_is_expected_for_a_while),
+		cmocka_unit_test(a_doubt_ends_with_what_makes_it_certain),
+		cmocka_unit_test(a_refuted_doubt_gives_back_what_was_known),
+		cmocka_unit_test(what_never_had_an_origin_loses_none),
+		cmocka_unit_test(nothing_goes_on_after_a_restart),
+		cmocka_unit_test(a_command_counts_until_the_next_status),
+		cmocka_unit_test(a_port_is_what_its_mode_says),
 	};
 
 	return cmocka_run_group_tests_name("driver/vsmd_restart", tests, NULL, NULL);

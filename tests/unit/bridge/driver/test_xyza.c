@@ -2847,7 +2847,7 @@ static void what_is_not_told_any_more_is_not_shown(void **state)
 	/* No spindle has a lead of 0. */
 	*memory(f, 0xE3, 0xA3) = 0;
 	identify(f, 0);
-	assert_float_equal(feedback(f, 0).counts_per_unit, 0.0f, 0.0f);
+	assert_true(feedback(f, 0).counts_per_unit == 0.0f);
 	drop(f);
 }
 
@@ -2915,6 +2915,10 @@ static void a_ramp_is_as_old_as_its_values(void **state)
 		assert_int_equal(told(f, XYZA_RAMP_DECELERATION), db_told_at(500 * MS));
 		read_value(f, XYZA_ITEM_BRAKE, 4000 * MS);
 		assert_int_equal(told(f, XYZA_RAMP_DECELERATION), db_told_at(1000 * MS));
+		assert_true(plate(f, 0)->valid[0] >> XYZA_RAMP_DECELERATION & 1);
+		xyza_forget_item(f->axes[0], XYZA_ITEM_BRAKE);
+		assert_false(plate(f, 0)->valid[0] >> XYZA_RAMP_DECELERATION & 1);
+		assert_true(plate(f, 0)->valid[0] >> XYZA_RAMP_ACCELERATION & 1);
 		drop(f);
 	}
 }
@@ -2925,6 +2929,7 @@ static void a_refused_jog_shows_a_stand(void **state)
 	struct fixture *f = make_slow(1);
 
 	(void)state;
+	f->program_state = 1;
 	poll_all(f, true, 0, 1);
 	whole(f, command(f, 0, DB_CMD_END_PROGRAM, (struct db_args){ 0 }));
 	jog(f, 0);
