@@ -2064,6 +2064,125 @@ static void stops_and_writes_are_repeated(void **state)
 	drop(f);
 }
 
+/* One that was just jogged may still say that it stands: it is stopped before its power goes, and
+ * no other axis begins to move. */
+static void a_stand_right_behind_a_jog_is_not_believed(void **state)
+{
+	struct fixture *f = make_slow(3);
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	assert_string_equal(command(f, 0, DB_CMD_DISABLE, (struct db_args){ 0 }), "0AF10103E1A3");
+	assert_string_equal(value(f, 1), "0AF301030100");
+	drop(f);
+	f = make_slow(3);
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	assert_string_equal(jog(f, 1), "0AF10103E1A3");
+	assert_string_equal(value(f, 1), "0AF10103E1A3");
+	assert_true(f->exchange.again);
+	f->now += 100 * MS;
+	assert_string_equal(value(f, 1), "0AF10103E1A3");
+	assert_string_equal(value(f, 1), "0AF3010303A3");
+	drop(f);
+}
+
+/* Disabling what moves stops all axes: a jog of another one is not said again. */
+static void a_jog_is_not_repeated_after_a_moving_axis_was_disabled(void **state)
+{
+	struct fixture *f = make(3);
+	struct db_request request;
+	struct db_job job;
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	lost(f);
+	job = f->job;
+	request = f->request;
+	*memory(f, 0xE1, 0xB3) = 0;
+	assert_string_equal(command(f, 1, DB_CMD_DISABLE, (struct db_args){ 0 }), "0AF10103E1B3");
+	assert_string_equal(obey(f), "0AF301030100");
+	obey(f);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_STOPPING);
+	f->request = request;
+	go_on(f, job, "0AF10103E1A3");
+	assert_string_equal(value(f, 1), "=cancelled");
+	drop(f);
+}
+
+/* A place that was read before another one was set is not the present one. */
+static void a_place_from_before_a_set_position_is_not_shown(void **state)
+{
+	struct fixture *f = make(1);
+	struct db_job poll;
+
+	(void)state;
+	poll_all(f, true, 90, 0);
+	begin(f, 0, DB_JOB_POLL);
+	value(f, 1);
+	value(f, 0);
+	assert_string_equal(value(f, 100), "0AF10103E1A2");
+	poll = f->job;
+	whole(f, command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ .target_position = 7 }));
+	assert_int_equal(feedback(f, 0).position, 7);
+	go_on(f, poll, "0AF10103E1A2");
+	value(f, 0);
+	assert_int_equal(feedback(f, 0).position, 7);
+	/* One whose sign was refused has the place that is read. */
+	command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ .target_position = -8 });
+	value(f, 1);
+	answer(f, OK_DATA);
+	assert_string_equal(refuse(f, FAILED_DATA), "=refused");
+	poll_all(f, true, 8, 0);
+	assert_int_equal(feedback(f, 0).position, 8);
+	drop(f);
+}
+
+/* What is read of a program on the way is shown. */
+static void a_commands_look_at_the_program_is_shown(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, true, 0, 2);
+	command(f, 0, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(answer(f, OK_MANUAL), ASK_PROGRAM);
+	assert_string_equal(program(f, 3, 1, 9), "=ok");
+	assert_int_equal(feedback(f, 0).program_state, 3);
+	assert_int_equal(feedback(f, 0).program_step, 9);
+	poll_all(f, true, 0, 1);
+	assert_string_equal(jog(f, 0), ASK_PROGRAM);
+	program(f, 2, 1, 5);
+	assert_int_equal(feedback(f, 0).program_state, 2);
+	drop(f);
+}
+
+/* What is written once more has its whole time again. */
+static void a_position_that_is_written_again_has_its_time_again(void **state)
+{
+	struct fixture *f = make_slow(1);
+	unsigned reads = 0;
+
+	(void)state;
+	command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ .target_position = -9 });
+	value(f, 1);
+	for (unsigned writes = 0; writes < 3; writes++) {
+		answer(f, OK_DATA);
+		assert_string_equal(answer(f, OK_DATA), "0AF10103E1A2");
+		for (reads = 0; strcmp(f->said, "0AF10103E1A2") == 0; reads++) {
+			f->now += 9 * MS;
+			value(f, 0);
+		}
+		assert_int_equal(reads, 11);
+	}
+	assert_string_equal(f->said, "=failed");
+	drop(f);
+}
+
 /* --- raw frames ----------------------------------------------------------------------------------------- */
 
 static struct db_args raw(const char *hex)
@@ -3215,6 +3334,11 @@ int main(void)
 		cmocka_unit_test(a_lost_read_tells_what_was_done_before),
 		cmocka_unit_test(each_effect_may_take_its_time),
 		cmocka_unit_test(a_delay_of_1_is_cleared_too),
+		cmocka_unit_test(a_stand_right_behind_a_jog_is_not_believed),
+		cmocka_unit_test(a_jog_is_not_repeated_after_a_moving_axis_was_disabled),
+		cmocka_unit_test(a_place_from_before_a_set_position_is_not_shown),
+		cmocka_unit_test(a_commands_look_at_the_program_is_shown),
+		cmocka_unit_test(a_position_that_is_written_again_has_its_time_again),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
