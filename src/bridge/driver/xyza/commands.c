@@ -130,7 +130,6 @@ static enum db_step send_next(struct db_conversation *talk)
 
 static enum db_step repeat_steps(struct db_conversation *talk, unsigned steps)
 {
-	plan_of(talk)->entered = 0;
 	plan_of(talk)->at -= steps;
 	return send_current(talk);
 }

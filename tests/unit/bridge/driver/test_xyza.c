@@ -2183,6 +2183,125 @@ static void a_position_that_is_written_again_has_its_time_again(void **state)
 	drop(f);
 }
 
+/* What one command came to is not the next one's. */
+static void each_command_begins_anew(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	whole(f, command(f, 0, DB_CMD_STOP, (struct db_args){ 0 }));
+	for (unsigned i = 0; i < 2; i++) {
+		jog(f, 0);
+		for (unsigned again = 0; again < 2; again++) {
+			lost(f);
+			assert_string_equal(value(f, 1), "0AF3010303A1");
+		}
+		lost(f);
+		assert_string_equal(value(f, 1), "0AF301030200");
+		assert_string_equal(answer(f, OK_MANUAL), "=timeout");
+	}
+	/* Lost, and answered the second time: it has not begun, and that is all. */
+	jog(f, 0);
+	lost(f);
+	value(f, 1);
+	answer(f, OK_MANUAL);
+	assert_string_equal(value(f, 1), "0AF301030200");
+	assert_string_equal(answer(f, OK_MANUAL), "=failed");
+	drop(f);
+}
+
+/* A program that is refused is asked for twice, and not more often. */
+static void a_refused_program_is_said_twice(void **state)
+{
+	struct fixture *f = make(1);
+	unsigned said = 0;
+
+	(void)state;
+	command(f, 0, DB_CMD_END_PROGRAM, (struct db_args){ 0 });
+	program(f, 2, 6, 1);
+	for (unsigned i = 0; i < 20 && f->said[0] != '='; i++) {
+		bool asks = strcmp(f->said, ASK_PROGRAM) == 0;
+
+		said += !asks;
+		if (asks)
+			program(f, 2, 6, 1);
+		else
+			answer(f, FAILED_PROGRAM);
+	}
+	assert_string_equal(f->said, "=refused");
+	assert_int_equal(said, 2);
+	drop(f);
+}
+
+/* While a program is stopped manual mode may refuse: what counts is whether the program runs. */
+static void a_stop_beside_a_stopped_program_may_be_refused(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, true, 0, XYZA_PROGRAM_WAITING);
+	command(f, 0, DB_CMD_STOP, (struct db_args){ 0 });
+	assert_string_equal(answer(f, FAILED_MANUAL), ASK_PROGRAM);
+	assert_string_equal(program(f, 2, 1, 7), "=ok");
+	drop(f);
+}
+
+/* Where others share an item, it is not written without having been read. */
+static void an_item_that_is_refused_is_written_only_as_a_whole(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	command(f, 0, DB_CMD_ENABLE, (struct db_args){ 0 });
+	assert_string_equal(refuse(f, FAILED_DATA), "=refused");
+	assert_true(feedback(f, 0).status & DB_STATUS_REFUSED);
+	f->setting = (struct db_setting){ .param = XYZA_START_KEY, .value.u = 3 };
+	f->request = (struct db_request){ .setting_count = 1, .settings = &f->setting };
+	begin(f, 0, DB_JOB_SETTINGS);
+	assert_string_equal(refuse(f, FAILED_DATA), "=refused");
+	command(f, 0, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 5.0f });
+	assert_string_equal(refuse(f, FAILED_DATA), "0BF10103E2A405000000");
+	answer(f, OK_DATA);
+	/* Nothing can show it; that it moves is seen. */
+	assert_string_equal(refuse(f, FAILED_DATA), "0AF3010303A1");
+	answer(f, OK_MANUAL);
+	assert_string_equal(value(f, 0), "=unproven");
+	drop(f);
+}
+
+/* What a command has read shows at once; what it leaves half done is read by the next cycle. */
+static void what_a_command_reads_is_shown(void **state)
+{
+	struct fixture *f = make_slow(1);
+	const struct db_args place = { .target_position = 9 };
+
+	(void)state;
+	poll_all(f, true, 3, 0);
+	whole(f, command(f, 0, DB_CMD_SET_OUTPUT,
+	                 (struct db_args){ .output_number = 2, .output_value = 1 }));
+	assert_int_equal(feedback(f, 0).outputs, 2);
+	whole(f, command(f, 0, DB_CMD_SET_POSITION, place));
+	assert_string_equal(f->said, "=ok");
+	assert_int_equal(feedback(f, 0).taken, f->now);
+	assert_int_equal(feedback(f, 0).outputs, 2);
+	/* Not taken, or lost. */
+	for (unsigned i = 0; i < 2; i++) {
+		command(f, 0, DB_CMD_SET_POSITION, place);
+		value(f, 1);
+		answer(f, OK_DATA);
+		if (i == 0) {
+			answer(f, OK_DATA);
+			value(f, 1);
+		} else {
+			lost(f);
+		}
+		poll_all(f, true, (int32_t)(20 + i), 0);
+		assert_int_equal(feedback(f, 0).position, 20 + i);
+	}
+	drop(f);
+}
+
 /* --- raw frames ----------------------------------------------------------------------------------------- */
 
 static struct db_args raw(const char *hex)
@@ -3339,6 +3458,11 @@ int main(void)
 		cmocka_unit_test(a_place_from_before_a_set_position_is_not_shown),
 		cmocka_unit_test(a_commands_look_at_the_program_is_shown),
 		cmocka_unit_test(a_position_that_is_written_again_has_its_time_again),
+		cmocka_unit_test(each_command_begins_anew),
+		cmocka_unit_test(a_refused_program_is_said_twice),
+		cmocka_unit_test(a_stop_beside_a_stopped_program_may_be_refused),
+		cmocka_unit_test(an_item_that_is_refused_is_written_only_as_a_whole),
+		cmocka_unit_test(what_a_command_reads_is_shown),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
