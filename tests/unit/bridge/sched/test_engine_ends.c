@@ -48,6 +48,7 @@ static struct world *open_world(size_t drives, unsigned axes)
 	world->driver = fake_family;
 	world->driver.begin = begin;
 	world->driver.answer = answer;
+	world->driver.axes = axes;
 	world->bus = fake_bus_new(&world->driver, drives);
 	for (size_t i = 0; i < drives; i++) {
 		world->bus->drives[i].address = (unsigned)(i / axes) + 1;
@@ -257,10 +258,9 @@ static void a_stop_is_owed_by_families_with_several_axes(void **state)
 {
 	(void)state;
 	for (unsigned axes = 1; axes <= 2; axes++) {
-		struct world *world = open_world(1, 1);
+		struct world *world = open_world(axes, axes);
 		struct db_engine *engine = world->bus->engine;
 
-		world->driver.axes = axes;
 		engine_add_stop(engine, engine->stations[0], DB_CMD_STOP, DB_STAND_EXIT, NULL,
 		                world->bus->now);
 		assert_int_equal(engine->stations[0]->standing.owed != 0, axes > 1);
