@@ -993,12 +993,31 @@ static void pauses_begin_again_with_a_drive_that_was_back(void **state)
 	assert_true(standing_send_at(&standing) == T + 20 * MS);
 }
 
+/* Its time begins again with each sample in which it stands; not while its controller owes an answer. */
+static void one_that_stands_has_its_time_again(void **state)
+{
+	const struct db_feedback moves = sample(1000, true);
+	struct standing standing = entered(1000, true);
+
+	(void)state;
+	assert_int_equal(standing_deadline(&standing, &rules), T + 500 * MS);
+	assert_int_equal(judge(&standing, 0, false, T + 400 * MS), STANDING_OBEYS);
+	assert_int_equal(standing_deadline(&standing, &rules), T + 901 * MS);
+	standing = (struct standing){ .kind = DB_CMD_NONE };
+	standing_enter(&standing, DB_CMD_STOP, DB_STAND_CLIENT, &moves, T);
+	standing_owe(&standing, DB_CMD_STOP);
+	standing_stop_sent(&standing, true, 2 * MS, T);
+	assert_int_equal(judge(&standing, 0, false, T + 400 * MS), STANDING_UNSEEN);
+	assert_int_equal(standing_deadline(&standing, &rules), T + 500 * MS);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(one_that_stood_and_then_moved_is_seen_to_stand_twice),
 		cmocka_unit_test(one_that_stood_and_then_drifts_moves),
 		cmocka_unit_test(one_that_slows_down_no_further_runs_on),
+		cmocka_unit_test(one_that_stands_has_its_time_again),
 		cmocka_unit_test(a_sample_during_a_later_motion_proves_nothing),
 		cmocka_unit_test(pauses_begin_again_with_a_drive_that_was_back),
 		cmocka_unit_test(a_stop_is_said_again_at_its_pace),

@@ -511,6 +511,40 @@ static void two_drives_at_one_address_show_at_once(void **state)
 	close_world(world);
 }
 
+/* Where an earlier probe may still be answered, its answer is not that of this one; it is no other question's at all. */
+static void the_answer_to_an_earlier_probe_brings_no_drive_back(void **state)
+{
+	const struct fake_frame probed = { .address = 1, .kind = FAKE_PROBE };
+	const struct fake_frame read = { .address = 1, .kind = FAKE_POLL };
+
+	(void)state;
+	for (unsigned online = 0; online < 2; online++) {
+		const struct fake_frame *answer = online ? &read : &probed;
+		struct world *world = new_world(1);
+		struct node *node;
+		uint32_t stray;
+
+		open_world(world);
+		node = world->bus->engine->nodes[0];
+		while (node->flight.station)
+			fake_pass(world->bus, MS / 10);
+		world->bus->dead[1] = true;
+		while (node->online != online || !node->flight.station)
+			fake_pass(world->bus, MS / 10);
+		assert_int_equal(node->flight.lane, online ? LANE_POLL : LANE_PROBE);
+		node->late_probes = 1;
+		node->late_probes_until = node->risky_until = world->bus->now + 1000 * MS;
+		stray = fake_stats(world->bus).stray_frames;
+		fake_receive(world->bus, answer, sizeof *answer);
+		assert_int_equal(fake_stats(world->bus).stray_frames - stray, !online);
+		assert_int_equal(node->flight.station == NULL, online);
+		fake_receive(world->bus, answer, online ? 0 : sizeof *answer);
+		assert_true(node->online);
+		assert_null(node->flight.station);
+		close_world(world);
+	}
+}
+
 /* --- ports ------------------------------------------------------------------------------------ */
 
 static void a_port_is_down_since_it_was_lost(void **state)
@@ -603,6 +637,7 @@ int main(void)
 		cmocka_unit_test(a_whole_status_ends_what_could_not_be_used),
 		cmocka_unit_test(what_answers_nothing_is_kept_where_it_may_explain_something),
 		cmocka_unit_test(two_drives_at_one_address_show_at_once),
+		cmocka_unit_test(the_answer_to_an_earlier_probe_brings_no_drive_back),
 		cmocka_unit_test(a_port_is_down_since_it_was_lost),
 		cmocka_unit_test(a_full_port_gives_each_drive_its_time_back),
 	};
