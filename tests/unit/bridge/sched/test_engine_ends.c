@@ -142,6 +142,26 @@ static void how_many_requests_wait_shows(void **state)
 	close_world(world);
 }
 
+/* What is cancelled before that has certainly had no effect. */
+static void a_command_is_sent_with_its_first_frame(void **state)
+{
+	struct world *world = open_world(1, 1);
+	struct db_request ended;
+	db_time first = 0;
+
+	(void)state;
+	fake_post(world->bus, 0, DB_CMD_MOVE_ABSOLUTE);
+	fake_pass(world->bus, 50 * MS);
+	for (size_t i = 0; i < world->bus->sent_count && first == 0; i++) {
+		if (world->bus->sent[i].frame.kind == FAKE_PREPARE)
+			first = world->bus->sent[i].at;
+	}
+	assert_true(fake_collect(world->bus->queue, &ended));
+	assert_int_equal(ended.result, DB_RESULT_OK);
+	assert_true(first != 0 && ended.sent == first);
+	close_world(world);
+}
+
 /* --- the end ---------------------------------------------------------------------------------- */
 
 /* What a drive must stand for because the bus goes is over when it is back; what somebody asked for is not. */
@@ -322,6 +342,7 @@ int main(void)
 		cmocka_unit_test(a_stop_of_one_axis_cancels_what_others_prepare),
 		cmocka_unit_test(a_drive_is_lively_after_a_command),
 		cmocka_unit_test(how_many_requests_wait_shows),
+		cmocka_unit_test(a_command_is_sent_with_its_first_frame),
 		cmocka_unit_test(drives_that_are_left_for_a_scan_need_not_stand_afterwards),
 		cmocka_unit_test(a_bus_is_quiet_when_all_of_its_drives_are),
 		cmocka_unit_test(all_frames_are_wanted_while_one_that_is_gone_is_asked),
