@@ -3,6 +3,8 @@
 
 #include "log/event.h"
 
+#include "drivebridge/hash.h"
+
 #include <stdio.h>
 #include <string.h>
 
@@ -14,13 +16,11 @@ static void add_text(char text[DB_LOG_TEXT_MAX], const char *what, const char *n
 		snprintf(text + used, DB_LOG_TEXT_MAX - used, "%s %s: ", what, name);
 }
 
-/* FNV-1a; if two subjects have the same hash, one is only counted together with the other. */
-static uint64_t hash(uint64_t value, const char *text)
+/* With its end, so that where one text ends and the next begins makes a difference. If two subjects
+ * have the same hash, one is only counted together with the other. */
+static uint64_t add_to_hash(uint64_t hash, const char *text)
 {
-	do
-		value = (value ^ (uint8_t)*text) * 1099511628211u;
-	while (*text++ != '\0');
-	return value;
+	return db_hash_add(hash, text, strlen(text) + 1);
 }
 
 void db_log_record_init(struct db_log_record *record, const char *bus, enum db_event event,
@@ -43,10 +43,10 @@ void db_log_record_init(struct db_log_record *record, const char *bus, enum db_e
 	used = strlen(record->text);
 	record->told = (unsigned)used;
 	vsnprintf(record->text + used, sizeof(record->text) - used, format, arguments);
-	record->subject = 14695981039346656037u ^ (uint64_t)db_event_kind(event)->topic;
-	record->subject = hash(record->subject, record->bus);
-	record->subject = hash(record->subject, record->drive);
-	record->subject = hash(record->subject, record->client);
+	record->subject = DB_HASH_BEGIN ^ (uint64_t)db_event_kind(event)->topic;
+	record->subject = add_to_hash(record->subject, record->bus);
+	record->subject = add_to_hash(record->subject, record->drive);
+	record->subject = add_to_hash(record->subject, record->client);
 }
 
 void db_log_record_add_count(struct db_log_record *record, uint32_t count, uint32_t seconds)

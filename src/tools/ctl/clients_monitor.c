@@ -3,6 +3,8 @@
 #include "ctl/ctl_private.h"
 #include "ctl/session.h"
 
+#include "drivebridge/hash.h"
+
 #include <stdint.h>
 #include <string.h>
 
@@ -215,11 +217,9 @@ void db_ctl_write_modbus_exporter(const struct db_ctl_clients *of, FILE *out)
 
 /* --- Zabbix ----------------------------------------------------------------------------------- */
 
-static uint64_t hash(const char *text, uint64_t value)
+static uint64_t add_to_hash(uint64_t hash, const char *text)
 {
-	for (; *text; text++)
-		value = (value ^ (unsigned char)*text) * UINT64_C(1099511628211);
-	return value;
+	return db_hash_add(hash, text, strlen(text));
 }
 
 /* In the form of a random UUID, but constant for one template and item, so that another import
@@ -227,16 +227,15 @@ static uint64_t hash(const char *text, uint64_t value)
 static void put_uuid(FILE *out, const char *before, const struct db_ctl_clients *of,
                      const char *kind, const char *drive, const char *name)
 {
-	static const uint64_t seeds[2] = { UINT64_C(14695981039346656037),
-		                           UINT64_C(7809847782465536322) };
+	static const uint64_t seeds[2] = { DB_HASH_BEGIN, UINT64_C(7809847782465536322) };
 	uint64_t half[2];
 
 	for (size_t i = 0; i < 2; i++) {
 		half[i] = seeds[i];
-		half[i] = hash(of->host, half[i]);
-		half[i] = hash(kind, hash("/", half[i]));
-		half[i] = hash(drive, hash("/", half[i]));
-		half[i] = hash(name, hash("/", half[i]));
+		half[i] = add_to_hash(half[i], of->host);
+		half[i] = add_to_hash(add_to_hash(half[i], "/"), kind);
+		half[i] = add_to_hash(add_to_hash(half[i], "/"), drive);
+		half[i] = add_to_hash(add_to_hash(half[i], "/"), name);
 	}
 	half[0] = (half[0] & ~UINT64_C(0xf000)) | UINT64_C(0x4000);
 	half[1] = (half[1] & ~(UINT64_C(0xc) << 60)) | (UINT64_C(8) << 60);

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "mqtt/order.h"
 
+#include "drivebridge/hash.h"
+
 #include <inttypes.h>
 #include <math.h>
 #include <sparkplug.pb-c.h>
@@ -193,17 +195,13 @@ static void take_metric(struct order *order, const Spb__FlatPayload *payload,
 /* --- the whole -------------------------------------------------------------------------------- */
 
 /* The same bytes are the same command: a broker may deliver a message twice. The time and the name
- * are in the id as they are; values are a sum of all bytes (FNV-1a). */
+ * are in the id as they are, values by a hash of all bytes. */
 static void make_id(const struct order *order, const void *bytes, size_t length,
                     char id[DB_MQTT_ID_MAX + 1])
 {
-	const unsigned char *at = bytes;
-	uint64_t sum = UINT64_C(14695981039346656037);
-
-	for (size_t i = 0; i < length; i++)
-		sum = (sum ^ at[i]) * UINT64_C(1099511628211);
 	snprintf(id, DB_MQTT_ID_MAX + 1, "%" PRId64 " %.24s %016" PRIx64, order->ms,
-	         order->run ? order->run->what : "write", sum);
+	         order->run ? order->run->what : "write",
+	         db_hash_add(DB_HASH_BEGIN, bytes, length));
 }
 
 /* Moves what was read to the command, which owns it then. */
