@@ -112,6 +112,9 @@ void standing_enter(struct standing *standing, enum db_command kind, enum db_sta
 	/* Earlier speeds do not count: a motion in between may just have begun. */
 	standing->speed = (struct standing_speed){ .top = speed, .least = speed };
 	standing->window.since = 0;
+	/* How fast it is has to be seen anew. A disable may be given again and again while the
+	 * drive runs on, and is no reason to wait longer. */
+	standing->speed_known &= kind == DB_CMD_DISABLE;
 	standing->still_since = 0;
 	standing->read_at = DB_TIME_NEVER;
 }
@@ -307,10 +310,17 @@ void standing_motion_ended(struct standing *standing, bool may_go_on, db_time no
 
 /* --- judging ---------------------------------------------------------------------------------- */
 
+/* Where a speed is computed, the time until it is known is not the drive's. */
+static db_time patience_with(const struct standing *standing, const struct standing_rules *rules)
+{
+	return rules->computed && !standing->speed_known ? rules->patience + 2 * WINDOW :
+	                                                   rules->patience;
+}
+
 static bool is_expired(const struct standing *standing, const struct standing_rules *rules,
                        db_time now)
 {
-	return standing->progress > 0 && now - standing->progress >= rules->patience;
+	return standing->progress > 0 && now - standing->progress >= patience_with(standing, rules);
 }
 
 static enum standing_verdict judge_standing(struct standing *standing,
@@ -407,6 +417,9 @@ static void judge_window(struct standing *standing, const struct db_feedback *fe
 	}
 	window->since = feedback->taken;
 	window->position = feedback->position;
+	/* On a long cycle two windows would take longer than the patience. */
+	if (window->since + WINDOW < standing->read_at)
+		standing->read_at = window->since + WINDOW;
 }
 
 static enum standing_verdict judge_moving(struct standing *standing,
@@ -459,7 +472,7 @@ db_time standing_deadline(const struct standing *standing, const struct standing
 {
 	/* A drive that stood before the stop is not moving because a line with many drives has had
 	 * no time to read it yet. */
-	db_time patience = standing->may_move ? rules->patience :
+	db_time patience = standing->may_move ? patience_with(standing, rules) :
 	                                        UNREAD_PATIENCES * rules->patience;
 
 	return standing_is_free(standing) || standing->gives_way || standing->overdue ||

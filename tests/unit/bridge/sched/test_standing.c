@@ -696,7 +696,8 @@ struct computed {
 	struct db_feedback last;
 	db_time late;
 	unsigned seed;
-	double (*place)(double s); /* where it is, s seconds after the stop, in counts */
+	double (*place)(double s);          /* where it is, s seconds after the stop, in counts */
+	const struct standing_rules *rules; /* null: computed_rules */
 };
 
 static enum standing_verdict read_computed(struct computed *axis, db_time at, bool moving)
@@ -713,7 +714,8 @@ static enum standing_verdict read_computed(struct computed *axis, db_time at, bo
 		now.velocity = (float)((now.position - axis->last.position) * 1e9 /
 		                       (double)(taken - axis->last.taken));
 	axis->last = now;
-	return standing_judge(&axis->standing, &computed_rules, &now, at, taken);
+	return standing_judge(&axis->standing, axis->rules ? axis->rules : &computed_rules, &now,
+	                      at, taken);
 }
 
 /* When it was first seen to obey, or to run on; in `verdict` which of them. */
@@ -1011,6 +1013,81 @@ static void one_that_stands_has_its_time_again(void **state)
 	assert_int_equal(standing_deadline(&standing, &rules), T + 500 * MS);
 }
 
+static void stop_again_on_a_ramp(struct computed axis, double ramp, db_time again)
+{
+	db_time end = T + (db_time)((ramp < 4.0 ? ramp : 4.0) * 1e9);
+	bool said = false;
+
+	standing_enter(&axis.standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+	standing_stop_sent(&axis.standing, true, 2 * MS, T);
+	standing_stop_answered(&axis.standing, DB_CMD_STOP, true, true, T + 2 * MS);
+	for (db_time at = T + 3 * MS; at < end; at += 40 * MS) {
+		if (!said && at >= T + again) {
+			standing_enter(&axis.standing, DB_CMD_STOP, DB_STAND_CLIENT, &axis.last,
+			               at - 2);
+			standing_stop_sent(&axis.standing, true, 2 * MS, at - 2);
+			standing_stop_answered(&axis.standing, DB_CMD_STOP, true, true, at - 1);
+			said = true;
+		}
+		assert_true(standing_deadline(&axis.standing, axis.rules) > at);
+		assert_int_not_equal(read_computed(&axis, at, true), STANDING_RUNS_ON);
+	}
+}
+
+/* Whoever stops it says so again. The speeds before that do not count, and the time to see new ones is not the axis's. */
+static void a_second_stop_on_a_ramp_does_not_run_on(void **state)
+{
+	static const struct standing_rules least = { .patience = STANDING_PATIENCE_COMPUTED,
+		                                     .computed = true };
+	static const struct {
+		double (*place)(double s);
+		double ramp;
+	} cases[] = {
+		{ brakes_for_a_second, 1.0 },
+		{ brakes_for_5_s, 5.0 },
+		{ brakes_for_10_s, 10.0 },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		for (db_time again = 50 * MS; again < 950 * MS; again += 50 * MS) {
+			struct computed axis = { .place = cases[i].place,
+				                 .rules = &computed_rules };
+
+			stop_again_on_a_ramp(axis, cases[i].ramp, again);
+			axis.rules = &least;
+			stop_again_on_a_ramp(axis, cases[i].ramp, again);
+		}
+	}
+}
+
+/* Its disable is answered each time, and it runs on: this is told however often it is disabled. */
+static void disables_do_not_put_off_that_it_runs_on(void **state)
+{
+	(void)state;
+	for (db_time every = 100 * MS; every < 1000 * MS; every += 100 * MS) {
+		struct computed axis = { .place = runs_on };
+		enum standing_verdict verdict = STANDING_UNSEEN;
+		db_time next = T;
+		db_time at;
+
+		for (at = T; verdict == STANDING_UNSEEN && at < T + 5 * DB_NS_PER_S;
+		     at += 40 * MS) {
+			if (at >= next) {
+				standing_enter(&axis.standing, DB_CMD_DISABLE, DB_STAND_CLIENT,
+				               NULL, at);
+				standing_stop_sent(&axis.standing, true, 2 * MS, at);
+				standing_stop_answered(&axis.standing, DB_CMD_DISABLE, true, true,
+				                       at + 2 * MS);
+				next = at + every;
+			}
+			verdict = read_computed(&axis, at + 3 * MS, true);
+		}
+		assert_int_equal(verdict, STANDING_RUNS_ON);
+		assert_in_range(at - T, 1000 * MS, 2000 * MS);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -1062,6 +1139,8 @@ int main(void)
 		cmocka_unit_test(a_ramp_is_seen_over_two_windows),
 		cmocka_unit_test(one_slower_sample_only_holds_the_next_stop_back),
 		cmocka_unit_test(an_axis_that_stood_and_moves_does_not_obey),
+		cmocka_unit_test(a_second_stop_on_a_ramp_does_not_run_on),
+		cmocka_unit_test(disables_do_not_put_off_that_it_runs_on),
 	};
 
 	return cmocka_run_group_tests_name("standing", tests, NULL, NULL);

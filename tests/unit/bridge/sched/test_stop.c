@@ -99,7 +99,7 @@ static void run_motors(void *context)
 		run_motor(&world->sim[i], world->bus->now);
 }
 
-static struct world *open_world_on(enum db_medium medium, bool acknowledges)
+static struct world *make_world(enum db_medium medium, bool acknowledges)
 {
 	struct world *world = calloc(1, sizeof *world);
 
@@ -114,11 +114,23 @@ static struct world *open_world_on(enum db_medium medium, bool acknowledges)
 	world->bus->next = motors_at;
 	world->bus->happen = run_motors;
 	world->bus->config.drive_latency_ms = LATENCY / MS;
+	return world;
+}
+
+static void open_bus(struct world *world, unsigned stop_reaction_ms)
+{
 	for (size_t i = 0; i < DRIVES; i++)
-		world->bus->drives[i].stop_reaction_ms = 500;
+		world->bus->drives[i].stop_reaction_ms = stop_reaction_ms;
 	fake_bus_open(world->bus, DRIVES, NULL);
 	fake_port(world->bus, 0);
 	fake_pass(world->bus, 300 * MS);
+}
+
+static struct world *open_world_on(enum db_medium medium, bool acknowledges)
+{
+	struct world *world = make_world(medium, acknowledges);
+
+	open_bus(world, 500);
 	return world;
 }
 
@@ -615,6 +627,59 @@ static void moving_at_speed_0_runs_on_and_is_waited_for_no_longer(void **state)
 	close_world(world);
 }
 
+/* Where its first drive is, in counts, and where it was when it was read. */
+static double place;
+static int32_t place_read;
+static db_time place_taken;
+
+static void move_on(void *context)
+{
+	struct world *world = context;
+	db_time before = world->motors_at;
+
+	run_motors(world);
+	if (world->motors_at != before)
+		place += world->sim[0].speed / 1000.0;
+}
+
+static void tell_place(const struct db_device *device, struct db_feedback *feedback)
+{
+	fake_family.feedback(device, feedback);
+	if (feedback->taken != place_taken)
+		place_read = (int32_t)place;
+	place_taken = feedback->taken;
+	feedback->position = place_read;
+}
+
+/* Where its speed is computed from positions it is read often enough for that, however long the cycle is. */
+static void a_ramp_is_followed_on_a_long_cycle(void **state)
+{
+	static const float seconds[] = { 0.5f, 1, 2, 5, 10 };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof seconds / sizeof seconds[0]; i++) {
+		for (db_time wait = 0; wait < 500 * MS; wait += 50 * MS) {
+			struct world *world = make_world(DB_MEDIUM_SERIAL, true);
+
+			world->driver.feedback = tell_place;
+			world->driver.computes_velocity = true;
+			world->bus->config.cycle_ms = 500;
+			world->bus->happen = move_on;
+			place = 0.0;
+			open_bus(world, 1000);
+			fake_post(world->bus, 0, DB_CMD_MOVE_VELOCITY);
+			fake_pass(world->bus, 2000 * MS + wait);
+			assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+			world->sim[0].ramp = TOP_SPEED / (1000 * seconds[i]);
+			fake_post(world->bus, 0, DB_CMD_STOP);
+			fake_pass(world->bus, 12000 * MS);
+			assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+			assert_int_equal(world->bus->told[DB_EVENT_DRIVE_RUNS_ON], 0);
+			close_world(world);
+		}
+	}
+}
+
 static bool take_report(struct db_device *device, const uint8_t *bytes, size_t length, db_time now)
 {
 	struct fake_frame frame = fake_frame_at(bytes, length);
@@ -916,6 +981,7 @@ int main(void)
 		cmocka_unit_test(the_end_waits_until_it_stops),
 		cmocka_unit_test(a_first_stop_waits_for_one_exchange),
 		cmocka_unit_test(drives_that_do_not_answer_take_turns),
+		cmocka_unit_test(a_ramp_is_followed_on_a_long_cycle),
 		cmocka_unit_test(moving_at_speed_0_runs_on_and_is_waited_for_no_longer),
 		cmocka_unit_test(a_report_right_behind_a_stop_proves_nothing),
 		cmocka_unit_test(a_stop_that_ends_unsent_keeps_its_pace),
