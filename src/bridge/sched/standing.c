@@ -485,6 +485,6 @@ void standing_run_on(struct standing *standing, bool last_resort, db_time now)
 {
 	if (last_resort && standing->kind != DB_CMD_DISABLE)
 		standing_enter(standing, DB_CMD_DISABLE, standing->cause, NULL, now);
-	standing->obeys = false;
+	standing->obeys = standing->slows = false;
 	standing->overdue = true;
 }

@@ -865,6 +865,7 @@ static void a_ramp_is_seen_over_two_windows(void **state)
 static void one_slower_sample_only_holds_the_next_stop_back(void **state)
 {
 	struct computed axis = { .place = brakes_for_a_second };
+	struct standing unread;
 
 	(void)state;
 	standing_enter(&axis.standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
@@ -876,9 +877,13 @@ static void one_slower_sample_only_holds_the_next_stop_back(void **state)
 	assert_int_equal(standing_send_at(&axis.standing), DB_TIME_NEVER);
 	assert_true(standing_is_open(&axis.standing));
 	/* Where it is not stopped for this axis alone, it is sent on until it is answered. */
+	unread = axis.standing;
 	standing_owe(&axis.standing, DB_CMD_STOP);
 	assert_int_equal(read_computed(&axis, T + 250 * MS, true), STANDING_UNSEEN);
 	assert_true(standing_send_at(&axis.standing) < T + 250 * MS);
+	/* Or when no further sample comes, and the time is over. */
+	standing_run_on(&unread, false, T + 1500 * MS);
+	assert_true(standing_send_at(&unread) < T + 1500 * MS);
 }
 
 /* At the turning point of a reversal: what was seen standing goes on. */
