@@ -76,6 +76,14 @@ static enum db_command strongest(unsigned kinds)
 	return DB_CMD_NONE;
 }
 
+/* How fast it is has to be seen anew. Time does not count from `since` on; 0: from the next stop
+ * on. */
+static void forget_speed(struct standing *standing, db_time since)
+{
+	standing->speed_known = false;
+	standing->unknown_since = since;
+}
+
 void standing_enter(struct standing *standing, enum db_command kind, enum db_stand_cause cause,
                     const struct db_feedback *known, db_time now)
 {
@@ -112,9 +120,10 @@ void standing_enter(struct standing *standing, enum db_command kind, enum db_sta
 	/* Earlier speeds do not count: a motion in between may just have begun. */
 	standing->speed = (struct standing_speed){ .top = speed, .least = speed };
 	standing->window.since = 0;
-	/* How fast it is has to be seen anew. A disable may be given again and again while the
-	 * drive runs on, and is no reason to wait longer. */
-	standing->speed_known &= kind == DB_CMD_DISABLE;
+	/* A disable may be given again and again while the drive runs on, and is no reason to wait
+	 * longer. */
+	if (kind != DB_CMD_DISABLE)
+		forget_speed(standing, standing->progress > 0 ? standing->progress : 0);
 	standing->still_since = 0;
 	standing->read_at = DB_TIME_NEVER;
 }
@@ -187,6 +196,8 @@ void standing_stop_sent(struct standing *standing, bool trusted, db_time round_t
 	standing->read_by = now + WITHOUT_LOOK;
 	if (standing->progress == 0)
 		standing->progress = now;
+	if (standing->unknown_since == 0)
+		standing->unknown_since = now;
 	if (trusted)
 		standing->send_at = now + (pace > share ? pace : share);
 }
@@ -267,14 +278,25 @@ void standing_resume(struct standing *standing, db_time now)
 	standing->may_move = true;
 	standing->speed = (struct standing_speed){ .top = 0.0f };
 	standing->window.since = 0;
+	forget_speed(standing, 0);
 	standing->still_since = 0;
+}
+
+/* Where a speed is computed, the time until it is known is not the drive's. */
+static db_time patience_with(const struct standing *standing, const struct standing_rules *rules)
+{
+	return rules->computed && !standing->speed_known ? rules->patience + 2 * WINDOW :
+	                                                   rules->patience;
 }
 
 void standing_suspend(struct standing *standing, const struct standing_rules *rules, db_time now)
 {
 	db_time used = standing->progress > 0 ? now - standing->progress : 0;
-	db_time most = rules->patience > PATIENCE_LEFT ? rules->patience - PATIENCE_LEFT : 0;
+	db_time most;
 
+	forget_speed(standing, 0);
+	most = patience_with(standing, rules);
+	most = most > PATIENCE_LEFT ? most - PATIENCE_LEFT : 0;
 	standing->obeys = false;
 	standing->progress = -(used < most ? used : most);
 }
@@ -309,13 +331,6 @@ void standing_motion_ended(struct standing *standing, bool may_go_on, db_time no
 }
 
 /* --- judging ---------------------------------------------------------------------------------- */
-
-/* Where a speed is computed, the time until it is known is not the drive's. */
-static db_time patience_with(const struct standing *standing, const struct standing_rules *rules)
-{
-	return rules->computed && !standing->speed_known ? rules->patience + 2 * WINDOW :
-	                                                   rules->patience;
-}
 
 static bool is_expired(const struct standing *standing, const struct standing_rules *rules,
                        db_time now)
@@ -411,7 +426,9 @@ static void judge_window(struct standing *standing, const struct db_feedback *fe
 		 * its. */
 		if (window->before >= 0.0f && !standing->speed_known) {
 			standing->speed_known = true;
-			standing->progress = now;
+			standing->progress += now - standing->unknown_since;
+			if (standing->progress > now)
+				standing->progress = now;
 		}
 		window->before = speed;
 	}

@@ -82,7 +82,8 @@ struct standing {
 	db_time progress; /* when it was last seen slower than before; 0: time does not count yet */
 	struct standing_speed speed;   /* of each sample */
 	struct standing_window window; /* where a speed is computed */
-	bool speed_known;              /* since the record was opened, two windows were seen */
+	bool speed_known;              /* two windows were seen */
+	db_time unknown_since;         /* if not: time does not count from here on; 0: it counts */
 	int32_t still_position;        /* its position at still_since */
 	/* when it was first seen standing, in a row; 0: it moves, or was not seen */
 	db_time still_since;

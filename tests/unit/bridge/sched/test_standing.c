@@ -1093,6 +1093,60 @@ static void disables_do_not_put_off_that_it_runs_on(void **state)
 	}
 }
 
+/* It is gone for a moment, and has a ramp that nobody has seen yet when it is back. */
+static void a_ramp_goes_on_while_it_is_gone(void **state)
+{
+	(void)state;
+	for (db_time gone = 100 * MS; gone < 2000 * MS; gone += 100 * MS) {
+		struct computed axis = { .place = brakes_for_10_s };
+		db_time back = T + gone + 300 * MS;
+		bool is_gone = false;
+
+		standing_enter(&axis.standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+		standing_stop_sent(&axis.standing, true, 2 * MS, T);
+		standing_stop_answered(&axis.standing, DB_CMD_STOP, true, true, T + 2 * MS);
+		for (db_time at = T + 3 * MS; at < T + 5 * DB_NS_PER_S; at += 40 * MS) {
+			if (!is_gone && at >= T + gone) {
+				standing_suspend(&axis.standing, &computed_rules, at);
+				at = back;
+				standing_resume(&axis.standing, at - 3);
+				standing_stop_sent(&axis.standing, true, 2 * MS, at - 2);
+				standing_stop_answered(&axis.standing, DB_CMD_STOP, true, true,
+				                       at - 1);
+				is_gone = true;
+			}
+			assert_true(standing_deadline(&axis.standing, &computed_rules) > at);
+			assert_int_not_equal(read_computed(&axis, at, true), STANDING_RUNS_ON);
+		}
+	}
+}
+
+/* It runs on, and is gone again and again: however short the times are in which it is there, they add up. */
+static void what_comes_and_goes_runs_on_all_the_same(void **state)
+{
+	(void)state;
+	for (db_time there = 200 * MS; there <= 2000 * MS; there += 100 * MS) {
+		struct computed axis = { .place = runs_on };
+		bool told = false;
+		db_time at = T;
+
+		standing_enter(&axis.standing, DB_CMD_STOP, DB_STAND_CLIENT, NULL, T);
+		while (!told && at < T + 60 * DB_NS_PER_S) {
+			db_time until = at + there;
+
+			standing_stop_sent(&axis.standing, true, 2 * MS, at);
+			standing_stop_answered(&axis.standing, DB_CMD_STOP, true, true, at + 1);
+			for (at += 3 * MS; !told && at < until; at += 40 * MS)
+				told = standing_deadline(&axis.standing, &computed_rules) <= at ||
+				       read_computed(&axis, at, true) == STANDING_RUNS_ON;
+			standing_suspend(&axis.standing, &computed_rules, at);
+			at += 300 * MS;
+			standing_resume(&axis.standing, at);
+		}
+		assert_true(told);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -1145,6 +1199,8 @@ int main(void)
 		cmocka_unit_test(one_slower_sample_only_holds_the_next_stop_back),
 		cmocka_unit_test(an_axis_that_stood_and_moves_does_not_obey),
 		cmocka_unit_test(a_second_stop_on_a_ramp_does_not_run_on),
+		cmocka_unit_test(a_ramp_goes_on_while_it_is_gone),
+		cmocka_unit_test(what_comes_and_goes_runs_on_all_the_same),
 		cmocka_unit_test(disables_do_not_put_off_that_it_runs_on),
 	};
 
