@@ -1962,6 +1962,10 @@ static void a_jog_is_never_repeated_blindly(void **state)
 	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
 	assert_string_equal(value(f, 0), "=ok");
 	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+	/* It moved before: whether it was heard this time nobody can tell. */
+	jog(f, 0);
+	lost(f);
+	assert_string_equal(value(f, 0), "=unproven");
 	/* It stands: it was not; said again, but not for ever, and then not left to begin. */
 	poll_all(f, true, 0, 0);
 	jog(f, 0);
