@@ -660,6 +660,108 @@ static void a_port_is_what_its_mode_says(void **state)
 	}
 }
 
+/* A sensor may make its place the origin: then 0 all of a sudden is no sign. */
+static void a_sensor_that_sets_the_origin_is_no_restart(void **state)
+{
+	(void)state;
+	for (unsigned param = VSMD_S1F; param <= VSMD_S6R; param++) {
+		for (uint32_t event = 0; event < 8; event++) {
+			bool sets = event == 1 || event == 3 || event == 5;
+
+			for (unsigned known = 0; known < 2; known++) {
+				struct fixture f;
+
+				make(&f, 5000, STANDS);
+				f.axis.plate.values[param].u = event;
+				f.axis.plate.valid[0] |= (uint64_t)known << param;
+				status(&f, 0, STANDS);
+				assert_int_equal(seen(&f).doubts, !(sets && known));
+			}
+		}
+	}
+}
+
+/* One that homes by itself when it gets power is anywhere after that; others stand at 0. */
+static void a_lost_homing_bit_is_a_sign_where_counters_begin(void **state)
+{
+	static const struct {
+		int32_t position;
+		uint32_t word;
+		bool by_itself;
+		bool any;
+	} cases[] = {
+		{ 0, STANDS, true, true },
+		{ 0, VSMD_ST_PWR, true, false },
+		{ 900, STANDS, true, false },
+		{ 900, VSMD_ST_PWR, true, false },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		for (unsigned homes = 0; homes < 4; homes++) {
+			struct fixture f;
+
+			make(&f, 0, HOMED);
+			f.axis.plate.values[VSMD_ZAR].u = homes & 1;
+			f.axis.plate.valid[0] |= (uint64_t)(homes >> 1) << VSMD_ZAR;
+			status(&f, cases[i].position, cases[i].word);
+			assert_int_equal(seen(&f).doubts,
+			                 homes == 3 ? cases[i].by_itself : cases[i].any);
+		}
+	}
+}
+
+/* A fault that is new, or an encoder's that stays, is the reason why the power went or the counter is 0. */
+static void a_fault_is_no_restart(void **state)
+{
+	static const uint32_t faults[] = { VSMD_ST_FLT, VSMD_ST_ENC_ERR, VSMD_ST_OVER_CURRENT,
+		                           VSMD_ST_OVER_TEMPERATURE, VSMD_ST_VOLTAGE };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(faults) / sizeof(faults[0]); i++) {
+		for (unsigned had = 0; had < 2; had++) {
+			bool reason = !had || faults[i] == VSMD_ST_ENC_ERR;
+			uint32_t before = had ? faults[i] : 0;
+			struct fixture f;
+
+			make(&f, 0, STANDS | before); /* its power goes */
+			status(&f, 0, OFF | faults[i]);
+			assert_int_equal(seen(&f).doubts, !reason);
+			assert_true(is_lost(&f));
+			make(&f, 5000, STANDS | before); /* its counter is 0 */
+			status(&f, 0, STANDS | faults[i]);
+			assert_int_equal(seen(&f).doubts, !reason);
+			assert_true(is_lost(&f));
+			make(&f, 5000, STANDS | before); /* nothing of that */
+			status(&f, 4000, STANDS | faults[i]);
+			assert_int_equal(seen(&f).doubts + seen(&f).restarts, 0);
+			assert_false(is_lost(&f));
+		}
+	}
+}
+
+/* What was told to move, or homes, may come to 0. */
+static void one_that_was_told_to_move_may_stand_at_0(void **state)
+{
+	static const enum db_command commands[] = { DB_CMD_MOVE_PRESET, DB_CMD_HOME,
+		                                    DB_CMD_SHAKE_START };
+	struct fixture f;
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(commands) / sizeof(commands[0]); i++) {
+		make(&f, 5000, STANDS);
+		carry_out(&f, commands[i]);
+		status(&f, 0, STANDS);
+		assert_nothing(&f);
+	}
+	for (unsigned i = 0; i < 2; i++) {
+		make(&f, 5000, STANDS);
+		f.axis.begun = i == 0 ? VSMD_MOTION_HOMING : VSMD_MOTION_SHAKE;
+		status(&f, 0, STANDS);
+		assert_nothing(&f);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -684,6 +786,10 @@ int main(void)
 		cmocka_unit_test(nothing_goes_on_after_a_restart),
 		cmocka_unit_test(a_command_counts_until_the_next_status),
 		cmocka_unit_test(a_port_is_what_its_mode_says),
+		cmocka_unit_test(a_sensor_that_sets_the_origin_is_no_restart),
+		cmocka_unit_test(a_lost_homing_bit_is_a_sign_where_counters_begin),
+		cmocka_unit_test(a_fault_is_no_restart),
+		cmocka_unit_test(one_that_was_told_to_move_may_stand_at_0),
 	};
 
 	return cmocka_run_group_tests_name("driver/vsmd_restart", tests, NULL, NULL);

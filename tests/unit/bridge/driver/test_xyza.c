@@ -3320,6 +3320,62 @@ static void a_delay_of_1_is_cleared_too(void **state)
 	drop(f);
 }
 
+/* Two axes at 0 all of a sudden: that is the controller, and all that is known of it is read again. */
+static void two_axes_at_0_are_a_restart(void **state)
+{
+	(void)state;
+	for (unsigned both = 0; both < 2; both++) {
+		struct fixture *f = make(0xF);
+
+		*memory(f, 0xE1, 0xA1) = 5000;
+		*memory(f, 0xE1, 0xD1) = 4000;
+		for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++)
+			identify(f, axis);
+		whole(f, begin(f, 0, DB_JOB_POLL));
+		*memory(f, 0xE1, 0xA1) = 0;
+		*memory(f, 0xE1, 0xD1) = both ? 0 : 4000;
+		whole(f, begin(f, 0, DB_JOB_POLL));
+		assert_int_equal(feedback(f, 0).restarts, both);
+		assert_int_equal(feedback(f, 0).doubts, 1);
+		assert_int_equal(feedback(f, 3).restarts, both);
+		assert_int_equal(feedback(f, 3).doubts, both);
+		for (unsigned axis = 0; axis < XYZA_AXIS_COUNT; axis++) {
+			assert_true(plate(f, axis)->doubtful == both);
+			assert_true(!(feedback(f, axis).status & DB_STATUS_ORIGIN_LOST) ==
+			            !(both && axis % 3 == 0));
+		}
+		drop(f);
+	}
+}
+
+/* Ports that are not told any more are shown as low, and settings whose answer was lost are read again. */
+static void what_was_lost_is_not_believed(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_up_to(f, ASK_PORTS);
+	value(f, 0x00030001);
+	program(f, 0, 0, 0);
+	assert_int_equal(feedback(f, 0).outputs, 3);
+	for (unsigned i = 0; i < 2; i++) {
+		poll_up_to(f, ASK_PORTS);
+		assert_int_equal(feedback(f, 0).outputs, 3);
+	}
+	poll_up_to(f, ASK_PORTS);
+	assert_int_equal(feedback(f, 0).outputs, 0);
+	assert_int_equal(feedback(f, 0).inputs, 0);
+	identify(f, 0);
+	assert_false(plate(f, 0)->doubtful);
+	command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ .target_position = 9 });
+	assert_string_equal(lost(f), "=timeout");
+	assert_false(plate(f, 0)->doubtful);
+	set(f, 0, XYZA_MANUAL_SPEED, 5);
+	lost(f);
+	assert_true(plate(f, 0)->doubtful);
+	drop(f);
+}
+
 static void dangerous_parameters_are_locked(void **state)
 {
 	static const enum xyza_param locked[] = { XYZA_FACTORY_RESET, XYZA_SLAVE_NUMBER,
@@ -3467,6 +3523,8 @@ int main(void)
 		cmocka_unit_test(a_stop_beside_a_stopped_program_may_be_refused),
 		cmocka_unit_test(an_item_that_is_refused_is_written_only_as_a_whole),
 		cmocka_unit_test(what_a_command_reads_is_shown),
+		cmocka_unit_test(two_axes_at_0_are_a_restart),
+		cmocka_unit_test(what_was_lost_is_not_believed),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
