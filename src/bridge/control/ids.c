@@ -27,6 +27,7 @@ void db_ids_clear(struct db_ids *ids)
 {
 	for (size_t i = 0; i < DB_IDS_DRIVES; i++)
 		free(ids->blocks[i]);
+	*ids = (struct db_ids){ .added = 0 };
 }
 
 static size_t find_block(const struct db_ids *ids, const char *drive)

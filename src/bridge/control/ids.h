@@ -38,6 +38,7 @@ struct db_ids {
 	struct db_id_block *blocks[DB_IDS_DRIVES]; /* null from the first unused one on */
 };
 
+/* All zero again. */
 void db_ids_clear(struct db_ids *ids);
 
 /* Identifies a call. The texts need only be valid during the function call. */

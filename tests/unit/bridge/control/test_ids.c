@@ -200,6 +200,20 @@ static void drives_are_bounded(void **state)
 	assert_null(add(*state, "newer", "1", KEPT + 1));
 }
 
+static void cleared_ones_are_forgotten(void **state)
+{
+	struct db_ids *ids = *state;
+	const struct db_id_call *call = add(ids, "lift", "7", 0);
+	uint64_t number;
+
+	assert_non_null(call);
+	number = call->number;
+	db_ids_clear(ids);
+	assert_false(knows(ids, "lift", "7"));
+	assert_null(db_ids_at(ids, number));
+	assert_non_null(add(ids, "lift", "7", 0));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -215,6 +229,7 @@ int main(void)
 		cmocka_unit_test_setup_teardown(one_user_leaves_places_to_the_others, open_ids,
 		                                close_ids),
 		cmocka_unit_test_setup_teardown(drives_are_bounded, open_ids, close_ids),
+		cmocka_unit_test_setup_teardown(cleared_ones_are_forgotten, open_ids, close_ids),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
