@@ -144,7 +144,7 @@ struct db_alarm_seen {
 void db_health_see(struct db_health *health, const struct db_alarm_seen *seen);
 void db_health_seen(struct db_health *health, uint64_t wall_us);
 
-/* All of them, for reading. The list is valid until the next call of a function above. */
+/* All of them. The list is valid until the next call of a function above. */
 struct db_alarms {
 	struct db_alarm *list; /* in the order of their ids */
 	bool *seen;            /* of each: it was seen since the last end */
@@ -155,11 +155,11 @@ struct db_alarms {
 	bool changed;         /* something that is to be written */
 	bool urgent;          /* ... soon */
 };
-struct db_alarms *db_health_alarms(struct db_health *health);
+const struct db_alarms *db_health_alarms(const struct db_health *health);
 
 /* The alarm of this id, which is acknowledged afterwards; one that was already stays as it is, and
  * *fresh is false. Null: there is none, or it is not of this drive ("": of whatever it is). */
-const struct db_alarm *db_alarms_acknowledge(struct db_alarms *alarms, uint64_t id,
+const struct db_alarm *db_health_acknowledge(struct db_health *health, uint64_t id,
                                              const char *drive, const char *by, uint64_t wall_us,
                                              bool *fresh);
 

@@ -174,8 +174,7 @@ void db_alarms_acknowledge_call(const struct db_call *call)
 		return;
 	}
 	db_session_text(session, by);
-	alarm = db_alarms_acknowledge(db_health_alarms(health), (uint64_t)id, drive, by,
-	                              db_clock_wall_us(), &fresh);
+	alarm = db_health_acknowledge(health, (uint64_t)id, drive, by, db_clock_wall_us(), &fresh);
 	if (!alarm) {
 		db_session_fail(session, "io.drivebridge.Control.NoSuchAlarm",
 		                json_pack("{s:I}", "id", (json_int_t)id));

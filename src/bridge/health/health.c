@@ -380,9 +380,16 @@ void db_health_seen(struct db_health *health, uint64_t wall_us)
 		db_alarms_end(&health->alarms, wall_us);
 }
 
-struct db_alarms *db_health_alarms(struct db_health *health)
+const struct db_alarms *db_health_alarms(const struct db_health *health)
 {
 	return &health->alarms;
+}
+
+const struct db_alarm *db_health_acknowledge(struct db_health *health, uint64_t id,
+                                             const char *drive, const char *by, uint64_t wall_us,
+                                             bool *fresh)
+{
+	return db_alarms_acknowledge(&health->alarms, id, drive, by, wall_us, fresh);
 }
 
 static void load_alarms(struct db_health *health, db_time now)

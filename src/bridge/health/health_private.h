@@ -201,6 +201,10 @@ void db_alarms_clear(struct db_alarms *alarms);
 /* Without memory it is left out, and seen again. */
 void db_alarms_see(struct db_alarms *alarms, const struct db_alarm_seen *seen);
 void db_alarms_end(struct db_alarms *alarms, uint64_t wall_us);
+/* As db_health_acknowledge(). */
+const struct db_alarm *db_alarms_acknowledge(struct db_alarms *alarms, uint64_t id,
+                                             const char *drive, const char *by, uint64_t wall_us,
+                                             bool *fresh);
 
 /* The bytes of the file, to be freed; null: no memory. */
 uint8_t *db_alarms_write(const struct db_alarms *alarms, size_t *size);

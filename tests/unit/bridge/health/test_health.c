@@ -289,8 +289,8 @@ static void alarms_are_kept(void **state)
 	see(health, "feeder", NOON);
 	db_health_seen(health, NOON);
 	db_health_tick(health, DB_NS_PER_S, NOON);
-	assert_non_null(db_alarms_acknowledge(db_health_alarms(health), 1, "", "control, user anna",
-	                                      NOON + 5, &fresh));
+	assert_non_null(
+		db_health_acknowledge(health, 1, "", "control, user anna", NOON + 5, &fresh));
 	assert_true(fresh);
 	end(health, 2 * DB_NS_PER_S);
 
