@@ -58,10 +58,15 @@ static struct db_positions *positions_of(const struct db_call *call)
 	return positions;
 }
 
-static void refuse(const struct db_call *call, const struct db_position_flaw_row *why)
+static void refuse(const struct db_call *call, const char *why, const char *text)
 {
 	db_session_fail(call->session, ERROR("PositionRefused"),
-	                json_pack("{s:s, s:s}", "why", why->name, "text", why->text));
+	                json_pack("{s:s, s:s}", "why", why, "text", text));
+}
+
+static void refuse_flaw(const struct db_call *call, enum db_position_flaw flaw)
+{
+	refuse(call, db_position_flaws[flaw].name, db_position_flaws[flaw].text);
 }
 
 /* The position that the call names. Null: the call was answered. */
@@ -141,16 +146,12 @@ static void record(const struct db_call *call, const char *what, const struct db
 /* True if the drive's present place can be taught; if not, the call is answered. */
 static bool may_teach(const struct db_call *call, const struct db_position_drive *now)
 {
-	static const struct db_position_flaw_row moves = {
-		"moves", "the drive moves: teach it when it stands"
-	};
-
 	if (!now->online || !now->identified || !(now->counts_per_unit > 0.0))
-		refuse(call, &db_position_flaws[DB_POSITION_OFFLINE]);
+		refuse_flaw(call, DB_POSITION_OFFLINE);
 	else if (now->lost)
-		refuse(call, &db_position_flaws[DB_POSITION_ORIGIN_LOST]);
+		refuse_flaw(call, DB_POSITION_ORIGIN_LOST);
 	else if (!now->stands)
-		refuse(call, &moves);
+		refuse(call, "moves", "the drive moves: teach it when it stands");
 	else
 		return true;
 	return false;
@@ -160,9 +161,6 @@ static bool may_teach(const struct db_call *call, const struct db_position_drive
 static void put(const struct db_call *call, const struct db_position *position, const char *what,
                 const struct db_position_drive *now, const char *unit)
 {
-	static const struct db_position_flaw_row full = {
-		"full", "there are as many named positions as there may be: forget one"
-	};
 	const struct db_control_socket_setup *setup = &call->session->control->setup;
 	struct db_positions *positions = positions_of(call);
 	int error = positions ? db_positions_put(positions, position) : 0;
@@ -170,7 +168,8 @@ static void put(const struct db_call *call, const struct db_position *position, 
 	if (!positions)
 		return;
 	if (error == -ENOSPC) {
-		refuse(call, &full);
+		refuse(call, "full",
+		       "there are as many named positions as there may be: forget one");
 		return;
 	}
 	if (error != 0) {
@@ -215,7 +214,7 @@ void db_positions_teach(const struct db_call *call)
 			return;
 		flaw = db_position_judge(former, &now);
 		if (flaw != DB_POSITION_GOOD && flaw != DB_POSITION_OTHER_ORIGIN) {
-			refuse(call, &db_position_flaws[flaw]);
+			refuse_flaw(call, flaw);
 			return;
 		}
 		position = *former;
@@ -320,6 +319,6 @@ bool db_positions_allow(const struct db_call *call, const struct db_command_row 
 	                                                           .drive = drive->config->name,
 	                                                           .text = text,
 	                                                           .result = DB_RESULT_REFUSED });
-	refuse(call, &db_position_flaws[flaw]);
+	refuse_flaw(call, flaw);
 	return false;
 }
