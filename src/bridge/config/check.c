@@ -332,23 +332,27 @@ static struct filter_list filters_of(const struct db_bus_config *bus)
 	return list;
 }
 
+/* True if an id passes a filter of each; a bus without filters sees every frame. */
+static bool filters_collide(const struct filter_list *list, const struct filter_list *others)
+{
+	for (size_t i = 0; i < list->count; i++) {
+		for (size_t j = 0; j < others->count; j++) {
+			const struct db_can_filter *a = &list->filters[i];
+			const struct db_can_filter *b = &others->filters[j];
+
+			if (((a->id ^ b->id) & a->mask & b->mask) == 0)
+				return true;
+		}
+	}
+	return list->count == 0 || others->count == 0;
+}
+
 static void check_pair(struct db_load *load, const struct db_bus_config *bus,
                        const struct db_bus_config *other)
 {
 	struct filter_list filters = filters_of(bus), others = filters_of(other);
-	/* A bus without filters sees every frame. */
-	bool collide = filters.count == 0 || others.count == 0;
 
-	for (size_t i = 0; i < filters.count; i++) {
-		for (size_t j = 0; j < others.count; j++) {
-			const struct db_can_filter *a = &filters.filters[i];
-			const struct db_can_filter *b = &others.filters[j];
-
-			/* An id passes both. */
-			collide = collide || ((a->id ^ b->id) & a->mask & b->mask) == 0;
-		}
-	}
-	if (collide)
+	if (filters_collide(&filters, &others))
 		db_messages_add_error(
 			&load->messages,
 			db_section_find_line(load, "bus", bus->name, bus->source_line, "interface"),

@@ -10,21 +10,25 @@
 /* All addresses of IPv4, as they are written in IPv6. */
 #define V4_BITS 96
 
-/* Of `section` and `title`, whose line is `head`: does its key allow-write have everybody? */
-static void check_writers(struct db_load *load, const char *section, const char *title,
-                          unsigned head, const char *listen, const struct db_network *writers,
-                          size_t count)
+static bool has_everybody(const struct db_network *networks, size_t count)
 {
 	static const uint8_t v4[12] = { [10] = 0xFF, [11] = 0xFF };
-	bool everybody = false;
 
-	for (size_t i = 0; i < count; i++)
-		everybody = everybody || writers[i].prefix == 0 ||
-		            (writers[i].prefix == V4_BITS &&
-		             memcmp(writers[i].address, v4, sizeof(v4)) == 0);
+	for (size_t i = 0; i < count; i++) {
+		if (networks[i].prefix == 0 || (networks[i].prefix == V4_BITS &&
+		                                memcmp(networks[i].address, v4, sizeof(v4)) == 0))
+			return true;
+	}
+	return false;
+}
+
+/* `section` and `title` have the key allow-write; `head` is their line. */
+static void warn_of_everybody(struct db_load *load, const char *section, const char *title,
+                              unsigned head, const char *listen)
+{
 	/* Nobody reaches the loopback interface from elsewhere. */
-	if (everybody && listen && strncmp(listen, "127.", 4) != 0 &&
-	    strncmp(listen, "[::1]", 5) != 0 && strncmp(listen, "localhost:", 10) != 0)
+	if (listen && strncmp(listen, "127.", 4) != 0 && strncmp(listen, "[::1]", 5) != 0 &&
+	    strncmp(listen, "localhost:", 10) != 0)
 		db_messages_add_warning(
 			&load->messages,
 			db_section_find_line(load, section, title, head, "allow-write"),
@@ -53,13 +57,14 @@ void db_doors_check(struct db_load *load)
 	const char *slash = load->path ? strrchr(load->path, '/') : NULL;
 	char *folder;
 
-	check_writers(load, "modbus", "", 0, modbus->listen, modbus->allow_write,
-	              modbus->allow_write_count);
+	if (has_everybody(modbus->allow_write, modbus->allow_write_count))
+		warn_of_everybody(load, "modbus", "", 0, modbus->listen);
 	for (size_t i = 0; i < modbus->endpoint_count; i++) {
 		const struct db_endpoint_config *endpoint = &modbus->endpoints[i];
 
-		check_writers(load, "endpoint", endpoint->name, endpoint->source_line,
-		              endpoint->listen, endpoint->allow_write, endpoint->allow_write_count);
+		if (has_everybody(endpoint->allow_write, endpoint->allow_write_count))
+			warn_of_everybody(load, "endpoint", endpoint->name, endpoint->source_line,
+			                  endpoint->listen);
 	}
 	if (!load->path)
 		return;
