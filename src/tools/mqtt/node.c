@@ -635,7 +635,10 @@ static void on_sent(void *form, int number, bool refused, db_time now)
 		bool history = node->prepared.what == HISTORY;
 		enum db_mqtt_shelf shelf = history ? DB_MQTT_SHELF_LATER : DB_MQTT_SHELF_NOW;
 
-		db_mqtt_store_sent(node->store, shelf, refused, now);
+		if (refused)
+			db_mqtt_store_drop(node->store, shelf);
+		else
+			db_mqtt_store_sent(node->store, shelf, now);
 		node->history_left -= history;
 		break;
 	}

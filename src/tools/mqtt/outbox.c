@@ -141,33 +141,42 @@ void db_mqtt_outbox_add_sample(struct db_mqtt_outbox *outbox, enum db_mqtt_lane 
 	outbox->stats.bytes += bytes;
 }
 
+/* The entry of the topic, a new one if necessary; NULL without memory. */
+static struct retained *find_retained(struct db_mqtt_outbox *outbox, const char *topic)
+{
+	struct retained *grown;
+	char *copy;
+
+	for (size_t i = 0; i < outbox->retained_count; i++) {
+		if (strcmp(outbox->retained[i].topic, topic) == 0)
+			return &outbox->retained[i];
+	}
+	grown = reallocarray(outbox->retained, outbox->retained_count + 1, sizeof(*grown));
+	copy = strdup(topic);
+	if (grown)
+		outbox->retained = grown;
+	if (!grown || !copy) {
+		free(copy);
+		return NULL;
+	}
+	grown[outbox->retained_count] = (struct retained){ .topic = copy };
+	return &grown[outbox->retained_count++];
+}
+
 void db_mqtt_outbox_set_retained(struct db_mqtt_outbox *outbox, const char *topic,
                                  const char *payload)
 {
 	char *copy = strdup(payload);
-	size_t place = 0;
+	struct retained *retained = copy ? find_retained(outbox, topic) : NULL;
 
-	while (place < outbox->retained_count && strcmp(outbox->retained[place].topic, topic) != 0)
-		place++;
-	if (copy && place == outbox->retained_count) {
-		struct retained *grown = reallocarray(outbox->retained, place + 1, sizeof(*grown));
-		char *name = strdup(topic);
-
-		if (grown)
-			outbox->retained = grown;
-		if (grown && name)
-			grown[outbox->retained_count++] = (struct retained){ .topic = name };
-		else
-			free(name);
-	}
-	if (!copy || place == outbox->retained_count) {
+	if (!retained) {
 		free(copy);
 		return;
 	}
-	free(outbox->retained[place].payload);
+	free(retained->payload);
 	/* gcc's analyzer does not see that the outbox has it now. */
-	outbox->retained[place].payload = copy;
-	outbox->retained[place].wanted = true;
+	retained->payload = copy;
+	retained->wanted = true;
 }
 
 bool db_mqtt_outbox_next(struct db_mqtt_outbox *outbox, struct db_mqtt_message *message)

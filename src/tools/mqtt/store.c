@@ -122,20 +122,19 @@ const struct db_mqtt_stored *db_mqtt_store_first(const struct db_mqtt_store *sto
 	return store->shelves[shelf].first;
 }
 
-void db_mqtt_store_sent(struct db_mqtt_store *store, enum db_mqtt_shelf shelf, bool refused,
-                        db_time now)
+void db_mqtt_store_sent(struct db_mqtt_store *store, enum db_mqtt_shelf shelf, db_time now)
 {
-	struct db_mqtt_stored *stored;
+	struct db_mqtt_stored *stored = take_first(store, shelf);
 
-	if (refused) {
-		store->stats.dropped += free_first(store, shelf);
-		return;
-	}
-	stored = take_first(store, shelf);
 	if (!stored)
 		return;
 	stored->sent = now;
 	put_last(store, DB_MQTT_SHELF_SENT, stored);
+}
+
+void db_mqtt_store_drop(struct db_mqtt_store *store, enum db_mqtt_shelf shelf)
+{
+	store->stats.dropped += free_first(store, shelf);
 }
 
 void db_mqtt_store_park(struct db_mqtt_store *store)

@@ -55,10 +55,11 @@ void db_mqtt_store_add(struct db_mqtt_store *store, enum db_mqtt_shelf shelf, co
 const struct db_mqtt_stored *db_mqtt_store_first(const struct db_mqtt_store *store,
                                                  enum db_mqtt_shelf shelf);
 
-/* The first one of the shelf was sent; it is kept until db_mqtt_store_settle(). Or `refused`, as of
- * db_mqtt_source_ops: then it is dropped and counted. */
-void db_mqtt_store_sent(struct db_mqtt_store *store, enum db_mqtt_shelf shelf, bool refused,
-                        db_time now);
+/* The first one of the shelf was sent; it is kept until db_mqtt_store_settle(). */
+void db_mqtt_store_sent(struct db_mqtt_store *store, enum db_mqtt_shelf shelf, db_time now);
+
+/* The first one of the shelf is dropped and counted. */
+void db_mqtt_store_drop(struct db_mqtt_store *store, enum db_mqtt_shelf shelf);
 
 /* The first one of LATER waits until its device is there. */
 void db_mqtt_store_park(struct db_mqtt_store *store);

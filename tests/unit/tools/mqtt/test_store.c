@@ -50,8 +50,8 @@ static void test_a_lost_session_is_told_later(void **state)
 	add(store, DB_MQTT_SHELF_NOW, "a", 2);
 	add(store, DB_MQTT_SHELF_NOW, "a", 3);
 	expect(store, DB_MQTT_SHELF_NOW, 1, false);
-	db_mqtt_store_sent(store, DB_MQTT_SHELF_NOW, false, 100);
-	db_mqtt_store_sent(store, DB_MQTT_SHELF_NOW, false, 200);
+	db_mqtt_store_sent(store, DB_MQTT_SHELF_NOW, 100);
+	db_mqtt_store_sent(store, DB_MQTT_SHELF_NOW, 200);
 	assert_int_equal(db_mqtt_store_read_stats(store).messages, 1);
 	/* The first one has arrived, the second one may not have. */
 	db_mqtt_store_settle(store, 150);
@@ -59,7 +59,7 @@ static void test_a_lost_session_is_told_later(void **state)
 	assert_null(db_mqtt_store_first(store, DB_MQTT_SHELF_NOW));
 	for (int number = 2; number <= 3; number++) {
 		expect(store, DB_MQTT_SHELF_LATER, number, true);
-		db_mqtt_store_sent(store, DB_MQTT_SHELF_LATER, false, 300);
+		db_mqtt_store_sent(store, DB_MQTT_SHELF_LATER, 300);
 	}
 	assert_null(db_mqtt_store_first(store, DB_MQTT_SHELF_LATER));
 	/* After a farewell all has arrived. */
@@ -92,7 +92,7 @@ static void test_bytes_are_bounded(void **state)
 	uint8_t big[BYTES] = { 0 };
 
 	db_mqtt_store_add(store, DB_MQTT_SHELF_NOW, "a", big, 700);
-	db_mqtt_store_sent(store, DB_MQTT_SHELF_NOW, false, 1);
+	db_mqtt_store_sent(store, DB_MQTT_SHELF_NOW, 1);
 	db_mqtt_store_add(store, DB_MQTT_SHELF_NOW, "a", big, 700);
 	/* Copies of what was sent go first, and are not counted. */
 	db_mqtt_store_add(store, DB_MQTT_SHELF_NOW, "a", big, 700);
@@ -121,7 +121,7 @@ static void test_a_device_that_is_not_there(void **state)
 	assert_null(db_mqtt_store_first(store, DB_MQTT_SHELF_NOW));
 	assert_int_equal(db_mqtt_store_read_stats(store).messages, 1);
 	assert_int_equal(db_mqtt_store_read_stats(store).dropped, 2);
-	db_mqtt_store_sent(store, DB_MQTT_SHELF_LATER, true, 300);
+	db_mqtt_store_drop(store, DB_MQTT_SHELF_LATER);
 	assert_int_equal(db_mqtt_store_read_stats(store).dropped, 3);
 	assert_int_equal(db_mqtt_store_read_stats(store).bytes, 0);
 }
