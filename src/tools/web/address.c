@@ -100,19 +100,26 @@ bool db_web_network_is_good(const char *network)
 	return parse_network(network, &address, &bits);
 }
 
+static bool network_has(const char *network, const struct db_web_address *address)
+{
+	struct db_web_address first;
+	unsigned bits;
+
+	if (!parse_network(network, &first, &bits))
+		return false;
+	for (unsigned i = 0; i < bits; i++) {
+		unsigned differ = first.bytes[i / 8] ^ address->bytes[i / 8];
+
+		if (differ & (0x80U >> (i % 8)))
+			return false;
+	}
+	return true;
+}
+
 bool db_web_networks_have(const struct db_setting_list *list, const struct db_web_address *address)
 {
 	for (const char *at = list->names; at && *at; at += strlen(at) + 1) {
-		struct db_web_address first;
-		unsigned bits;
-		unsigned same = 0;
-
-		if (!parse_network(at, &first, &bits))
-			continue;
-		while (same < bits && !((first.bytes[same / 8] ^ address->bytes[same / 8]) &
-		                        (0x80U >> (same % 8))))
-			same++;
-		if (same == bits)
+		if (network_has(at, address))
 			return true;
 	}
 	return false;
