@@ -21,7 +21,7 @@ from opcualib import OPERATOR as OPCUA_OPERATOR
 from opcualib import READER as OPCUA_READER
 from opcualib import at, call, connect, fixture_certificate, fixture_make_server, in_loop, says, until  # noqa: F401
 from pymodbus.client import ModbusTcpClient
-from test_control import Tool, as_nobody
+from test_control import INTERFACE, Line, Tool, as_nobody
 from test_history import entry
 from test_mqtt import command, commander  # noqa: F401
 from test_roles import USERS, method, run, stream, users_text, variable, write
@@ -487,6 +487,16 @@ def test_off_and_without_files(make_bridge, state, monkeypatch):
     assert other.drive().command("enable") == 0
     done = ctl(other, "audit")
     assert done.returncode == 1 and "keeps no files" in done.stderr
+
+
+def test_who_leaves_while_it_is_read_leaves_it_to_others(state, make_bridge):
+    bridge = make_bridge()
+    for _ in range(20):
+        with Line(bridge) as line:
+            line.ask(INTERFACE + ".Audit")
+    with Line(bridge) as line:
+        line.ask(INTERFACE + ".Audit")
+        assert "records" in line.answer()["parameters"]
 
 
 def test_size(state, make_bridge):

@@ -130,6 +130,15 @@ def test_who_may_only_read_sees_and_acknowledges_nothing(make_bridge):
     assert acknowledge["error"].endswith("NotAllowed")
 
 
+def test_who_leaves_while_values_are_read_leaves_them_to_others(bridge):
+    for _ in range(20):
+        with Line(bridge) as line:
+            line.ask(INTERFACE + ".Health")
+    with Line(bridge) as line:
+        line.ask(INTERFACE + ".Health")
+        assert line.answer()["parameters"]["on"]
+
+
 def test_wrong_questions(bridge):
     with Line(bridge) as line:
         for method, parameters, error in (
