@@ -7,6 +7,7 @@
  */
 #include "codec/can.h"
 #include "codec/vsmd.h"
+#include "codec/vsmd_describe.h"
 #include "driver/list.h"
 #include "driver/vsmd/vsmd_private.h"
 #include "fakes/options.h"
@@ -44,11 +45,21 @@ struct fixture {
 	char said[1024]; /* the exchange, as "ID#DATA ID#DATA" */
 };
 
+/* The frames whose time was asked for, as in `said`. */
+static char timed[256];
+
 static db_time wire_time(const struct db_bus_config *bus, const uint8_t *request,
                          size_t request_length, size_t answer_length)
 {
+	struct db_can_frame frame;
+	char *at = timed + strlen(timed);
+
 	(void)bus;
-	(void)request;
+	memcpy(&frame, request, sizeof frame);
+	at += sprintf(at, "%08X#", frame.id & DB_CAN_ID_MASK);
+	for (unsigned i = 0; i < frame.length; i++)
+		at += sprintf(at, "%02X", frame.data[i]);
+	sprintf(at, " ");
 	return (db_time)(request_length + answer_length) * DB_NS_PER_US;
 }
 
@@ -2107,6 +2118,422 @@ static void a_model_without_some_registers_is_identified_at_once(void **state)
 	drop(f);
 }
 
+/* The text of an identification: this word, and blanks. */
+static const char *tell_identity(struct fixture *f, uint32_t word)
+{
+	answer(f, frame_of(0x0008020A, word, 0x20202020, 8));
+	answer(f, frame_of(0x0008020C, 0x20202020, 0x20202020, 8));
+	answer(f, frame_of(0x0008020E, 0x20202020, 0x20202020, 8));
+	return answer(f, frame_of(0x00080210, 0x20202020, 0, 4));
+}
+
+/* These registers are read now, and no others; then the answer of all of them, or of none. */
+static void is_read(struct fixture *f, unsigned first, unsigned count, bool answered)
+{
+	char said[64];
+
+	sprintf(said, "0008039F#%02X%02X 0008039E#0B01", first, count);
+	assert_string_equal(f->said, said);
+	for (unsigned reg = first; reg < first + count && answered; reg += 2)
+		assert_string_equal(answer(f, frame_of(0x00080280 + reg, 1, 1,
+		                                       first + count - reg > 1 ? 8 : 4)),
+		                    "more");
+	guard(f);
+}
+
+/* A frame may have been lost: it takes two reads of one register alone to say that a model lacks it. */
+static void a_register_is_missing_that_was_asked_for_twice(void **state)
+{
+	struct fixture *f = make(0, 0);
+	const struct db_nameplate *plate = db_driver_vsmd_can.nameplate(f->device);
+	uint32_t generation;
+
+	(void)state;
+	begin(f, DB_JOB_IDENTIFY);
+	tell_identity(f, 0x56534D44);
+	is_read(f, 0x00, 8, false);
+	is_read(f, 0x00, 4, false);
+	generation = plate->generation;
+	is_read(f, 0x00, 2, true);
+	/* What is known is shown at once. */
+	assert_true(is_valid(f, VSMD_CID));
+	assert_true(plate->generation > generation);
+	assert_false(feedback(f).status & DB_STATUS_PARAMS_VALID);
+	is_read(f, 0x02, 2, false);
+	is_read(f, 0x02, 1, false);
+	is_read(f, 0x02, 1, false);
+	/* The one after it has its own two. */
+	is_read(f, 0x03, 1, false);
+	is_read(f, 0x03, 1, true);
+	is_read(f, 0x04, 8, false);
+	is_read(f, 0x04, 4, false);
+	is_read(f, 0x04, 2, false);
+	is_read(f, 0x04, 1, false);
+	is_read(f, 0x04, 1, true);
+	is_read(f, 0x05, 1, false);
+	is_read(f, 0x05, 1, true);
+	is_read(f, 0x06, 8, true);
+	is_read(f, 0x0E, 8, true);
+	is_read(f, 0x17, 8, true);
+	is_read(f, 0x1F, 8, true);
+	is_read(f, 0x27, 2, true);
+	is_read(f, 0x2A, 2, true);
+	assert_string_equal(f->said, "=ok");
+	assert_false(is_valid(f, VSMD_MCS));
+	assert_true(is_valid(f, VSMD_SPD) && is_valid(f, VSMD_ACC) && is_valid(f, VSMD_DEC) &&
+	            is_valid(f, VSMD_SPL));
+	assert_true(feedback(f).status & DB_STATUS_PARAMS_VALID);
+	/* Another model may have it ... */
+	begin(f, DB_JOB_IDENTIFY);
+	tell_identity(f, 0x56534D44);
+	is_read(f, 0x00, 2, true);
+	begin(f, DB_JOB_IDENTIFY);
+	tell_identity(f, 0x56534D45);
+	is_read(f, 0x00, 8, true);
+	/* ... and what one does not answer any more is not known of it. */
+	is_read(f, 0x08, 8, true);
+	is_read(f, 0x10, 6, true);
+	is_read(f, 0x17, 8, true);
+	is_read(f, 0x1F, 8, true);
+	is_read(f, 0x27, 2, true);
+	is_read(f, 0x2A, 2, false);
+	is_read(f, 0x2A, 1, true);
+	is_read(f, 0x2B, 1, false);
+	is_read(f, 0x2B, 1, false);
+	assert_string_equal(f->said, "=ok");
+	assert_true(is_valid(f, VSMD_SML));
+	assert_false(is_valid(f, VSMD_SPL));
+	/* Who asks for all is told all. */
+	command(f, DB_CMD_READ_PARAMETERS, (struct db_args){ 0 });
+	tell_identity(f, 0x56534D45);
+	is_read(f, 0x00, 8, true);
+	is_read(f, 0x08, 8, true);
+	is_read(f, 0x10, 6, true);
+	is_read(f, 0x17, 8, true);
+	is_read(f, 0x1F, 8, true);
+	is_read(f, 0x27, 2, true);
+	is_read(f, 0x2A, 2, true);
+	assert_string_equal(f->said, "=ok");
+	assert_true(is_valid(f, VSMD_SPL));
+	drop(f);
+}
+
+/* In its turn comes the only one that there is. */
+static void a_single_register_is_read_again_and_again(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	identify_without(f, 0x01, 0x2B, 0xFF);
+	for (unsigned i = 0; i < 3; i++) {
+		assert_int_equal(refresh(f), 0x00);
+		assert_string_equal(data(f, 0x00, 1), "=ok");
+	}
+	drop(f);
+}
+
+/* An empty text is none. */
+static void an_identity_is_what_was_told_last(void **state)
+{
+	struct fixture *f = make(0, 0);
+	const struct db_nameplate *plate = db_driver_vsmd_can.nameplate(f->device);
+
+	(void)state;
+	begin(f, DB_JOB_IDENTIFY);
+	tell_identity(f, 0x56534D44);
+	assert_string_equal(plate->identity, "VSMD");
+	begin(f, DB_JOB_IDENTIFY);
+	tell_identity(f, 0x20202020);
+	assert_string_equal(plate->identity, "VSMD");
+	begin(f, DB_JOB_IDENTIFY);
+	tell_identity(f, 0x56202020);
+	assert_string_equal(plate->identity, "V");
+	/* As long as there is room for. */
+	begin(f, DB_JOB_IDENTIFY);
+	for (unsigned reg = 0; reg < 6; reg += 2)
+		answer(f, frame_of(0x0008020A + reg, 0x41424344, 0x45464748, 8));
+	answer(f, frame_of(0x00080210, 0x41424344, 0, 4));
+	assert_string_equal(plate->identity, "ABCDEFGHABCDEFGHABCDEFGHABCD");
+	drop(f);
+}
+
+/* A drive that answers no long read: everything is asked for in parts, and put together again. */
+static void a_drive_that_tells_two_registers_at_once(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	begin(f, DB_JOB_POLL);
+	begin(f, DB_JOB_POLL);
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0002 0008039E#0201");
+	assert_string_equal(answer(f, frame_of(0x00080200, 0x44C80000, 111, 8)), "more");
+	assert_string_equal(answer(f, frame_of(0x00080202, RUNS, 0, 4)), "=ok");
+	assert_int_equal(feedback(f).position, 111);
+	assert_true(feedback(f).velocity == 1600.0f);
+	/* There is no room for the reports and the identity in one burst. */
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#00 0008039E#0B01");
+	assert_string_equal(guard(f), "0008039E#0A02 0008039E#0C02 0008039E#0E02 0008039E#1001");
+	assert_int_equal(f->exchange.answer_length, 4 * 8 + 7 * 4);
+	tell_identity(f, 0x56534D44);
+	assert_string_equal(db_driver_vsmd_can.nameplate(f->device)->identity, "VSMD");
+	is_read(f, 0x00, 2, true);
+	is_read(f, 0x02, 2, true);
+	assert_true(is_valid(f, VSMD_MCS));
+	drop(f);
+}
+
+/* A drive that is only ever asked for two has not shown that it tells three. */
+static void a_short_read_shows_nothing_of_long_ones(void **state)
+{
+	struct fixture *f = make_reporting(0, 50, 1);
+
+	(void)state;
+	for (unsigned i = 0; i < 4; i++) {
+		begin(f, DB_JOB_POLL);
+		assert_string_equal(answer(f, frame_of(0x00080201, 0, STANDS, 8)), "=ok");
+	}
+	assert_string_equal(command(f, DB_CMD_ENABLE, (struct db_args){ 0 }),
+	                    "00080381# 0008039E#0003");
+	for (unsigned i = 0; i < 3; i++)
+		begin(f, DB_JOB_POLL);
+	assert_string_equal(command(f, DB_CMD_ENABLE, (struct db_args){ 0 }),
+	                    "00080381# 0008039E#0002 0008039E#0201");
+	drop(f);
+}
+
+/* Until one is answered; that one is kept. */
+static void probes_are_tried_in_turn(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0A01");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0001");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039F#0001");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0A01");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0001");
+	assert_string_equal(speed(f, 0.0f), "=ok");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0001");
+	assert_string_equal(answer(f, frame_of(0x0008020A, 0x56534D44, 0, 4)), "ignored");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0001");
+	/* What it answers follows what it may not answer: here it tells no identity. */
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#00 0008039E#0A07 0008039E#0001");
+	assert_string_equal(speed(f, 0.0f), "0008039F#0008 0008039E#0001");
+	assert_string_equal(db_driver_vsmd_can.nameplate(f->device)->identity, "");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0001");
+	/* It tells one all the same: then that is what it is asked for. */
+	begin(f, DB_JOB_IDENTIFY);
+	assert_string_equal(tell_identity(f, 0x56534D44), "more");
+	assert_string_equal(speed(f, 0.0f), "0008039F#0008 0008039E#0B01");
+	assert_string_equal(db_driver_vsmd_can.nameplate(f->device)->identity, "VSMD");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0A01");
+	drop(f);
+	/* A drive that tells neither an identity nor three registers is asked for parameters at once. */
+	f = make(0, 0);
+	begin(f, DB_JOB_PROBE);
+	begin(f, DB_JOB_PROBE);
+	assert_string_equal(speed(f, 0.0f), "=ok");
+	for (unsigned i = 0; i < 3; i++)
+		begin(f, DB_JOB_POLL);
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#00 0008039E#0001");
+	assert_string_equal(speed(f, 0.0f), "0008039F#0002 0008039E#0001");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0001");
+	drop(f);
+}
+
+/* It shows that the drive is there, and which probe it answers; nothing else does. */
+static void a_late_answer_to_the_first_probe_counts(void **state)
+{
+	static const struct {
+		uint32_t id;
+		uint8_t length;
+	} others[] = {
+		{ 0x0008040A, 4 }, /* of drive 2 */
+		{ 0x0008028A, 4 }, /* a parameter */
+		{ 0x0008020B, 4 },
+		{ 0x0008020A, 8 },
+	};
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	begin(f, DB_JOB_PROBE);
+	begin(f, DB_JOB_PROBE);
+	for (size_t i = 0; i < sizeof others / sizeof others[0]; i++)
+		assert_string_equal(
+			answer(f, frame_of(others[i].id, 0x56534D44, 0, others[i].length)),
+			"ignored");
+	/* It is no answer to a read of the status. */
+	begin(f, DB_JOB_POLL);
+	assert_string_equal(answer(f, frame_of(0x0008020A, 0x56534D44, 0, 4)), "ignored");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039F#0001");
+	assert_string_equal(answer(f, frame_of(0x0008020A, 0x56534D44, 0, 4)), "=ok");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0A01");
+	drop(f);
+}
+
+/* --- parameters: what is shown of them ---------------------------------------------------------- */
+
+static bool is_told_now(const struct fixture *f, enum vsmd_param param)
+{
+	return db_driver_vsmd_can.nameplate(f->device)->told[param] == db_told_at(f->now);
+}
+
+/* All parameters of a register were seen when it was; those of others were not. */
+static void a_register_tells_all_its_parameters(void **state)
+{
+	struct fixture *f = make(0, 0);
+	const struct db_nameplate *plate = db_driver_vsmd_can.nameplate(f->device);
+
+	(void)state;
+	identify(f);
+	f->now += 100000 * MS;
+	f->request = (struct db_request){ .args = &f->args };
+	set(f, VSMD_MCS, 5);
+	begin(f, DB_JOB_SETTINGS);
+	assert_string_equal(data(f, 0x02, 5), "=ok");
+	assert_true(is_told_now(f, VSMD_MCS));
+	assert_false(is_told_now(f, VSMD_CID) || is_told_now(f, VSMD_SPD));
+	/* The same in its turn, whether it holds something else ... */
+	while (refresh(f) != 0x09)
+		lost(f);
+	f->now += 100000 * MS;
+	assert_string_equal(data(f, 0x09, 0x00000004), "=ok");
+	assert_int_equal(plate->values[VSMD_S2R].u, 4);
+	assert_true(is_told_now(f, VSMD_S1F) && is_told_now(f, VSMD_S1R) &&
+	            is_told_now(f, VSMD_S2F) && is_told_now(f, VSMD_S2R));
+	assert_false(is_told_now(f, VSMD_CID) || is_told_now(f, VSMD_S3F) ||
+	             is_told_now(f, VSMD_CRH));
+	/* ... or not. */
+	while (refresh(f) != 0x0D)
+		lost(f);
+	f->now += 100000 * MS;
+	assert_string_equal(data(f, 0x0D, 0), "=ok");
+	for (unsigned i = 0; i < 6; i++)
+		assert_true(is_told_now(f, VSMD_S1 + i));
+	assert_false(is_told_now(f, VSMD_CID) || is_told_now(f, VSMD_PUD) ||
+	             is_told_now(f, VSMD_ZMD));
+	drop(f);
+}
+
+/* What lies behind the settings of a request is none of it. */
+static void only_what_was_asked_for_is_written(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	f->request = (struct db_request){ .args = &f->args };
+	set(f, VSMD_S1R, 3);
+	set(f, VSMD_S2R, 4);
+	f->request.setting_count = 1;
+	begin(f, DB_JOB_SETTINGS);
+	assert_string_equal(data(f, 0x09, 0x01020506),
+	                    "00080309#01030506 0008039F#0901 0008039E#0B01");
+	assert_string_equal(data(f, 0x09, 0x01030506), "=ok");
+	f->exchange.request_size = sizeof(struct db_can_frame) - 1;
+	f->settings[0].param = VSMD_MCS;
+	assert_string_equal(begin(f, DB_JOB_SETTINGS), "=failed");
+	drop(f);
+}
+
+/* A drive that keeps a value nobody knew has not changed it: it ignores what it is told. What it holds is shown. */
+static void a_write_that_is_ignored_shows_what_is_held(void **state)
+{
+	struct fixture *f = make(0, 0);
+	const struct db_nameplate *plate = db_driver_vsmd_can.nameplate(f->device);
+	uint32_t generation = plate->generation;
+
+	(void)state;
+	f->request = (struct db_request){ .args = &f->args };
+	set(f, VSMD_MCS, 5);
+	begin(f, DB_JOB_SETTINGS);
+	data(f, 0x02, 4);
+	assert_string_equal(data(f, 0x02, 4), "0008039E#0102");
+	assert_true(is_valid(f, VSMD_MCS));
+	assert_int_equal(plate->values[VSMD_MCS].u, 4);
+	assert_true(plate->generation > generation);
+	assert_string_equal(confirm(f, 0, STANDS), "=failed");
+	assert_false(plate->doubtful);
+	/* Of several, some may have been written that are not shown. */
+	set(f, VSMD_CRA, 1);
+	begin(f, DB_JOB_SETTINGS);
+	data(f, 0x02, 4);
+	data(f, 0x02, 4);
+	assert_true(plate->doubtful);
+	drop(f);
+}
+
+/* Whatever becomes of it: the drive may have taken the value. */
+static void a_write_without_an_answer_leaves_doubt(void **state)
+{
+	struct fixture *f = make(0, 0);
+	const struct db_nameplate *plate = db_driver_vsmd_can.nameplate(f->device);
+
+	(void)state;
+	begin(f, DB_JOB_POLL);
+	assert_string_equal(lost(f), "=timeout");
+	assert_false(plate->doubtful);
+	/* A refusal that shows now may be of what was not answered. */
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 5 });
+	assert_string_not_equal(confirm(f, 0, STANDS | VSMD_ST_CMD_WRG), "=refused");
+	drop(f);
+
+	f = make(0, 0);
+	plate = db_driver_vsmd_can.nameplate(f->device);
+	f->request = (struct db_request){ .args = &f->args };
+	set(f, VSMD_MCS, 5);
+	begin(f, DB_JOB_SETTINGS);
+	assert_string_equal(lost(f), "=timeout");
+	assert_true(plate->doubtful);
+	drop(f);
+
+	f = make(0, 0);
+	plate = db_driver_vsmd_can.nameplate(f->device);
+	f->request = (struct db_request){ .args = &f->args };
+	set(f, VSMD_MCS, 5);
+	begin(f, DB_JOB_SETTINGS);
+	guard(f);
+	assert_string_equal(guard(f), "=unsupported");
+	assert_true(plate->doubtful);
+	drop(f);
+}
+
+/* What a drive holds beside what it saved is lost without power: until it has said that it saved. */
+static void what_is_not_saved_is_shown_until_it_is(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	identify(f);
+	poll(f, 0, STANDS);
+	assert_false(feedback(f).status & DB_STATUS_PARAMS_UNSAVED);
+	f->request = (struct db_request){ .args = &f->args };
+	set(f, VSMD_MCS, 5);
+	begin(f, DB_JOB_SETTINGS);
+	data(f, 0x02, 4);
+	data(f, 0x02, 4);
+	assert_true(feedback(f).status & DB_STATUS_PARAMS_UNSAVED);
+
+	command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_CMD_WRG), "=refused");
+	assert_true(feedback(f).status & DB_STATUS_PARAMS_UNSAVED);
+	assert_true(feedback(f).status & DB_STATUS_REFUSED);
+	f->now += 20000 * MS;
+	command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS | VSMD_ST_FLASH_ERR), "=failed");
+	assert_true(feedback(f).status & DB_STATUS_PARAMS_UNSAVED);
+	f->now += 20000 * MS;
+	command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 });
+	assert_string_equal(confirm(f, 0, STANDS), "=unproven");
+	assert_false(feedback(f).status & DB_STATUS_PARAMS_UNSAVED);
+	assert_false(feedback(f).status & DB_STATUS_REFUSED);
+	/* Somebody changes it at the drive. */
+	while (refresh(f) != 0x02)
+		lost(f);
+	data(f, 0x02, 6);
+	assert_true(feedback(f).status & DB_STATUS_PARAMS_UNSAVED);
+	drop(f);
+}
+
 /* --- reports and broadcast ------------------------------------------------------------------------------- */
 
 static bool report(struct fixture *f, struct db_can_frame frame)
@@ -2254,6 +2681,521 @@ static void a_stop_while_an_answer_is_outstanding(void **state)
 	drop(f);
 }
 
+/* Reports are sent at even intervals, however the line holds them up. */
+static void a_late_report_was_sent_in_its_time(void **state)
+{
+	struct fixture *f = make_reporting(0, 50, 1);
+
+	(void)state;
+	assert_true(report(f, frame_of(0x00080201, 0, RUNS, 8)));
+	/* One was lost. */
+	f->now += 80 * MS;
+	assert_true(report(f, frame_of(0x00080201, 100, RUNS, 8)));
+	assert_true(feedback(f).velocity == 1000.0f);
+	/* Two of them are never of one moment. */
+	f->now += 10 * MS;
+	assert_true(report(f, frame_of(0x00080201, 150, RUNS, 8)));
+	assert_true(feedback(f).velocity == 1000.0f);
+	/* No drive is faster than that: its counter began anew. */
+	f->now += 50 * MS;
+	assert_true(report(f, frame_of(0x00080201, 150 + 19200, RUNS, 8)));
+	assert_true(feedback(f).velocity == 384000.0f);
+	f->now += 50 * MS;
+	assert_true(report(f, frame_of(0x00080201, 150 + 19200 + 19201, RUNS, 8)));
+	assert_true(feedback(f).velocity == 0.0f);
+	drop(f);
+}
+
+/* What a command makes of the position is no motion; what others leave alone is one. */
+static void only_a_command_that_sets_the_position_breaks_the_way(void **state)
+{
+	static const struct {
+		enum db_command command;
+		float velocity;
+	} cases[] = {
+		{ DB_CMD_ENABLE, -2000.0f },
+		{ DB_CMD_SET_POSITION, 0.0f },
+		{ DB_CMD_DISABLE, 0.0f },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct fixture *f = make_reporting(0, 50, 1);
+
+		assert_true(report(f, frame_of(0x00080201, 100, RUNS, 8)));
+		command(f, cases[i].command, (struct db_args){ 0 });
+		f->now += 50 * MS;
+		assert_true(report(f, frame_of(0x00080201, 0, RUNS, 8)));
+		assert_true(feedback(f).velocity == cases[i].velocity);
+		drop(f);
+	}
+	/* The same where it is told in between. */
+	for (unsigned i = 0; i < 2; i++) {
+		struct fixture *f = make_reporting(0, 50, 1);
+
+		assert_true(report(f, frame_of(0x00080201, 100, RUNS, 8)));
+		assert_true(db_driver_vsmd_can.interrupt(
+			f->device, i == 0 ? DB_CMD_STOP : DB_CMD_DISABLE, &f->exchange));
+		f->now += 50 * MS;
+		assert_true(report(f, frame_of(0x00080201, 0, RUNS, 8)));
+		assert_true(feedback(f).velocity == (i == 0 ? -2000.0f : 0.0f));
+		drop(f);
+	}
+}
+
+/* Until then the position may still change because of it. */
+static void a_way_counts_again_when_the_time_of_a_set_position_is_over(void **state)
+{
+	const db_time over = (500 + REACTION_MS) * MS;
+
+	(void)state;
+	for (unsigned early = 0; early < 2; early++) {
+		struct fixture *f = make_reporting(0, 50, 1);
+
+		assert_true(report(f, frame_of(0x00080201, 0, RUNS, 8)));
+		command(f, DB_CMD_SET_POSITION, (struct db_args){ 0 });
+		f->now += over - early;
+		assert_true(report(f, frame_of(0x00080201, 10, RUNS, 8)));
+		f->now += 50 * MS;
+		assert_true(report(f, frame_of(0x00080201, 110, RUNS, 8)));
+		assert_true(feedback(f).velocity == (early ? 0.0f : 2000.0f));
+		drop(f);
+	}
+}
+
+/* Whether the status is reported or asked for: where it stands, the motion has ended. */
+static void a_status_without_a_speed_shows_the_end_of_a_motion(void **state)
+{
+	const struct db_args shake = { .shake_frequency = 1.0f, .shake_end_position = 50 };
+
+	(void)state;
+	for (unsigned asked = 0; asked < 2; asked++) {
+		struct fixture *f = make_reporting(0, 50, 1);
+
+		begin(f, DB_JOB_POLL);
+		assert_string_equal(answer(f, frame_of(0x00080201, 100, STANDS, 8)), "=ok");
+		command(f, DB_CMD_SHAKE_START, shake);
+		assert_string_equal(answer(f, frame_of(0x00080200, 0, 100, 8)), "more");
+		assert_string_equal(answer(f, frame_of(0x00080202, RUNS, 0, 4)), "=unproven");
+		assert_true(feedback(f).status & DB_STATUS_MOVING);
+		if (asked) {
+			assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0102");
+			assert_string_equal(answer(f, frame_of(0x00080201, 100, STANDS, 8)), "=ok");
+		} else {
+			assert_true(report(f, frame_of(0x00080201, 100, STANDS, 8)));
+		}
+		assert_int_equal(feedback(f).state, DB_AXIS_STANDSTILL);
+		assert_false(feedback(f).status & DB_STATUS_MOVING);
+		/* Two answers show the velocity, too. */
+		begin(f, DB_JOB_POLL);
+		assert_string_equal(answer(f, frame_of(0x00080201, 100, RUNS, 8)), "=ok");
+		f->now += 100 * MS - MS / 2;
+		begin(f, DB_JOB_POLL);
+		assert_string_equal(answer(f, frame_of(0x00080201, 300, RUNS, 8)), "=ok");
+		assert_int_equal(feedback(f).position, 300);
+		assert_int_equal(feedback(f).drive_status, RUNS);
+		assert_true(feedback(f).velocity == 2000.0f);
+		drop(f);
+	}
+}
+
+/* The answer after a command has it, then: that is what shows a reversal. */
+static void a_speed_beside_reports_of_position_and_status(void **state)
+{
+	struct fixture *f = make_reporting(0, 50, 1);
+
+	(void)state;
+	begin(f, DB_JOB_POLL);
+	assert_string_equal(answer(f, frame_of(0x00080201, 0, STANDS, 8)), "=ok");
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 3000.0f });
+	answer(f, frame_of(0x00080200, 0x453B8000, 1, 8));
+	assert_string_equal(answer(f, frame_of(0x00080202, RUNS, 0, 4)), "=ok");
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -3000.0f });
+	answer(f, frame_of(0x00080200, 0x453B8000, 100, 8));
+	assert_string_not_equal(answer(f, frame_of(0x00080202, RUNS, 0, 4)), "=ok");
+	for (unsigned i = 0; i < 4 && f->said[0] != '='; i++) {
+		if (strcmp(f->said, "0008039E#0001") == 0) {
+			speed(f, -500.0f);
+		} else {
+			answer(f, frame_of(0x00080200, 0xC3FA0000, 100, 8));
+			answer(f, frame_of(0x00080202, RUNS, 0, 4));
+		}
+	}
+	assert_string_equal(f->said, "=ok");
+	drop(f);
+}
+
+/* Of the two frames of a report each has its own form. */
+static void half_a_report_is_none(void **state)
+{
+	struct fixture *f = make(0, 50);
+	struct db_can_frame whole = frame_of(0x00080200, 0, 77, 8);
+
+	(void)state;
+	assert_false(report(f, frame_of(0x00080200, 0, 0, 4)));
+	assert_false(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+	assert_false(report(f, frame_of(0x00080201, 77, STANDS, 8)));
+	assert_false(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+	/* Nor are parameters a report, nor bytes that are no frame. */
+	assert_false(report(f, frame_of(0x00080280, 0, 77, 8)));
+	assert_false(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+	assert_false(db_driver_vsmd_can.report(f->device, (const uint8_t *)&whole, sizeof whole - 1,
+	                                       f->now));
+	assert_false(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+	assert_int_equal(feedback(f).state, DB_AXIS_OFFLINE);
+	/* What comes between the two changes nothing. */
+	assert_true(report(f, whole));
+	assert_false(report(f, frame_of(0x00080201, 5, 0, 4)));
+	assert_false(report(f, frame_of(0x00080202, STANDS, 0, 8)));
+	assert_int_equal(feedback(f).state, DB_AXIS_OFFLINE);
+	assert_true(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+	assert_int_equal(feedback(f).position, 77);
+	assert_false(db_driver_vsmd_can.wants_poll(f->device, f->now + 150 * MS));
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now + 150 * MS + 1));
+	drop(f);
+	/* In the other kinds of reports the same. */
+	for (unsigned kind = 1; kind <= 2; kind++) {
+		f = make_reporting(0, 50, kind);
+		assert_false(report(f, frame_of(0x00080281, 0, STANDS, kind == 1 ? 8 : 4)));
+		assert_false(report(f, frame_of(0x00080202, STANDS, 0, kind == 1 ? 8 : 4)));
+		drop(f);
+	}
+}
+
+/* Another drive may come back: nothing counts that was learnt of the former one. */
+static void nothing_is_known_of_a_drive_that_comes_back(void **state)
+{
+	struct fixture *f = make(0, 60000);
+
+	(void)state;
+	report(f, frame_of(0x00080200, 0, 77, 8));
+	assert_true(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+	assert_true(report(f, frame_of(0x00080200, 0, 78, 8)));
+	assert_false(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	db_driver_vsmd_can.gone(f->device);
+	/* It is asked until it reports again, and the half of a report is forgotten. */
+	assert_true(db_driver_vsmd_can.wants_poll(f->device, f->now));
+	assert_false(report(f, frame_of(0x00080202, STANDS, 0, 4)));
+	drop(f);
+
+	/* Its place is another one, which is no motion. */
+	f = make_reporting(0, 50, 1);
+	assert_true(report(f, frame_of(0x00080201, 0, RUNS, 8)));
+	db_driver_vsmd_can.gone(f->device);
+	f->now += 50 * MS;
+	assert_true(report(f, frame_of(0x00080201, 100, RUNS, 8)));
+	assert_true(feedback(f).velocity == 0.0f);
+	drop(f);
+
+	f = make(0, 0);
+	/* What is lost before does not count against it. */
+	begin(f, DB_JOB_POLL);
+	begin(f, DB_JOB_POLL);
+	db_driver_vsmd_can.gone(f->device);
+	begin(f, DB_JOB_POLL);
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0003");
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0002 0008039E#0201");
+	/* Nor what its first probe was. */
+	db_driver_vsmd_can.gone(f->device);
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0A01");
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0001");
+	db_driver_vsmd_can.gone(f->device);
+	assert_string_equal(begin(f, DB_JOB_PROBE), "0008039E#0A01");
+	drop(f);
+}
+
+/* One that pads the last of an odd number shows that in what no report resembles; then it counts everywhere. */
+static void a_padded_answer_is_believed_once_the_drive_has_shown_it(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	begin(f, DB_JOB_POLL);
+	answer(f, frame_of(0x00080200, 0, 5, 8));
+	assert_string_equal(answer(f, frame_of(0x00080202, STANDS, 0, 8)), "ignored");
+	begin(f, DB_JOB_PROBE);
+	assert_string_equal(answer(f, frame_of(0x0008020A, 0x56534D44, 0, 8)), "=ok");
+	begin(f, DB_JOB_POLL);
+	answer(f, frame_of(0x00080200, 0, 6, 8));
+	assert_string_equal(answer(f, frame_of(0x00080202, STANDS, 0, 8)), "=ok");
+	assert_int_equal(feedback(f).position, 6);
+	/* The read after registers, too. */
+	f->request = (struct db_request){ .args = &f->args };
+	set(f, VSMD_MCS, 5);
+	begin(f, DB_JOB_SETTINGS);
+	assert_string_equal(answer(f, frame_of(0x00080282, 5, 0, 8)), "more");
+	assert_string_equal(answer(f, frame_of(0x0008020B, 0, 0, 8)), "=ok");
+	/* Another drive has to show it anew. */
+	db_driver_vsmd_can.gone(f->device);
+	begin(f, DB_JOB_POLL);
+	answer(f, frame_of(0x00080200, 0, 7, 8));
+	assert_string_equal(answer(f, frame_of(0x00080202, STANDS, 0, 8)), "ignored");
+	begin(f, DB_JOB_SETTINGS);
+	assert_string_equal(answer(f, frame_of(0x00080282, 5, 0, 4)), "more");
+	assert_string_equal(answer(f, frame_of(0x0008020B, 0, 0, 8)), "ignored");
+	assert_string_equal(guard(f), "=ok");
+	drop(f);
+}
+
+/* --- what is sent, and what for --------------------------------------------------------------- */
+
+/* The time on the wire and the patience are reckoned from that. */
+static void each_exchange_says_how_long_its_answer_is(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	begin(f, DB_JOB_PROBE);
+	assert_int_equal(f->exchange.answer_length, 8 + 4);
+	begin(f, DB_JOB_POLL);
+	assert_int_equal(f->exchange.answer_length, 2 * 8 + 3 * 4);
+	command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+	assert_int_equal(f->exchange.answer_length, 8 + 2 * 4);
+	f->request = (struct db_request){ .args = &f->args };
+	set(f, VSMD_MCS, 5);
+	begin(f, DB_JOB_SETTINGS);
+	assert_int_equal(f->exchange.answer_length, 8 + 4 + 8 + 4);
+	/* Only the flash takes time. */
+	assert_true(f->exchange.extra_time == 0);
+	command(f, DB_CMD_SAVE_PARAMETERS, (struct db_args){ 0 });
+	assert_int_equal(f->exchange.answer_length, 8 + 2 * 4);
+	assert_true(f->exchange.extra_time == 500 * MS);
+	begin(f, DB_JOB_POLL);
+	assert_true(f->exchange.extra_time == 0);
+	begin(f, DB_JOB_IDENTIFY);
+	assert_int_equal(f->exchange.answer_length, 4 * 8 + 7 * 4);
+	/* To all of them there is none. */
+	assert_true(db_driver_vsmd_can.broadcast(DB_CMD_STOP, &f->bus, &f->exchange));
+	assert_int_equal(f->exchange.answer_length, 0);
+	drop(f);
+}
+
+/* All frames of a burst, or none. */
+static void a_burst_without_room_is_not_begun(void **state)
+{
+	const struct db_args shake = { .shake_frequency = 1.0f };
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	f->exchange.request_size = 8 * sizeof(struct db_can_frame);
+	assert_string_not_equal(command(f, DB_CMD_SHAKE_START, shake), "=unsupported");
+	f->exchange.request_size--;
+	assert_string_equal(command(f, DB_CMD_SHAKE_START, shake), "=unsupported");
+	f->exchange.request_size = 7 * sizeof(struct db_can_frame) - 1;
+	assert_string_equal(command(f, DB_CMD_SHAKE_START, shake), "=out_of_range");
+	drop(f);
+}
+
+/* It has no read at its end: what comes now answers what was asked before. */
+static void an_interrupt_is_answered_by_nothing(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+	assert_string_equal(answer(f, frame_of(0x00080200, 0, 0, 8)), "ignored");
+	assert_true(db_driver_vsmd_can.interrupt(f->device, DB_CMD_STOP, &f->exchange));
+	f->exchange.sending++;
+	assert_string_equal(confirm(f, 0, STANDS), "ignored");
+	drop(f);
+}
+
+/* What it is told in between has the same effect as otherwise: off by command is no restart. */
+static void off_in_between_is_no_restart(void **state)
+{
+	(void)state;
+	for (unsigned i = 0; i < 2; i++) {
+		struct fixture *f = make(0, 0);
+
+		poll(f, 5000, STANDS);
+		assert_true(db_driver_vsmd_can.interrupt(
+			f->device, i == 0 ? DB_CMD_STOP : DB_CMD_DISABLE, &f->exchange));
+		poll(f, 0, VSMD_ST_STP);
+		assert_int_equal(feedback(f).restarts, i == 0 ? 1 : 0);
+		drop(f);
+	}
+}
+
+/* A frame that says one thing to one drive; nothing else can be said to all. */
+static void only_what_is_one_frame_is_said_to_all(void **state)
+{
+	struct fixture *f = make(0, 0);
+	uint8_t bytes[DB_REQUEST_MAX];
+	struct db_exchange all = { .request = bytes,
+		                   .request_size = sizeof bytes,
+		                   .request_length = sizeof(struct db_can_frame),
+		                   .answer_length = 99 };
+
+	(void)state;
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 300 });
+	assert_true(db_driver_vsmd_can.begin_all(f->device, &f->exchange, &all));
+	assert_int_equal(all.request_length, sizeof(struct db_can_frame));
+	assert_int_equal(all.answer_length, 0);
+	/* No frame of this family. */
+	f->bytes[offsetof(struct db_can_frame, length)] = 3;
+	assert_false(db_driver_vsmd_can.begin_all(f->device, &f->exchange, &all));
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 300 });
+	f->exchange.request_length += sizeof(struct db_can_frame);
+	assert_false(db_driver_vsmd_can.begin_all(f->device, &f->exchange, &all));
+	f->exchange.request_length = sizeof(struct db_can_frame);
+	assert_false(db_driver_vsmd_can.begin_all(f->device, &f->exchange, &all));
+	drop(f);
+}
+
+/* --- the bus's side ----------------------------------------------------------------------------- */
+
+static enum db_frame accepted(const struct fixture *f, struct db_can_frame frame, int *address)
+{
+	*address = -2;
+	return db_driver_vsmd_can.accept(&f->bus, (const uint8_t *)&frame, sizeof frame, address);
+}
+
+/* Whose answer it is; of others, who may have sent it. */
+static void only_answers_of_drives_are_accepted(void **state)
+{
+	struct fixture *f = make(0, 0);
+	struct db_can_frame frame = frame_of(0x00080282, 5, 0, 4);
+	int address;
+
+	(void)state;
+	assert_int_equal(accepted(f, frame, &address), DB_FRAME_GOOD);
+	assert_int_equal(address, 1);
+	/* What a host sends. */
+	assert_int_equal(accepted(f, frame_of(0x0008039E, 0x00030000, 0, 2), &address),
+	                 DB_FRAME_FOREIGN);
+	assert_int_equal(accepted(f, frame_of(0x00080302, 5, 0, 4), &address), DB_FRAME_FOREIGN);
+	/* A drive that answers in the other kind of frames. */
+	frame = frame_of(0x080, 0, 0, 8);
+	frame.id &= ~DB_CAN_EXTENDED;
+	assert_int_equal(accepted(f, frame, &address), DB_FRAME_FOREIGN);
+	assert_int_equal(address, 1);
+	/* No frame with content. */
+	frame = frame_of(0x00080200, 0, 0, 8);
+	frame.id |= DB_CAN_REMOTE;
+	assert_int_equal(accepted(f, frame, &address), DB_FRAME_FOREIGN);
+	assert_int_equal(address, -1);
+	drop(f);
+}
+
+/* A register asked for twice has two answers; a report looks like one and cannot be counted. */
+static void an_answer_is_told_by_its_register(void **state)
+{
+	static const struct {
+		double report_ms;
+		uint32_t id;
+		uint32_t part;
+	} cases[] = {
+		{ 0, 0x00080200, 1 },
+		{ 0, 0x0008020A, 11 },
+		{ 0, 0x00080282, 0 },
+		{ 1, 0x0008020A, 0 },
+		{ 0, 0x0008020A | DB_CAN_REMOTE, 0 },
+	};
+
+	const struct db_can_frame first = frame_of(0x0008020A, 0, 0, 4);
+	const struct db_can_frame second = frame_of(0x00080201, 0, 0, 4);
+	struct fixture *f;
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		const struct db_can_frame frame = frame_of(cases[i].id, 0, 0, 8);
+
+		f = make(0, cases[i].report_ms);
+		assert_int_equal(
+			db_driver_vsmd_can.part(&f->bus, (const uint8_t *)&frame, sizeof frame),
+			cases[i].part);
+		drop(f);
+	}
+	f = make(0, 0);
+	assert_int_equal(db_driver_vsmd_can.part(&f->bus, (const uint8_t *)&first, sizeof first),
+	                 11);
+	assert_int_equal(db_driver_vsmd_can.part(&f->bus, (const uint8_t *)&second, sizeof second),
+	                 2);
+	drop(f);
+}
+
+/* Where only positions are reported, and only there. */
+static void a_velocity_is_computed_where_none_is_reported(void **state)
+{
+	(void)state;
+	for (unsigned kind = 0; kind < 3; kind++) {
+		for (unsigned report_ms = 0; report_ms < 2; report_ms++) {
+			struct fixture *f = make_reporting(0, report_ms, kind);
+
+			assert_int_equal(db_driver_vsmd_can.not_measured(&f->bus),
+			                 kind > 0 && report_ms > 0 ? DB_MEASURE_VELOCITY : 0);
+			drop(f);
+		}
+	}
+}
+
+static void a_frame_in_a_trace_has_words(void **state)
+{
+	struct fixture *f = make(0, 0);
+	struct db_can_frame frame = frame_of(0x00080384, 0, 0, 1);
+	struct db_description said;
+	struct db_description expected;
+	struct vsmd_can_style style = { .extended = true, .host = 1, .output_base = 1 };
+
+	(void)state;
+	db_description_begin(&said);
+	db_description_begin(&expected);
+	db_driver_vsmd_can.describe(&f->bus, true, (const uint8_t *)&frame, sizeof frame, &said);
+	vsmd_can_describe(&style, &frame, &expected);
+	assert_string_not_equal(said.text, "");
+	assert_string_equal(said.text, expected.text);
+	assert_int_equal(said.address, 1);
+	drop(f);
+}
+
+/* A cycle is one read and its answer; a command has no answer of its own, but the read after it has. */
+static void times_are_those_of_the_frames(void **state)
+{
+	struct fixture *f = make(0, 0);
+	const db_time frame = (db_time)sizeof(struct db_can_frame) * DB_NS_PER_US;
+
+	(void)state;
+	timed[0] = '\0';
+	assert_true(db_driver_vsmd_can.poll_time(&f->bus) == frame + 28 * DB_NS_PER_US);
+	assert_string_equal(timed, "0008039E#0003 ");
+	timed[0] = '\0';
+	assert_true(db_driver_vsmd_can.command_time(&f->bus) ==
+	            2 * frame + (16 + 500) * DB_NS_PER_US);
+	assert_string_equal(timed, "00080386#0000000000000000 0008039E#0102 ");
+	drop(f);
+}
+
+static void complain(void *context, const struct db_drive_config *drive, bool error,
+                     const char *format, ...)
+{
+	unsigned *complaints = context;
+
+	(void)format;
+	assert_true(error);
+	*complaints = *complaints * 1000 + drive->address;
+}
+
+static void standard_frames_reach_no_drive_above_15(void **state)
+{
+	const struct db_drive_config last = { .address = 15 };
+	const struct db_drive_config beyond = { .address = 16 };
+	const struct db_drive_config far = { .address = 110 };
+	const struct db_drive_config *drives[] = { &beyond, &last, &far, &beyond };
+
+	(void)state;
+	for (unsigned standard = 0; standard < 2; standard++) {
+		struct fixture *f = make(standard, 0);
+		unsigned complaints = 0;
+
+		db_driver_vsmd_can.check_config(&f->bus, drives, 3, complain, &complaints);
+		assert_int_equal(complaints, standard ? 16110 : 0);
+		assert_int_equal(db_driver_vsmd_can.check_param(&f->bus, VSMD_PARAM_COUNT,
+		                                                (union db_value){ .u = 0 }),
+		                 DB_RESULT_UNSUPPORTED);
+		drop(f);
+	}
+}
+
 /* --- a common start ------------------------------------------------------------------------------------ */
 
 static const char *for_all(struct fixture *f)
@@ -2384,6 +3326,18 @@ int main(void)
 		cmocka_unit_test(a_write_that_does_not_show_is_written_once_more),
 		cmocka_unit_test(a_packed_register_keeps_its_other_parameters),
 		cmocka_unit_test(a_model_without_some_registers_is_identified_at_once),
+		cmocka_unit_test(a_register_is_missing_that_was_asked_for_twice),
+		cmocka_unit_test(a_single_register_is_read_again_and_again),
+		cmocka_unit_test(an_identity_is_what_was_told_last),
+		cmocka_unit_test(a_drive_that_tells_two_registers_at_once),
+		cmocka_unit_test(a_short_read_shows_nothing_of_long_ones),
+		cmocka_unit_test(probes_are_tried_in_turn),
+		cmocka_unit_test(a_late_answer_to_the_first_probe_counts),
+		cmocka_unit_test(a_register_tells_all_its_parameters),
+		cmocka_unit_test(only_what_was_asked_for_is_written),
+		cmocka_unit_test(a_write_that_is_ignored_shows_what_is_held),
+		cmocka_unit_test(a_write_without_an_answer_leaves_doubt),
+		cmocka_unit_test(what_is_not_saved_is_shown_until_it_is),
 		cmocka_unit_test(reports_take_the_place_of_polls),
 		cmocka_unit_test(reports_of_position_and_status),
 		cmocka_unit_test(a_position_that_was_set_is_no_motion),
@@ -2391,6 +3345,25 @@ int main(void)
 		cmocka_unit_test(a_relative_move_beside_reports_of_the_position),
 		cmocka_unit_test(all_at_once),
 		cmocka_unit_test(a_stop_while_an_answer_is_outstanding),
+		cmocka_unit_test(a_late_report_was_sent_in_its_time),
+		cmocka_unit_test(only_a_command_that_sets_the_position_breaks_the_way),
+		cmocka_unit_test(a_way_counts_again_when_the_time_of_a_set_position_is_over),
+		cmocka_unit_test(a_status_without_a_speed_shows_the_end_of_a_motion),
+		cmocka_unit_test(a_speed_beside_reports_of_position_and_status),
+		cmocka_unit_test(half_a_report_is_none),
+		cmocka_unit_test(nothing_is_known_of_a_drive_that_comes_back),
+		cmocka_unit_test(a_padded_answer_is_believed_once_the_drive_has_shown_it),
+		cmocka_unit_test(each_exchange_says_how_long_its_answer_is),
+		cmocka_unit_test(a_burst_without_room_is_not_begun),
+		cmocka_unit_test(an_interrupt_is_answered_by_nothing),
+		cmocka_unit_test(off_in_between_is_no_restart),
+		cmocka_unit_test(only_what_is_one_frame_is_said_to_all),
+		cmocka_unit_test(only_answers_of_drives_are_accepted),
+		cmocka_unit_test(an_answer_is_told_by_its_register),
+		cmocka_unit_test(a_velocity_is_computed_where_none_is_reported),
+		cmocka_unit_test(a_frame_in_a_trace_has_words),
+		cmocka_unit_test(times_are_those_of_the_frames),
+		cmocka_unit_test(standard_frames_reach_no_drive_above_15),
 		cmocka_unit_test(what_begins_a_motion_can_be_said_to_all),
 		cmocka_unit_test(what_was_said_to_all_is_not_said_again),
 		cmocka_unit_test(a_relative_move_keeps_the_limits),
