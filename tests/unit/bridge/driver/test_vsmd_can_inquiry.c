@@ -188,6 +188,73 @@ static void no_drive_is_asked_for_another(void **state)
 	assert_true(can_ask(true, DB_INQUIRY_SAVE, 1, 0));
 }
 
+/* Nothing of an earlier exchange is left in one, and it says how long its answer takes. */
+static void an_inquiry_is_a_whole_exchange(void **state)
+{
+	static const struct {
+		enum db_inquiry_kind kind;
+		size_t frames;
+		size_t answer_length;
+		db_time extra_time;
+	} cases[] = {
+		{ DB_INQUIRY_THERE, 1, 8 + 4, 0 },
+		{ DB_INQUIRY_IDENTITY, 1, 4 * 8 + 7 * 4, 0 },
+		{ DB_INQUIRY_STANDING, 1, 8 + 4, 0 },
+		{ DB_INQUIRY_SET_ADDRESS, 2, 8 + 4, 0 },
+		/* Writing the flash takes time. */
+		{ DB_INQUIRY_SAVE, 2, 8 + 4, 1000 * DB_NS_PER_MS },
+	};
+	uint8_t bytes[DB_REQUEST_MAX];
+
+	(void)state;
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		const struct db_inquiry inquiry = { .kind = cases[i].kind,
+			                            .address = 1,
+			                            .value = 2 };
+		const size_t length = cases[i].frames * sizeof(struct db_can_frame);
+		struct db_exchange exchange = { .request = bytes,
+			                        .request_size = length,
+			                        .request_length = 16,
+			                        .answer_length = 1,
+			                        .extra_time = 7 };
+
+		assert_true(vsmd_can_inquire(&bus, &inquiry, &exchange));
+		assert_int_equal(exchange.request_length, length);
+		assert_int_equal(exchange.answer_length, cases[i].answer_length);
+		assert_true(exchange.extra_time == cases[i].extra_time);
+		assert_true(exchange.repeatable);
+		/* Half of it is none. */
+		for (exchange.request_size = 0; exchange.request_size < length;
+		     exchange.request_size++)
+			assert_false(vsmd_can_inquire(&bus, &inquiry, &exchange));
+	}
+	assert_string_equal(ask(DB_INQUIRY_SAVE, 0), "00080387# 0008039E#0201");
+	/* Every second time in parts. */
+	assert_string_equal(ask(DB_INQUIRY_IDENTITY, 2), "0008039E#0A07");
+	assert_string_equal(ask(DB_INQUIRY_IDENTITY, 3),
+	                    "0008039E#0A02 0008039E#0C02 0008039E#0E02 0008039E#1001");
+}
+
+/* Whatever moves does not stand; bytes that are no text are no identity. */
+static void an_answer_is_what_its_registers_say(void **state)
+{
+	struct talk talk = begin(DB_INQUIRY_STANDING, 0);
+
+	(void)state;
+	assert_int_equal(take(&talk, 0, 0x02, VSMD_ST_PWR, 0, 4), DB_RECOGNISED_ANSWER);
+	assert_true(talk.said.tells_standing);
+	assert_false(talk.said.stands);
+	talk = begin(DB_INQUIRY_STANDING, 0);
+	assert_int_equal(take(&talk, 0, 0x02, VSMD_ST_STP, 0, 4), DB_RECOGNISED_ANSWER);
+	assert_true(talk.said.stands);
+	talk = begin(DB_INQUIRY_IDENTITY, 0);
+	strcpy(talk.said.identity, "before");
+	for (unsigned i = 0; i < 6; i += 2)
+		take(&talk, 0, 0x0A + i, 0x41424344, 0x41420744, 8);
+	assert_int_equal(take(&talk, 0, 0x10, 0x41424344, 0, 4), DB_RECOGNISED_ANSWER);
+	assert_string_equal(talk.said.identity, "");
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -196,6 +263,8 @@ int main(void)
 		cmocka_unit_test(saving_is_refused_in_the_status),
 		cmocka_unit_test(no_drive_is_asked_for_another),
 		cmocka_unit_test(whether_it_stands_and_what_it_is_told_may_be_padded),
+		cmocka_unit_test(an_inquiry_is_a_whole_exchange),
+		cmocka_unit_test(an_answer_is_what_its_registers_say),
 	};
 
 	return cmocka_run_group_tests_name("driver/vsmd_can_inquiry", tests, NULL, NULL);
