@@ -320,11 +320,9 @@ static enum db_step answer_registers(struct db_conversation *talk)
 		/* The range is read again in halves. */
 		search->suspect_end = search->first + search->count;
 		search->run = search->count / 2;
-		search->tries = 0;
 	} else if (++search->tries >= REGISTER_TRIES) {
 		device->lacks |= UINT64_C(1) << search->first;
 		search->tries = 0;
-		search->first += search->count;
 	}
 	return send_step(talk, steps, STEP_REGISTERS);
 }
