@@ -3,6 +3,7 @@
 #include "codec/vsmd.h"
 #include "codec/vsmd_serial_frames.h"
 #include "driver/list.h"
+#include "driver/vsmd/vsmd_private.h"
 #include "fakes/options.h"
 
 #include <math.h>
@@ -31,6 +32,10 @@ struct fixture {
 	struct db_request request;
 	struct db_args args; /* of the request */
 	struct db_write_part part;
+	struct db_write_part later[2]; /* writers that joined it */
+	struct db_request joined[2];
+	bool brief;       /* a drive of the line moves */
+	bool out_of_step; /* the previous line was not answered */
 	struct db_exchange exchange;
 	uint8_t bytes[DB_REQUEST_MAX];
 	struct db_conversation talk;
@@ -83,7 +88,11 @@ static void drop(struct fixture *f)
 static struct db_conversation *talk(struct fixture *f)
 {
 	f->talk = (struct db_conversation){
-		.device = f->device, .job = &f->job, .exchange = &f->exchange, .now = f->now
+		.device = f->device,
+		.job = &f->job,
+		.exchange = &f->exchange,
+		.now = f->now,
+		.brief = f->brief,
 	};
 	return &f->talk;
 }
@@ -102,7 +111,10 @@ static const char *next(struct fixture *f, enum db_step step)
 
 static const char *begin(struct fixture *f, enum db_job_kind kind)
 {
-	f->job = (struct db_job){ .kind = kind, .request = &f->request, .started = f->now };
+	f->job = (struct db_job){ .kind = kind,
+		                  .request = &f->request,
+		                  .out_of_step = f->out_of_step,
+		                  .started = f->now };
 	f->part = (struct db_write_part){ .request = &f->request, .result = DB_RESULT_PENDING };
 	if (kind == DB_JOB_SETTINGS)
 		f->job.parts = &f->part;
@@ -323,6 +335,10 @@ static void what_a_drive_holds_decides_after_a_refusal(void **state)
 	(void)write_two(f, 0.7f, 4);
 	assert_string_equal(tell(f, STANDS | WRONG), "1 cfg");
 	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=4"), "=refused");
+	/* Nor is it unproven what it refused and does not print. */
+	(void)write_two(f, 0.5f, 4);
+	assert_string_equal(tell(f, STANDS | WRONG), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50"), "=refused");
 	drop(f);
 }
 
@@ -579,6 +595,429 @@ static void what_may_have_begun_is_over_without_power(void **state)
 	drop(f);
 }
 
+/* --- writes of several writers ------------------------------------------------------------------ */
+
+static struct vsmd_axis *axis(const struct fixture *f)
+{
+	return (struct vsmd_axis *)f->device;
+}
+
+static const char *lose(struct fixture *f)
+{
+	f->now += 300 * MS;
+	return next(f, db_driver_vsmd_serial.lost(talk(f)));
+}
+
+/* Three writers, the first of them with two settings. */
+static const char *write_three(struct fixture *f)
+{
+	static const struct db_setting settings[] = {
+		{ .param = VSMD_CRN, .value = { .f = 0.5f } },
+		{ .param = VSMD_MCS, .value = { .u = 4 } },
+		{ .param = VSMD_ACC, .value = { .f = 1000.0f } },
+		{ .param = VSMD_DEC, .value = { .f = 2000.0f } },
+	};
+
+	f->request = (struct db_request){ .settings = settings, .setting_count = 2 };
+	f->job = (struct db_job){ .kind = DB_JOB_SETTINGS,
+		                  .request = &f->request,
+		                  .parts = &f->part,
+		                  .started = f->now };
+	f->part = (struct db_write_part){ .request = &f->request,
+		                          .next = &f->later[0],
+		                          .result = DB_RESULT_PENDING };
+	for (unsigned i = 0; i < 2; i++) {
+		f->joined[i] = (struct db_request){ .settings = &settings[2 + i],
+			                            .setting_count = 1 };
+		f->later[i] = (struct db_write_part){ .request = &f->joined[i],
+			                              .next = i == 0 ? &f->later[1] : NULL,
+			                              .result = DB_RESULT_PENDING };
+	}
+	return next(f, db_driver_vsmd_serial.begin(talk(f)));
+}
+
+static void assert_results(const struct fixture *f, enum db_result first, enum db_result second,
+                           enum db_result third)
+{
+	assert_int_equal(f->part.result, first);
+	assert_int_equal(f->later[0].result, second);
+	assert_int_equal(f->later[1].result, third);
+}
+
+static void assert_taken(const struct fixture *f, bool first, bool second, bool third)
+{
+	assert_int_equal(f->part.taken, first);
+	assert_int_equal(f->later[0].taken, second);
+	assert_int_equal(f->later[1].taken, third);
+}
+
+static const union db_value *held(const struct fixture *f)
+{
+	return db_driver_vsmd_serial.nameplate(f->device)->values;
+}
+
+/* One line and one proof for all of them; each has its own result. */
+static void writers_share_a_line_and_its_proof(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	assert_string_equal(write_three(f), "1 cfg crn=0.5 mcs=4 acc=1000 dec=2000");
+	assert_taken(f, false, false, false);
+	assert_string_equal(tell(f, STANDS), "1 cfg");
+	assert_taken(f, true, true, true);
+	/* What one does not hold is written again for this one only. */
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=4 acc=900.00"),
+	                    "1 cfg acc=1000");
+	assert_results(f, DB_RESULT_OK, DB_RESULT_PENDING, DB_RESULT_UNPROVEN);
+	assert_false(f->later[0].taken);
+	assert_string_equal(tell(f, STANDS), "1 cfg");
+	assert_true(f->later[0].taken);
+	assert_false(f->exchange.joins);
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=4 acc=900.00"), "=ok");
+	assert_results(f, DB_RESULT_OK, DB_RESULT_REFUSED, DB_RESULT_UNPROVEN);
+	assert_true(feedback_of(f).status & DB_STATUS_REFUSED);
+	/* Until a later one is accepted. */
+	assert_string_equal(write_three(f), "1 cfg crn=0.5 mcs=4 acc=1000 dec=2000");
+	assert_string_equal(tell(f, STANDS), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=4 acc=1000 dec=2000"), "=ok");
+	assert_results(f, DB_RESULT_OK, DB_RESULT_OK, DB_RESULT_OK);
+	assert_false(feedback_of(f).status & DB_STATUS_REFUSED);
+	drop(f);
+}
+
+/* One of them is to blame: each gets a line of its own. */
+static void a_refused_line_of_several_writers_is_said_in_one_line_for_each(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	for (unsigned i = 0; i < 2; i++) {
+		assert_string_equal(write_three(f), "1 cfg crn=0.5 mcs=4 acc=1000 dec=2000");
+		assert_string_equal(tell(f, STANDS | WRONG), "1 cfg crn=0.5 mcs=4");
+		assert_taken(f, false, false, false);
+		assert_string_equal(tell(f, STANDS), "1 cfg acc=1000");
+		assert_taken(f, true, false, false);
+		assert_string_equal(tell(f, STANDS | WRONG), "1 cfg dec=2000");
+		assert_taken(f, true, false, false);
+		assert_true(f->later[0].refused);
+		/* The last one's refusal is not the others'. */
+		assert_string_equal(tell(f, STANDS | WRONG), "1 cfg");
+		assert_taken(f, true, false, false);
+		assert_false(f->part.refused);
+		assert_true(f->later[1].refused);
+		assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=4 acc=900 dec=2000"),
+		                    "=ok");
+		assert_results(f, DB_RESULT_OK, DB_RESULT_REFUSED, DB_RESULT_OK);
+	}
+	drop(f);
+}
+
+/* A stop waits for one short line at most; nothing is read. */
+static void on_a_moving_line_each_setting_has_its_own_line(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	f->brief = true;
+	assert_string_equal(write_three(f), "1 cfg crn=0.5");
+	assert_string_equal(tell(f, STANDS), "1 cfg mcs=4");
+	/* Not all of it was acknowledged. */
+	assert_taken(f, false, false, false);
+	assert_string_equal(tell(f, STANDS), "1 cfg acc=1000");
+	assert_taken(f, true, false, false);
+	assert_string_equal(tell(f, STANDS | WRONG), "1 cfg dec=2000");
+	assert_taken(f, true, false, false);
+	assert_string_equal(tell(f, STANDS), "=unproven");
+	assert_taken(f, true, false, true);
+	assert_results(f, DB_RESULT_UNPROVEN, DB_RESULT_REFUSED, DB_RESULT_UNPROVEN);
+	/* What it accepted is shown, and read as soon as the line stands. */
+	assert_int_equal(held(f)[VSMD_MCS].u, 4);
+	assert_true(held(f)[VSMD_DEC].f > 1999.0f);
+	assert_false(held(f)[VSMD_ACC].f > 0.0f);
+	assert_true(db_driver_vsmd_serial.nameplate(f->device)->doubtful);
+	assert_true(feedback_of(f).status & DB_STATUS_REFUSED);
+	f->brief = false;
+	assert_string_equal(begin(f, DB_JOB_REFRESH), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50"), "=ok");
+	f->brief = true;
+	assert_string_equal(write_three(f), "1 cfg crn=0.5");
+	for (unsigned i = 0; i < 4; i++)
+		(void)tell(f, STANDS);
+	assert_string_equal(f->said, "=unproven");
+	assert_false(feedback_of(f).status & DB_STATUS_REFUSED);
+	drop(f);
+}
+
+/* Of one refused setting it is known that the drive does not have it; of several it is not. */
+static void a_refusal_of_several_settings_is_read_again(void **state)
+{
+	static const struct db_setting one = { .param = VSMD_CRN, .value = { .f = 0.5f } };
+	const struct db_nameplate *plate;
+	struct fixture *f = make();
+
+	(void)state;
+	plate = db_driver_vsmd_serial.nameplate(f->device);
+	poll(f, VSMD_ST_PWR);
+	f->request = (struct db_request){ .settings = &one, .setting_count = 1 };
+	assert_string_equal(begin(f, DB_JOB_SETTINGS), "1 cfg crn=0.5");
+	assert_string_equal(tell(f, VSMD_ST_PWR | WRONG), "=refused");
+	assert_false(plate->doubtful);
+	assert_string_equal(write_two(f, 0.5f, 4), "1 cfg crn=0.5 mcs=4");
+	assert_string_equal(tell(f, VSMD_ST_PWR | WRONG), "=refused");
+	assert_true(plate->doubtful);
+	drop(f);
+}
+
+/* What was acknowledged or refused before stays so; of the lost line and of what follows nothing is
+ * known. */
+static void a_lost_line_takes_nothing_from_the_lines_before(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	f->brief = true;
+	assert_string_equal(write_three(f), "1 cfg crn=0.5");
+	assert_string_equal(tell(f, STANDS), "1 cfg mcs=4");
+	assert_string_equal(tell(f, STANDS), "1 cfg acc=1000");
+	assert_false(db_driver_vsmd_serial.nameplate(f->device)->doubtful);
+	assert_string_equal(lose(f), "=timeout");
+	assert_results(f, DB_RESULT_UNPROVEN, DB_RESULT_PENDING, DB_RESULT_PENDING);
+	assert_int_equal(held(f)[VSMD_MCS].u, 4);
+	assert_true(db_driver_vsmd_serial.nameplate(f->device)->doubtful);
+	/* The first refusal behind a lost answer may be of the lost one: its line is said again. */
+	assert_string_equal(write_three(f), "1 cfg crn=0.5");
+	assert_string_equal(tell(f, STANDS | WRONG), "1 cfg crn=0.5");
+	assert_false(f->part.refused);
+	assert_string_equal(tell(f, STANDS | WRONG), "1 cfg mcs=4");
+	assert_true(f->part.refused);
+	assert_string_equal(tell(f, STANDS), "1 cfg acc=1000");
+	assert_string_equal(tell(f, STANDS), "1 cfg dec=2000");
+	assert_taken(f, false, true, false);
+	assert_string_equal(lose(f), "=timeout");
+	assert_results(f, DB_RESULT_REFUSED, DB_RESULT_UNPROVEN, DB_RESULT_PENDING);
+	drop(f);
+}
+
+/* It was read that the drive does not hold it: an acknowledgement alone does not change that. */
+static void a_lost_repeat_leaves_its_end_open(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	assert_string_equal(write_three(f), "1 cfg crn=0.5 mcs=4 acc=1000 dec=2000");
+	assert_string_equal(tell(f, STANDS), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=3 acc=900 dec=2000"),
+	                    "1 cfg crn=0.5 mcs=4 acc=1000");
+	f->brief = true;
+	assert_string_equal(lose(f), "=timeout");
+	assert_results(f, DB_RESULT_PENDING, DB_RESULT_PENDING, DB_RESULT_OK);
+	assert_int_equal(held(f)[VSMD_MCS].u, 3);
+	drop(f);
+}
+
+/* --- reading parameters ------------------------------------------------------------------------ */
+
+/* Exactly those that the drive printed last, each as of then. */
+static void known_is_what_the_drive_printed_last(void **state)
+{
+	const struct db_nameplate *plate;
+	struct fixture *f = make();
+	uint32_t tellings;
+
+	(void)state;
+	plate = db_driver_vsmd_serial.nameplate(f->device);
+	poll(f, STANDS);
+	assert_string_equal(begin(f, DB_JOB_REFRESH), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=4 new=7"), "=ok");
+	assert_true(plate->valid[0] == (UINT64_C(1) << VSMD_CRN | UINT64_C(1) << VSMD_MCS));
+	assert_int_equal(plate->told[VSMD_MCS], db_told_at(f->now));
+	tellings = plate->tellings;
+	assert_string_equal(begin(f, DB_JOB_REFRESH), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50"), "=ok");
+	assert_true(plate->valid[0] == UINT64_C(1) << VSMD_CRN);
+	assert_int_not_equal(plate->tellings, tellings);
+	drop(f);
+}
+
+/* The long text would delay a stop: only for the first look at a drive. */
+static void a_moving_drive_is_asked_who_it_is_only_once(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, VSMD_ST_PWR);
+	assert_string_equal(begin(f, DB_JOB_REFRESH), "=busy");
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "1 dev");
+	assert_string_equal(say(f, VSMD_REPLY_IDENTITY, "VSMD-1"), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50"), "=ok");
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "=busy");
+	/* It may begin to move between the two. */
+	poll(f, STANDS);
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "1 dev");
+	axis(f)->last.status = VSMD_ST_PWR;
+	assert_string_equal(say(f, VSMD_REPLY_IDENTITY, "VSMD-1"), "=busy");
+	/* Somebody wants it now: it is read, unless the line moves. */
+	assert_string_equal(command(f, DB_CMD_READ_PARAMETERS), "1 dev");
+	assert_string_equal(say(f, VSMD_REPLY_IDENTITY, "VSMD-1"), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50"), "=ok");
+	f->brief = true;
+	assert_string_equal(command(f, DB_CMD_READ_PARAMETERS), "=line_moves");
+	drop(f);
+}
+
+/* A status instead of a text says no only if it says that something was wrong; what is not awaited
+ * is no answer. */
+static void what_was_not_asked_for_is_no_answer(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	assert_string_equal(begin(f, DB_JOB_REFRESH), "1 cfg");
+	assert_string_equal(tell(f, STANDS), "ignored");
+	assert_string_equal(say(f, VSMD_REPLY_IDENTITY, "VSMD-1"), "ignored");
+	assert_string_equal(tell(f, STANDS | WRONG), "=refused");
+	assert_null(f->talk.reply);
+	/* Its identity it tells, or nothing. */
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "1 dev");
+	assert_string_equal(tell(f, STANDS | WRONG), "ignored");
+	assert_string_equal(begin(f, DB_JOB_POLL), "1 sts");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50"), "ignored");
+	assert_string_equal(command(f, DB_CMD_ENABLE), "1 ena");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50"), "ignored");
+	assert_string_equal(say(f, VSMD_REPLY_IDENTITY, "VSMD-1"), "ignored");
+	/* Nor is the proof of a write refused by what says nothing of it. */
+	assert_string_equal(write_two(f, 0.5f, 4), "1 cfg crn=0.5 mcs=4");
+	assert_string_equal(tell(f, STANDS), "1 cfg");
+	assert_string_equal(tell(f, STANDS), "ignored");
+	assert_string_equal(tell(f, STANDS | WRONG), "=unproven");
+	drop(f);
+}
+
+/* The speed that a command is judged by is one read behind it: not a poll's, and not the answer to a
+ * stop that came between. */
+static void a_speed_counts_that_answers_the_command(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	f->args = (struct db_args){ .target_velocity = 100.0f };
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY), "1 mov spd=100");
+	poll(f, STANDS);
+	assert_false(axis(f)->watch.has_speed);
+	assert_string_equal(command(f, DB_CMD_STOP), "1 stp");
+	(void)tell(f, STANDS);
+	assert_false(axis(f)->watch.has_speed);
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY), "1 mov spd=100");
+	(void)tell(f, VSMD_ST_PWR);
+	assert_true(axis(f)->watch.has_speed);
+	drop(f);
+}
+
+/* --- saving ------------------------------------------------------------------------------------ */
+
+static const char *save(struct fixture *f)
+{
+	f->now += 20000 * MS;
+	return command(f, DB_CMD_SAVE_PARAMETERS);
+}
+
+/* Its values are the answer to a save that worked. It takes time, once, and is not said twice. */
+static void a_save_is_answered_with_what_was_saved(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	fake_set_option(&db_driver_vsmd_serial, &f->options, "save-ms", 700);
+	db_driver_vsmd_serial.init(f->device, NULL, &f->bus, &f->drive);
+	poll(f, STANDS);
+	assert_string_equal(begin(f, DB_JOB_REFRESH), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.70 mcs=4"), "=ok");
+	assert_string_equal(write_two(f, 0.5f, 4), "1 cfg crn=0.5 mcs=4");
+	assert_string_equal(tell(f, STANDS), "1 cfg");
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=4"), "=ok");
+	assert_true(feedback_of(f).status & DB_STATUS_PARAMS_UNSAVED);
+	assert_string_equal(save(f), "1 sav");
+	assert_true(f->exchange.extra_time == 700 * MS);
+	assert_int_equal(f->exchange.answer_length, VSMD_PARAMS_FRAME);
+	assert_true(f->exchange.open_ended && !f->exchange.repeatable);
+	assert_string_equal(say(f, VSMD_REPLY_PARAMS, "crn=0.50 mcs=3"), "=ok");
+	assert_int_equal(held(f)[VSMD_MCS].u, 3);
+	/* Without power it would come back with these. */
+	assert_false(feedback_of(f).status & DB_STATUS_PARAMS_UNSAVED);
+	poll(f, STANDS);
+	assert_true(f->exchange.extra_time == 0);
+	drop(f);
+}
+
+static void a_save_that_did_not_work_has_failed_or_was_refused(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	assert_string_equal(save(f), "1 sav");
+	assert_string_equal(tell(f, STANDS | WRONG), "=refused");
+	assert_string_equal(save(f), "1 sav");
+	assert_string_equal(tell(f, STANDS), "=refused");
+	assert_string_equal(save(f), "1 sav");
+	assert_string_equal(tell(f, STANDS | VSMD_ST_FLASH_ERR), "=failed");
+	assert_string_equal(save(f), "1 sav");
+	assert_string_equal(say(f, VSMD_REPLY_IDENTITY, "VSMD-1"), "ignored");
+	drop(f);
+}
+
+/* --- lines -------------------------------------------------------------------------------------- */
+
+/* How much is awaited, and whether its length is known. */
+static void each_line_says_what_is_awaited(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	poll(f, STANDS);
+	assert_int_equal(f->exchange.answer_length, VSMD_SERIAL_STATUS_FRAME);
+	assert_true(f->exchange.repeatable && !f->exchange.open_ended);
+	assert_string_equal(begin(f, DB_JOB_PROBE), "1 dev");
+	assert_int_equal(f->exchange.answer_length, VSMD_IDENTITY_FRAME);
+	assert_false(f->exchange.open_ended);
+	assert_string_equal(say(f, VSMD_REPLY_IDENTITY, "VSMD-1"), "=ok");
+	assert_string_equal(begin(f, DB_JOB_REFRESH), "1 cfg");
+	assert_int_equal(f->exchange.answer_length, VSMD_PARAMS_FRAME);
+	assert_true(f->exchange.open_ended);
+	/* What does not fit is not said. */
+	f->exchange.request_size = strlen("1 sts\n") - 1;
+	assert_string_equal(begin(f, DB_JOB_POLL), "=out_of_range");
+	drop(f);
+}
+
+/* The end of the line before may be lost: a line end goes first, if there is room. */
+static void behind_an_unanswered_line_a_line_end_goes_first(void **state)
+{
+	struct fixture *f = make();
+
+	(void)state;
+	f->out_of_step = true;
+	f->exchange.request_size = strlen("\n1 sts\n");
+	assert_string_equal(begin(f, DB_JOB_POLL), "\n1 sts");
+	f->exchange.request_size--;
+	assert_string_equal(begin(f, DB_JOB_POLL), "1 sts");
+	f->exchange.request_size = sizeof f->bytes;
+	assert_string_equal(tell(f, VSMD_ST_PWR), "=ok");
+	/* Nothing is said, and nothing is put before it. */
+	f->exchange.request_length = 0;
+	assert_string_equal(begin(f, DB_JOB_REFRESH), "=busy");
+	assert_int_equal(f->exchange.request_length, 0);
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -599,6 +1038,20 @@ int main(void)
 		cmocka_unit_test(a_status_has_the_levels_of_the_inputs),
 		cmocka_unit_test(a_motion_is_told_by_its_kind),
 		cmocka_unit_test(what_may_have_begun_is_over_without_power),
+		cmocka_unit_test(writers_share_a_line_and_its_proof),
+		cmocka_unit_test(a_refused_line_of_several_writers_is_said_in_one_line_for_each),
+		cmocka_unit_test(on_a_moving_line_each_setting_has_its_own_line),
+		cmocka_unit_test(a_refusal_of_several_settings_is_read_again),
+		cmocka_unit_test(a_lost_line_takes_nothing_from_the_lines_before),
+		cmocka_unit_test(a_lost_repeat_leaves_its_end_open),
+		cmocka_unit_test(known_is_what_the_drive_printed_last),
+		cmocka_unit_test(a_moving_drive_is_asked_who_it_is_only_once),
+		cmocka_unit_test(what_was_not_asked_for_is_no_answer),
+		cmocka_unit_test(a_speed_counts_that_answers_the_command),
+		cmocka_unit_test(a_save_is_answered_with_what_was_saved),
+		cmocka_unit_test(a_save_that_did_not_work_has_failed_or_was_refused),
+		cmocka_unit_test(each_line_says_what_is_awaited),
+		cmocka_unit_test(behind_an_unanswered_line_a_line_end_goes_first),
 	};
 
 	return cmocka_run_group_tests_name("vsmd_serial", tests, NULL, NULL);
