@@ -557,16 +557,13 @@ static bool write_broadcast(enum db_command command, const struct db_bus_config 
 static bool begin_all(const struct db_device *device, const struct db_exchange *prepared,
                       struct db_exchange *all)
 {
-	const uint8_t *line = prepared->request;
-	const uint8_t *end = line + prepared->request_length;
-	const uint8_t *blank;
+	const uint8_t *end = prepared->request + prepared->request_length;
+	const uint8_t *blank = memchr(prepared->request, ' ', prepared->request_length);
 
-	while (line < end && *line == '\n')
-		line++;
-	blank = memchr(line, ' ', (size_t)(end - line));
 	if (device->id == VSMD_SERIAL_NO_ID || !blank ||
 	    (size_t)(end - blank) + 1 > all->request_size)
 		return false;
+	/* Without what precedes the blank: the address, and a line end that may separate it. */
 	all->request[0] = '0' + VSMD_SERIAL_BROADCAST;
 	memcpy(all->request + 1, blank, (size_t)(end - blank));
 	all->request_length = (size_t)(end - blank) + 1;
