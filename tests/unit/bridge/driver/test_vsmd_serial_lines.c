@@ -138,7 +138,7 @@ static void a_line_without_an_address_is_not_told_to_all(void **state)
 	make(&start, &rs485, 1);
 	assert_false(begin_all(&start, "mov\n", strlen("mov\n")));
 	/* What is behind its end is not of it. */
-	assert_false(begin_all(&start, "\n\n1 mov\n", 1));
+	assert_false(begin_all(&start, "\n\n mov\n", 1));
 	assert_int_equal(start.bytes[0], 'x');
 	free(start.device);
 }
