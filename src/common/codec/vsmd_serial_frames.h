@@ -22,7 +22,9 @@ struct vsmd_reply {
 	uint8_t id;
 	enum vsmd_reply_code code;
 	struct vsmd_status status; /* code STATUS */
-	const char *text; /* codes IDENTITY and PARAMS: points into the frame, not terminated */
+	/* codes IDENTITY and PARAMS: points into the frame, not terminated, without blanks at its
+	 * end */
+	const char *text;
 	size_t text_length;
 };
 

@@ -58,12 +58,10 @@ bool vsmd_serial_inquire(const struct db_bus_config *bus, const struct db_inquir
 static void take_identity(const struct vsmd_reply *reply, struct db_inquired *found)
 {
 	size_t from = 0;
-	size_t end = reply->text_length;
+	size_t end = reply->text_length; /* without blanks at its end */
 
 	while (from < end && vsmd_is_blank(reply->text[from]))
 		from++;
-	while (end > from && vsmd_is_blank(reply->text[end - 1]))
-		end--;
 	if (end - from > DB_IDENTITY_MAX)
 		end = from + DB_IDENTITY_MAX;
 	memcpy(found->identity, reply->text + from, end - from);

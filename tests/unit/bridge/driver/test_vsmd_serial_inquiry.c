@@ -225,30 +225,48 @@ static void a_second_answer_is_another_drives(void **state)
 	assert_int_equal(take(&rs485, &inquiry, frame, length), DB_RECOGNISED_AGAIN);
 }
 
-/* Without blanks at its ends, as long as there is room. */
+/* Without blanks at its ends, as long as there is room, and nothing else. */
 static void an_identity_is_the_words_of_the_text(void **state)
 {
-	char longest[DB_IDENTITY_MAX + 8];
+	static const char *const blanks[] = { "", " ", "\r\n \t " };
 
 	(void)state;
-	(void)take_text(DB_INQUIRY_IDENTITY, VSMD_REPLY_IDENTITY, "VSMD-1 v2");
-	assert_string_equal(said.identity, "VSMD-1 v2");
-	(void)take_text(DB_INQUIRY_IDENTITY, VSMD_REPLY_IDENTITY, " \r\n VSMD-1 v2 \r\n ");
-	assert_string_equal(said.identity, "VSMD-1 v2");
-	(void)take_text(DB_INQUIRY_IDENTITY, VSMD_REPLY_IDENTITY, "V");
-	assert_string_equal(said.identity, "V");
-	(void)take_text(DB_INQUIRY_IDENTITY, VSMD_REPLY_IDENTITY, "   ");
-	assert_string_equal(said.identity, "");
-	for (size_t length = DB_IDENTITY_MAX - 1; length <= DB_IDENTITY_MAX + 2; length++) {
-		size_t kept = length < DB_IDENTITY_MAX ? length : DB_IDENTITY_MAX;
+	for (size_t i = 0; i < sizeof(blanks) / sizeof(blanks[0]); i++) {
+		for (size_t length = 0; length <= DB_IDENTITY_MAX + 2; length++) {
+			char words[DB_IDENTITY_MAX + 3] = "";
+			char text[DB_IDENTITY_MAX + 16];
+			struct db_inquired expected;
 
-		longest[0] = ' ';
-		memset(longest + 1, 'V', length);
-		longest[1 + length] = '\0';
-		(void)take_text(DB_INQUIRY_IDENTITY, VSMD_REPLY_IDENTITY, longest);
-		assert_int_equal(strlen(said.identity), kept);
-		assert_memory_equal(said.identity, longest + 1, kept);
+			memset(&expected, 0, sizeof(expected));
+			memset(words, 'V', length);
+			memcpy(expected.identity, words,
+			       length < DB_IDENTITY_MAX ? length : DB_IDENTITY_MAX);
+			snprintf(text, sizeof(text), "%s%s%s", blanks[i], words, blanks[i]);
+			assert_int_equal(take_text(DB_INQUIRY_IDENTITY, VSMD_REPLY_IDENTITY, text),
+			                 DB_RECOGNISED_ANSWER);
+			expected.parts = said.parts;
+			assert_memory_equal(&said, &expected, sizeof(said));
+		}
 	}
+}
+
+/* Nothing of the first one's is left in it. */
+static void a_second_drives_identity_is_its_own(void **state)
+{
+	static const char *const names[] = { "VSMD-12", " V1" };
+	const struct db_inquiry inquiry = { .kind = DB_INQUIRY_IDENTITY, .address = 7 };
+
+	(void)state;
+	memset(&said, 0, sizeof(said));
+	for (size_t i = 0; i < 2; i++) {
+		uint8_t frame[64];
+		int length = vsmd_serial_encode_text(7, VSMD_REPLY_IDENTITY, names[i],
+		                                     strlen(names[i]), frame, sizeof(frame));
+
+		assert_int_equal(take(&rs485, &inquiry, frame, length),
+		                 i == 0 ? DB_RECOGNISED_ANSWER : DB_RECOGNISED_AGAIN);
+	}
+	assert_string_equal(said.identity, "V1");
 }
 
 int main(void)
@@ -262,6 +280,7 @@ int main(void)
 		cmocka_unit_test(a_status_tells_standing_and_refusal),
 		cmocka_unit_test(a_second_answer_is_another_drives),
 		cmocka_unit_test(an_identity_is_the_words_of_the_text),
+		cmocka_unit_test(a_second_drives_identity_is_its_own),
 	};
 
 	return cmocka_run_group_tests_name("vsmd_serial_inquiry", tests, NULL, NULL);
