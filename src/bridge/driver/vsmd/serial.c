@@ -489,7 +489,7 @@ static enum db_step answer_frame(struct db_conversation *talk, const uint8_t *fr
 	if (status) {
 		vsmd_take_status(axis_of(talk), &reply.status, talk->now);
 		if (job->kind == DB_JOB_COMMAND && !db_command_is_stop(job->request->command))
-			vsmd_take_speed(axis_of(talk), reply.status.velocity);
+			vsmd_take_speed(axis_of(talk), axis_of(talk)->last.velocity);
 	}
 	step = follow(talk);
 	talk->reply = NULL;

@@ -127,15 +127,22 @@ static const char *command(struct fixture *f, enum db_command code)
 	return begin(f, DB_JOB_COMMAND);
 }
 
-static const char *tell(struct fixture *f, uint32_t bits)
+static const char *tell_all(struct fixture *f, int32_t position, float velocity, uint32_t bits)
 {
-	const struct vsmd_status status = { .status = bits };
+	const struct vsmd_status status = { .position = position,
+		                            .velocity = velocity,
+		                            .status = bits };
 	uint8_t frame[VSMD_SERIAL_STATUS_FRAME];
 	int length = vsmd_serial_encode_status(1, &status, frame, sizeof frame);
 
 	assert_true(length > 0);
 	f->now += 4 * MS;
 	return next(f, db_driver_vsmd_serial.answer(talk(f), frame, (size_t)length));
+}
+
+static const char *tell(struct fixture *f, uint32_t bits)
+{
+	return tell_all(f, 0, 0.0f, bits);
 }
 
 static void poll(struct fixture *f, uint32_t bits)
@@ -921,6 +928,30 @@ static void a_speed_counts_that_answers_the_command(void **state)
 	drop(f);
 }
 
+/* A drive that tells no sign and runs backwards runs as it should when it is told to run faster. */
+static void a_speed_without_a_sign_has_that_of_the_way(void **state)
+{
+	struct fixture *f = make();
+	int32_t position = 0;
+
+	(void)state;
+	fake_set_option(&db_driver_vsmd_serial, &f->options, "speed-sign", 1);
+	db_driver_vsmd_serial.init(f->device, NULL, &f->bus, &f->drive);
+	poll(f, STANDS);
+	f->args = (struct db_args){ .target_velocity = -1000.0f };
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY), "1 mov spd=-1000");
+	for (unsigned tells = 0; tells < 5 && f->said[0] != '='; tells++)
+		(void)tell_all(f, position -= 4, 1000.0f, VSMD_ST_PWR);
+	assert_string_equal(f->said, "=ok");
+	assert_string_equal(begin(f, DB_JOB_POLL), "1 sts");
+	assert_string_equal(tell_all(f, position -= 40, 1000.0f, VSMD_ST_PWR), "=ok");
+	f->args.target_velocity = -2000.0f;
+	assert_string_equal(command(f, DB_CMD_MOVE_VELOCITY), "1 mov spd=-2000");
+	assert_string_equal(tell_all(f, position -= 4, 1000.0f, VSMD_ST_PWR), "1 sts");
+	assert_string_equal(tell_all(f, position -= 8, 2000.0f, VSMD_ST_PWR), "=ok");
+	drop(f);
+}
+
 /* --- saving ------------------------------------------------------------------------------------ */
 
 static const char *save(struct fixture *f)
@@ -1048,6 +1079,7 @@ int main(void)
 		cmocka_unit_test(a_moving_drive_is_asked_who_it_is_only_once),
 		cmocka_unit_test(what_was_not_asked_for_is_no_answer),
 		cmocka_unit_test(a_speed_counts_that_answers_the_command),
+		cmocka_unit_test(a_speed_without_a_sign_has_that_of_the_way),
 		cmocka_unit_test(a_save_is_answered_with_what_was_saved),
 		cmocka_unit_test(a_save_that_did_not_work_has_failed_or_was_refused),
 		cmocka_unit_test(each_line_says_what_is_awaited),
