@@ -118,7 +118,7 @@ static void plan_stop(struct xyza_plan *plan, const struct db_device *device, bo
 static void add_standstill(struct xyza_plan *plan, const struct db_device *device)
 {
 	add_step(plan, device, XYZA_MANUAL_STOP, STEP_PLAIN);
-	add_step(plan, device, XYZA_READ_STANDING, STEP_UNTIL_STANDING)->back = 1;
+	add_step(plan, device, XYZA_READ_STANDING, STEP_UNTIL_STANDING);
 }
 
 /* --- motion ----------------------------------------------------------------------------------- */

@@ -3412,6 +3412,252 @@ static void dangerous_parameters_are_locked(void **state)
 	drop(f);
 }
 
+/* --- what is left of the one before ------------------------------------------------------------------ */
+
+/* The buffer is the bus's: what an exchange before it was like is none of this one's business. */
+static void an_exchange_inherits_nothing(void **state)
+{
+	const struct db_exchange before = {
+		.answer_length = 99, .extra_time = 7000 * MS, .repeatable = true, .also_from = 9
+	};
+	struct fixture *f = make(1);
+	const uint8_t *bytes = f->bytes;
+
+	(void)state;
+	for (unsigned i = 0; i < 4; i++) {
+		static const size_t lengths[] = { XYZA_DATA_FRAME, XYZA_COMMAND_FRAME,
+			                          XYZA_FRAME_MAX, XYZA_COMMAND_FRAME };
+
+		f->exchange = before;
+		f->exchange.request = f->bytes;
+		f->exchange.request_size = sizeof f->bytes;
+		if (i == 0)
+			begin(f, 0, DB_JOB_POLL);
+		else if (i == 1)
+			jog(f, 0);
+		else if (i == 2)
+			command(f, 0, DB_CMD_RAW_FRAME, raw("0AF10100E1A1"));
+		else
+			begin(f, 0, DB_JOB_PROBE);
+		assert_ptr_equal(f->exchange.request, bytes);
+		assert_int_equal(f->exchange.answer_length, lengths[i]);
+		assert_int_equal(f->exchange.extra_time, 0);
+		assert_true(f->exchange.repeatable == (i == 0 || i == 3));
+		assert_int_equal(f->exchange.also_from, 0);
+	}
+	/* A number that is written is an address only where it is one. */
+	set(f, 0, XYZA_MANUAL_SPEED, 6);
+	value(f, 5);
+	assert_string_equal(f->said, "0BF10103E2A406000000");
+	assert_int_equal(f->exchange.also_from, 0);
+	drop(f);
+}
+
+/* Word by word, the first byte above; beyond its end nothing is shown. */
+static void show_raw(const struct fixture *f, const char *hex)
+{
+	const struct db_nameplate *shown = plate(f, 0);
+	uint16_t words[sizeof shown->raw_answer / sizeof shown->raw_answer[0]] = { 0 };
+	uint8_t frame[XYZA_FRAME_MAX];
+	size_t length = hex ? compose(hex, frame) : 0;
+
+	for (size_t i = 0; i < length; i++)
+		words[i / 2] = (uint16_t)(i % 2 == 0 ? frame[i] << 8 : words[i / 2] | frame[i]);
+	assert_int_equal(shown->raw_length, length);
+	assert_memory_equal(shown->raw_answer, words, sizeof words);
+}
+
+/* Whoever waits for the answer sees that it is another one, and never two of them in one. */
+static void a_raw_answer_is_shown_alone(void **state)
+{
+	static const char *const said[] = { "0AF10100E1A1", "0AF301000101", "0AF10100E1A1" };
+	static const char *const answers[] = { "0BF10003E1A1FFFEFDFC", FAILED_MANUAL,
+		                               "0BF10003E1A101020304" };
+	struct fixture *f = make(1);
+	uint32_t generation = plate(f, 0)->generation;
+
+	(void)state;
+	for (size_t i = 0; i < sizeof said / sizeof said[0]; i++) {
+		command(f, 0, DB_CMD_RAW_FRAME, raw(said[i]));
+		show_raw(f, NULL);
+		assert_int_equal(plate(f, 0)->generation, ++generation);
+		answer(f, answers[i]);
+		show_raw(f, answers[i]);
+		assert_int_equal(plate(f, 0)->generation, ++generation);
+		assert_true(!(feedback(f, 0).status & DB_STATUS_REFUSED) == (i != 1));
+	}
+	drop(f);
+}
+
+/* --- how a command is put together ------------------------------------------------------------------- */
+
+/* Exactly what had no effect is written again: not the question whether the axis stands. */
+static void what_is_written_again_is_the_write(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	*memory(f, 0xE1, 0xA1) = 77;
+	f->ignores = "0AF3010304";
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ 0 })),
+	                    "0AF10103E1A3 0AF3010304A1 0AF10103E1A1 0AF3010304A1 0AF10103E1A1"
+	                    " 0AF3010304A1 0AF10103E1A1 =failed");
+	f->ignores = "0BF10103E1A1";
+	assert_string_equal(
+		whole(f, command(f, 0, DB_CMD_SET_POSITION,
+	                         (struct db_args){ .target_position = 50 })),
+		"0AF10103E1A3"
+		" 0BF10103E1A132000000 0BF10103E1A200000000 0AF10103E1A2 0AF10103E1A1"
+		" 0BF10103E1A132000000 0BF10103E1A200000000 0AF10103E1A2 0AF10103E1A1"
+		" 0BF10103E1A132000000 0BF10103E1A200000000 0AF10103E1A2 0AF10103E1A1 =failed");
+	drop(f);
+}
+
+/* One that the program moves is stopped with it, before its power goes. */
+static void disabling_what_a_program_moves_stops_the_program(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	*memory(f, 0xE5, 0xC1) = 1;
+	*memory(f, 0xE1, 0xA3) = 0;
+	poll_all(f, false, 0, XYZA_PROGRAM_RUNNING);
+	assert_string_equal(
+		whole(f, command(f, 0, DB_CMD_DISABLE, (struct db_args){ 0 })),
+		"0AF10103E1A3 0AF401030200 0AF10103E5C1 0BF10103E5C100000000 0AF10103E5C1 =ok");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_STOPPING);
+	drop(f);
+}
+
+/* What others share an item with is not overwritten by somebody who has never read it. */
+static void a_shared_item_is_read_though_it_was_silent(void **state)
+{
+	static const char *const silent[] = { "0AF10103E5C1", "0AF10103E5C2" };
+
+	(void)state;
+	for (size_t i = 0; i < 2; i++) {
+		struct fixture *f = make(3);
+
+		identify_without(f, 0, silent[i]);
+		assert_string_equal(i == 0 ? command(f, 0, DB_CMD_ENABLE, (struct db_args){ 0 }) :
+		                             set(f, 0, XYZA_STOP_KEY, 5),
+		                    silent[i]);
+		drop(f);
+	}
+}
+
+/* It is in the controller from then on, whatever became of the start itself. */
+static void a_delay_whose_start_was_lost_is_cleared(void **state)
+{
+	const struct db_args later = { .program_number = 4, .program_delay = 1 };
+	const struct db_args now = { .program_number = 4 };
+	struct fixture *f = make(1);
+
+	(void)state;
+	whole(f, command(f, 0, DB_CMD_START_PROGRAM, now));
+	f->program_state = 0;
+	assert_string_equal(whole(f, command(f, 0, DB_CMD_START_PROGRAM, now)),
+	                    ASK_PROGRAM " 0AF401030304 " ASK_PROGRAM " =ok");
+	command(f, 0, DB_CMD_START_PROGRAM, later);
+	assert_string_equal(program(f, 0, 4, 1), "0AF401030501");
+	assert_string_equal(answer(f, OK_PROGRAM), "0AF401030304");
+	assert_string_equal(lost(f), ASK_PROGRAM);
+	assert_string_equal(program(f, 0, 4, 1), "=indeterminate");
+	command(f, 0, DB_CMD_START_PROGRAM, now);
+	assert_string_equal(program(f, 0, 4, 1), "0AF401030500");
+	drop(f);
+}
+
+/* Whoever moves any other axis, and it need not be a jog, is asked before this one begins. */
+static void any_other_axis_that_moves_is_asked(void **state)
+{
+	struct fixture *f = make(0xF);
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	whole(f, jog(f, 3));
+	assert_string_equal(jog(f, 0), "0AF10103E1D3");
+	assert_string_equal(value(f, 0), "=refused");
+	drop(f);
+	f = make(3);
+	poll_all(f, false, 0, 0);
+	assert_string_equal(jog(f, 1), "0AF10103E1A3");
+	assert_string_equal(value(f, 0), "=refused");
+	drop(f);
+}
+
+/* Whether an item is silent is a question of this item, and not of its neighbour. */
+static void a_jog_with_limits_does_not_ask_what_is_silent(void **state)
+{
+	static const struct {
+		const char *silent;
+		const char *said;
+	} cases[] = {
+		{ "0AF10103E2A3", "0AF10103E5C3 0AF3010303A1 0AF10103E1A3 =ok" },
+		{ "0AF10103E2A4", "0AF10103E5C3 0AF10103E2A3 0AF3010303A1 0AF10103E1A3 =ok" },
+		{ "0AF10103E5C3", "0AF10103E2A3 0AF3010303A1 0AF10103E1A3 =ok" },
+		{ "0AF10103E5C4", "0AF10103E5C3 0AF10103E2A3 0AF3010303A1 0AF10103E1A3 =ok" },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct fixture *f = make(1);
+
+		f->drives[0].max_position = 100.0;
+		db_driver_xyza.init(f->axes[0], NULL, &f->bus, &f->drives[0]);
+		identify_without(f, 0, cases[i].silent);
+		assert_string_equal(whole(f, jog(f, 0)), cases[i].said);
+		drop(f);
+	}
+}
+
+/* A jog without a speed has none that could be waited for. */
+static void a_jog_on_without_a_speed_waits_for_none(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, false, 0, 0);
+	poll_all(f, false, 500, 0);
+	assert_string_equal(jog(f, 0), "0AF3010303A1");
+	assert_string_equal(answer(f, OK_MANUAL), "0AF10103E1A3");
+	assert_string_equal(value(f, 0), "=ok");
+	drop(f);
+}
+
+/* Only an axis that is known to go that way goes on: one that is to stop, or whose way nobody has
+ * seen, stands first. */
+static void a_jog_goes_on_only_where_the_way_is_known(void **state)
+{
+	(void)state;
+	for (unsigned i = 0; i < 4; i++) {
+		enum db_command way = i % 2 == 0 ? DB_CMD_JOG_POSITIVE : DB_CMD_JOG_NEGATIVE;
+		struct fixture *f = make(1);
+
+		poll_all(f, false, 0, 0);
+		if (i < 2) {
+			poll_all(f, false, i == 0 ? 50 : -50, 0);
+			whole(f, command(f, 0, DB_CMD_STOP, (struct db_args){ 0 }));
+			assert_int_equal(feedback(f, 0).state, DB_AXIS_STOPPING);
+		}
+		assert_string_equal(command(f, 0, way, (struct db_args){ 0 }), "0AF301030200");
+		assert_string_equal(answer(f, OK_MANUAL), "0AF10103E1A3");
+		drop(f);
+	}
+}
+
+static void the_first_output_goes_off(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	*memory(f, 0xE4, 0) = 0xFF0000;
+	assert_string_equal(
+		whole(f, command(f, 0, DB_CMD_SET_OUTPUT, (struct db_args){ .output_number = 1 })),
+		"0BF10103E40010000000 0AF10103E400 =ok");
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -3525,6 +3771,17 @@ int main(void)
 		cmocka_unit_test(what_a_command_reads_is_shown),
 		cmocka_unit_test(two_axes_at_0_are_a_restart),
 		cmocka_unit_test(what_was_lost_is_not_believed),
+		cmocka_unit_test(an_exchange_inherits_nothing),
+		cmocka_unit_test(a_raw_answer_is_shown_alone),
+		cmocka_unit_test(what_is_written_again_is_the_write),
+		cmocka_unit_test(disabling_what_a_program_moves_stops_the_program),
+		cmocka_unit_test(a_shared_item_is_read_though_it_was_silent),
+		cmocka_unit_test(a_delay_whose_start_was_lost_is_cleared),
+		cmocka_unit_test(any_other_axis_that_moves_is_asked),
+		cmocka_unit_test(a_jog_with_limits_does_not_ask_what_is_silent),
+		cmocka_unit_test(a_jog_on_without_a_speed_waits_for_none),
+		cmocka_unit_test(a_jog_goes_on_only_where_the_way_is_known),
+		cmocka_unit_test(the_first_output_goes_off),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
