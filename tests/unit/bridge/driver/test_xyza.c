@@ -3658,6 +3658,333 @@ static void the_first_output_goes_off(void **state)
 	drop(f);
 }
 
+/* --- what counts as an effect, and when -------------------------------------------------------------- */
+
+/* The bits of the other keys go back as they were read, each of them. */
+static void all_bits_of_the_other_keys_are_kept(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	set(f, 0, XYZA_STOP_KEY, 4);
+	assert_string_equal(value(f, 0x0F0F0F), "0BF10103E5C20F040F00");
+	drop(f);
+}
+
+/* Up to the end of its reaction an axis that was jogged may still say that it stands, and from then on it
+ * is believed. */
+static void a_stand_is_believed_when_a_jog_had_its_time(void **state)
+{
+	(void)state;
+	for (unsigned late = 0; late < 2; late++) {
+		for (unsigned i = 0; i < 4; i++) {
+			struct fixture *f = make_slow(3);
+			db_time until;
+
+			poll_all(f, true, 0, 0);
+			jog(f, 0);
+			answer(f, OK_MANUAL);
+			until = f->now + 100 * MS - !late * MS;
+			/* An answer takes 1 ms. */
+			f->now = until - (i == 0) * MS;
+			if (i == 0) {
+				command(f, 0, DB_CMD_MOVE_VELOCITY, (struct db_args){ 0 });
+				assert_string_equal(answer(f, OK_MANUAL), "0AF10103E1A3");
+				assert_string_equal(value(f, 1), late ? "=ok" : "0AF10103E1A3");
+			} else if (i == 1) {
+				command(f, 0, DB_CMD_DISABLE, (struct db_args){ 0 });
+				assert_string_equal(value(f, 1),
+				                    late ? "0AF10103E5C1" : "0AF301030100");
+			} else if (i == 2) {
+				assert_string_equal(jog(f, 1), "0AF10103E1A3");
+				assert_string_equal(value(f, 1),
+				                    late ? "0AF3010303A3" : "0AF10103E1A3");
+			} else {
+				poll_all(f, true, 0, 0);
+				assert_int_equal(feedback(f, 0).state,
+				                 late ? DB_AXIS_DISABLED :
+				                        DB_AXIS_CONTINUOUS_MOTION);
+			}
+			drop(f);
+		}
+	}
+}
+
+/* The time begins anew when it is looked at, and not when it was sent: so it does when that was lost. */
+static void a_jog_that_is_awaited_is_not_ended_by_a_cycle(void **state)
+{
+	(void)state;
+	for (unsigned heard = 0; heard < 2; heard++) {
+		struct fixture *f = make_slow(1);
+
+		poll_all(f, true, 0, 0);
+		jog(f, 0);
+		assert_string_equal(heard ? answer(f, OK_MANUAL) : lost(f), "0AF10103E1A3");
+		f->now += 90 * MS;
+		assert_string_equal(value(f, 1), "0AF10103E1A3");
+		f->now += 50 * MS;
+		poll_all(f, true, 0, 0);
+		assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+		drop(f);
+	}
+}
+
+/* It was seen to move: from then on a stand is one, however early. */
+static void a_stand_after_a_motion_is_believed_at_once(void **state)
+{
+	struct fixture *f = make_slow(1);
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	assert_string_equal(value(f, 0), "=ok");
+	command(f, 0, DB_CMD_MOVE_VELOCITY, (struct db_args){ 0 });
+	answer(f, OK_MANUAL);
+	assert_string_equal(value(f, 1), "=ok");
+	drop(f);
+}
+
+/* What is read back right ends it, what is read back wrong may only be late. */
+static void a_parameter_is_awaited_while_it_is_wrong(void **state)
+{
+	struct fixture *f = make_slow(1);
+
+	(void)state;
+	set(f, 0, XYZA_MANUAL_SPEED, 50);
+	value(f, 9);
+	answer(f, OK_DATA);
+	assert_string_equal(value(f, 50), "=ok");
+	set(f, 0, XYZA_MANUAL_SPEED, 60);
+	value(f, 50);
+	answer(f, OK_DATA);
+	assert_string_equal(value(f, 50), "0AF10103E2A4");
+	assert_true(f->exchange.again);
+	assert_string_equal(value(f, 60), "=ok");
+	assert_false(feedback(f, 0).status & DB_STATUS_REFUSED);
+	/* Not longer than configured; what it holds instead is shown. */
+	set(f, 0, XYZA_MANUAL_SPEED, 70);
+	value(f, 60);
+	answer(f, OK_DATA);
+	value(f, 60);
+	f->now += 100 * MS;
+	assert_string_equal(value(f, 65), "=refused");
+	assert_true(feedback(f, 0).status & DB_STATUS_REFUSED);
+	assert_int_equal(plate(f, 0)->values[XYZA_MANUAL_SPEED].u, 65);
+	/* A value that was there already is known as well. */
+	set(f, 0, XYZA_MANUAL_SPEED, 80);
+	assert_string_equal(value(f, 80), "=ok");
+	assert_int_equal(plate(f, 0)->values[XYZA_MANUAL_SPEED].u, 80);
+	drop(f);
+}
+
+/* Any stop of any axis ends the wait of a jog; power that is taken off a standing one is no stop. */
+static void which_commands_end_a_jog_that_was_lost(void **state)
+{
+	static const struct {
+		enum db_command command;
+		const char *said;
+	} cases[] = {
+		{ DB_CMD_STOP, "=cancelled" },
+		{ DB_CMD_QUICK_STOP, "=cancelled" },
+		{ DB_CMD_DISABLE, "0AF3010303A1" },
+	};
+
+	(void)state;
+	for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+		struct fixture *f = make(3);
+		struct db_request request;
+		struct db_job job;
+
+		poll_all(f, true, 0, 0);
+		jog(f, 0);
+		lost(f);
+		job = f->job;
+		request = f->request;
+		whole(f, command(f, 1, cases[i].command, (struct db_args){ 0 }));
+		f->request = request;
+		go_on(f, job, "0AF10103E1A3");
+		assert_string_equal(value(f, 1), cases[i].said);
+		drop(f);
+	}
+}
+
+/* A cycle 100 ms after the last one, by this way; then the standing read is answered so often. */
+static const char *read_speed(struct fixture *f, db_time pause, int32_t *position, int32_t way,
+                              unsigned reads)
+{
+	struct db_job job = f->job;
+
+	f->now = feedback(f, 0).taken + pause - 3 * MS; /* the place is the third answer */
+	poll_all(f, false, *position += way, 0);
+	while (reads-- > 0) {
+		go_on(f, job, "0AF10103E1A3");
+		value(f, 0);
+		job = f->job;
+	}
+	return f->said;
+}
+
+/* x runs at 640 Hz, and is to run at 1920: up to where its velocity is awaited. */
+static int32_t begin_triple_speed(struct fixture *f)
+{
+	int32_t position = 0;
+
+	poll_all(f, false, position, 0);
+	read_speed(f, 100 * MS, &position, 64, 0);
+	command(f, 0, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 1920.0f });
+	value(f, 1920);
+	assert_string_equal(answer(f, OK_MANUAL), "0AF10103E1A3");
+	value(f, 0);
+	assert_string_equal(value(f, 0), "0AF10103E1A3");
+	return position;
+}
+
+/* A velocity is a sample once, however often the axis is asked in between. */
+static void a_velocity_is_one_sample(void **state)
+{
+	struct fixture *f = make(1);
+	int32_t position = begin_triple_speed(f);
+
+	(void)state;
+	assert_string_equal(read_speed(f, 100 * MS, &position, 192, 5), "0AF10103E1A3");
+	/* Half of the change is near. */
+	assert_string_equal(read_speed(f, 100 * MS, &position, 128, 1), "=ok");
+	assert_float_equal(feedback(f, 0).velocity, 1280.0f, 0.0f);
+	drop(f);
+}
+
+/* Four velocities at least, and a second without coming nearer, before it counts as ignored. */
+static void another_speed_has_its_samples_and_its_time(void **state)
+{
+	struct fixture *f = make(1);
+	int32_t position = begin_triple_speed(f);
+	struct db_job job;
+	db_time progress;
+
+	(void)state;
+	for (unsigned i = 0; i < 3; i++)
+		assert_string_equal(read_speed(f, 1500 * MS, &position, 960, 1), "0AF10103E1A3");
+	assert_string_equal(read_speed(f, 1500 * MS, &position, 960, 1), "0AF301030200");
+	/* A refusal ends it too, and is not said again. */
+	assert_string_equal(answer(f, FAILED_MANUAL), "=failed");
+	drop(f);
+	f = make(1);
+	position = begin_triple_speed(f);
+	read_speed(f, 100 * MS, &position, 64, 1);
+	progress = f->now;
+	for (unsigned i = 0; i < 4; i++)
+		assert_string_equal(read_speed(f, 100 * MS, &position, 64, 1), "0AF10103E1A3");
+	job = f->job;
+	f->now = progress + 999 * MS;
+	go_on(f, job, "0AF10103E1A3");
+	assert_string_equal(value(f, 0), "0AF10103E1A3");
+	assert_string_equal(value(f, 0), "0AF301030200");
+	drop(f);
+}
+
+/* Two seconds, and not one answer more. */
+static void brakes_that_do_nothing_have_two_seconds(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, false, 0, 0);
+	command(f, 0, DB_CMD_MOVE_VELOCITY, (struct db_args){ 0 });
+	answer(f, OK_MANUAL);
+	assert_string_equal(value(f, 0), "0AF10103E1A3");
+	f->now += 1999 * MS;
+	assert_string_equal(value(f, 0), "0AF10103E1A3");
+	assert_string_equal(value(f, 0), "=failed");
+	drop(f);
+}
+
+/* Nothing of a parameter write before this one counts: neither how far it was, nor what it came to. */
+static void each_parameter_write_begins_anew(void **state)
+{
+	const struct db_setting settings[] = {
+		{ .param = XYZA_MIN_SPEED, .value.u = 1 },
+		{ .param = XYZA_MAX_SPEED, .value.u = 2 },
+	};
+	struct fixture *f = make(1);
+
+	(void)state;
+	set(f, 0, XYZA_SLAVE_NUMBER, OBJECT);
+	assert_string_equal(answer(f, OK_DATA), "=unproven");
+	for (unsigned i = 0; i < 2; i++) {
+		*memory(f, 0xE2, 0xA1) = *memory(f, 0xE2, 0xA2) = 9;
+		f->request = (struct db_request){ .setting_count = 2, .settings = settings };
+		assert_string_equal(whole(f, begin(f, 0, DB_JOB_SETTINGS)),
+		                    "0AF10103E2A1 0BF10103E2A101000000 0AF10103E2A1 "
+		                    "0AF10103E2A2 0BF10103E2A202000000 0AF10103E2A2 =ok");
+	}
+	drop(f);
+}
+
+/* A time that is never told is written all the same, as computed. */
+static void a_ramp_is_written_where_its_time_is_silent(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	*memory(f, 0xE2, 0xA1) = 200;
+	*memory(f, 0xE2, 0xA2) = 3200;
+	identify_without(f, 0, "0AF10103E2A3");
+	assert_string_equal(whole(f, set_ramp(f, 0, XYZA_RAMP_ACCELERATION, 1000.0f)),
+	                    "0AF10103E2A1 0AF10103E2A2 0BF10103E2A31E000000 =unproven");
+	drop(f);
+}
+
+/* A controller that accepts and cannot be asked: it is not known, and no failure. */
+static void an_effect_that_cannot_be_read_is_unproven(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	command(f, 0, DB_CMD_PAUSE_PROGRAM, (struct db_args){ 0 });
+	assert_string_equal(refuse(f, FAILED_PROGRAM), "0AF401030200");
+	assert_string_equal(answer(f, OK_PROGRAM), ASK_PROGRAM);
+	assert_string_equal(program(f, 2, 1, 1), "=unproven");
+	command(f, 0, DB_CMD_SET_OUTPUT, (struct db_args){ .output_number = 1 });
+	answer(f, OK_DATA);
+	assert_string_equal(refuse(f, FAILED_DATA), "=unproven");
+	drop(f);
+}
+
+/* What there is nothing to do about is done: an earlier refusal does not count any more. */
+static void a_program_that_waits_already_is_no_refusal(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	command(f, 0, DB_CMD_START_PROGRAM, (struct db_args){ .program_number = 1 });
+	assert_string_equal(program(f, 1, 1, 1), "=refused");
+	assert_true(feedback(f, 0).status & DB_STATUS_REFUSED);
+	command(f, 0, DB_CMD_PAUSE_PROGRAM, (struct db_args){ 0 });
+	assert_string_equal(program(f, 2, 1, 1), "=ok");
+	assert_false(feedback(f, 0).status & DB_STATUS_REFUSED);
+	drop(f);
+}
+
+/* An accepted command to a program may show late; one that was refused is said again at once. */
+static void a_program_is_awaited_when_it_has_accepted(void **state)
+{
+	struct fixture *f = make_slow(1);
+
+	(void)state;
+	command(f, 0, DB_CMD_PAUSE_PROGRAM, (struct db_args){ 0 });
+	program(f, 1, 1, 1);
+	answer(f, OK_PROGRAM);
+	assert_string_equal(program(f, 1, 1, 1), ASK_PROGRAM);
+	assert_true(f->exchange.again);
+	assert_string_equal(program(f, 2, 1, 1), "=ok");
+	command(f, 0, DB_CMD_CONTINUE_PROGRAM, (struct db_args){ 0 });
+	program(f, 2, 1, 1);
+	answer(f, FAILED_PROGRAM);
+	assert_string_equal(program(f, 2, 1, 1), "0AF401030600");
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -3782,6 +4109,20 @@ int main(void)
 		cmocka_unit_test(a_jog_on_without_a_speed_waits_for_none),
 		cmocka_unit_test(a_jog_goes_on_only_where_the_way_is_known),
 		cmocka_unit_test(the_first_output_goes_off),
+		cmocka_unit_test(all_bits_of_the_other_keys_are_kept),
+		cmocka_unit_test(a_stand_is_believed_when_a_jog_had_its_time),
+		cmocka_unit_test(a_jog_that_is_awaited_is_not_ended_by_a_cycle),
+		cmocka_unit_test(a_stand_after_a_motion_is_believed_at_once),
+		cmocka_unit_test(a_parameter_is_awaited_while_it_is_wrong),
+		cmocka_unit_test(which_commands_end_a_jog_that_was_lost),
+		cmocka_unit_test(a_velocity_is_one_sample),
+		cmocka_unit_test(another_speed_has_its_samples_and_its_time),
+		cmocka_unit_test(brakes_that_do_nothing_have_two_seconds),
+		cmocka_unit_test(each_parameter_write_begins_anew),
+		cmocka_unit_test(a_ramp_is_written_where_its_time_is_silent),
+		cmocka_unit_test(an_effect_that_cannot_be_read_is_unproven),
+		cmocka_unit_test(a_program_that_waits_already_is_no_refusal),
+		cmocka_unit_test(a_program_is_awaited_when_it_has_accepted),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
