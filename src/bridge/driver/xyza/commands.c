@@ -470,11 +470,13 @@ static enum db_step answer_moving(struct db_conversation *talk)
 		/* It moved before, too: it is not known whether it received this. */
 		if (plan->lost && plan->same_way)
 			plan->unproven = true;
-		device->just_commanded = false;
 		/* Where only its position shows that it moves, "standing" may still be the old
-		 * state. */
-		if (reply->value == 0)
+		 * state. A cycle may have found it standing before it began to move. */
+		if (reply->value == 0) {
 			device->expected_by = 0;
+			device->standing = false;
+			device->jogging = true;
+		}
 		if (plan->at + 1 < plan->count &&
 		    plan->steps[plan->at + 1].kind == STEP_EXPECT_SPEED &&
 		    !xyza_can_distinguish_speeds(device, plan))

@@ -3985,6 +3985,28 @@ static void a_program_is_awaited_when_it_has_accepted(void **state)
 	drop(f);
 }
 
+/* A cycle may find it standing before the motion shows: once that has shown, it moves for everybody. */
+static void a_motion_that_was_seen_is_one_for_all(void **state)
+{
+	struct fixture *f = make(3);
+	struct db_job job;
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	job = f->job;
+	poll_all(f, true, 0, 0);
+	go_on(f, job, "0AF10103E1A3");
+	assert_string_equal(value(f, 0), "=ok");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_CONTINUOUS_MOTION);
+	assert_true(feedback(f, 0).status & DB_STATUS_MOVING);
+	/* No other axis begins to move beside it. */
+	assert_string_equal(jog(f, 1), "0AF10103E1A3");
+	assert_string_equal(value(f, 0), "=refused");
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -4123,6 +4145,7 @@ int main(void)
 		cmocka_unit_test(an_effect_that_cannot_be_read_is_unproven),
 		cmocka_unit_test(a_program_that_waits_already_is_no_refusal),
 		cmocka_unit_test(a_program_is_awaited_when_it_has_accepted),
+		cmocka_unit_test(a_motion_that_was_seen_is_one_for_all),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
