@@ -4007,6 +4007,327 @@ static void a_motion_that_was_seen_is_one_for_all(void **state)
 	drop(f);
 }
 
+/* --- which cycles tell what -------------------------------------------------------------------------- */
+
+/* "Standing" may be from before the motion that the program's end left behind: a jump is none then. */
+static void a_jump_of_what_may_move_is_no_doubt(void **state)
+{
+	struct fixture *f = make_slow(1);
+
+	(void)state;
+	poll_all(f, true, 5000, XYZA_PROGRAM_RUNNING);
+	command(f, 0, DB_CMD_END_PROGRAM, (struct db_args){ 0 });
+	program(f, 1, 1, 7);
+	answer(f, OK_PROGRAM);
+	assert_string_equal(program(f, 0, 1, 7), "=ok");
+	poll_all(f, true, 0, XYZA_PROGRAM_IDLE);
+	assert_int_equal(feedback(f, 0).doubts, 0);
+	drop(f);
+}
+
+/* Once a cycle has seen the motion, the next one may see its end. */
+static void a_stand_that_follows_a_motion_is_shown(void **state)
+{
+	struct fixture *f = make_slow(1);
+
+	(void)state;
+	poll_all(f, true, 0, 0);
+	jog(f, 0);
+	answer(f, OK_MANUAL);
+	poll_all(f, false, -3, 0);
+	assert_int_equal(feedback(f, 0).drive_status & 1, 1);
+	poll_all(f, true, -5, 0);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	assert_int_equal(feedback(f, 0).drive_status & 1, 1);
+	poll_all(f, true, 5, 0);
+	assert_int_equal(feedback(f, 0).drive_status & 1, 0);
+	drop(f);
+}
+
+/* It crosses zero again and again: three tries for each axis in each cycle. */
+static void each_axis_has_three_tries_for_its_sign(void **state)
+{
+	struct fixture *f = make(3);
+
+	(void)state;
+	for (unsigned cycle = 0; cycle < 2; cycle++) {
+		const char *said = begin(f, 0, DB_JOB_POLL);
+		unsigned magnitudes[2] = { 0, 0 };
+
+		for (unsigned reads = 0; said[0] != '='; reads++) {
+			unsigned number = f->bytes[7] % 16;
+
+			assert_true(reads < 40);
+			if (strcmp(said, ASK_PROGRAM) == 0 || strcmp(said, ASK_PORTS) == 0) {
+				said = obey(f);
+				continue;
+			}
+			magnitudes[f->bytes[7] >> 4 == 0xB] += number == 1;
+			said = value(f, number == 1 ? 6 : number == 2 ? reads / 2 % 2 : 0);
+			assert_true(f->talk.unchanged || number != 1);
+		}
+		assert_int_equal(magnitudes[0], 3);
+		assert_int_equal(magnitudes[1], 3);
+	}
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_OFFLINE);
+	drop(f);
+}
+
+/* Half a second after it was written the position that is read counts, whatever became of it. */
+static void a_position_is_held_back_for_half_a_second(void **state)
+{
+	struct fixture *f = make(1);
+	db_time written;
+
+	(void)state;
+	poll_all(f, true, 100, 0);
+	command(f, 0, DB_CMD_SET_POSITION, (struct db_args){ .target_position = -7 });
+	value(f, 1);
+	answer(f, OK_DATA);
+	written = f->now;
+	/* The position is the third answer. */
+	f->now = written + 496 * MS;
+	poll_all(f, true, 7, 0);
+	assert_int_equal(feedback(f, 0).position, 100);
+	f->now = written + 497 * MS;
+	poll_all(f, true, 8, 0);
+	assert_int_equal(feedback(f, 0).position, 8);
+	drop(f);
+}
+
+/* One that never answers is asked for after 2 s, 4 s and so on, and after 64 s at last. */
+static void a_silent_axis_is_asked_for_less_and_less(void **state)
+{
+	static const char ask_y[] = "0AF10103E1B3";
+	static const unsigned pauses[] = { 2, 4, 8, 16, 32, 64, 64, 64 };
+	struct fixture *f = make(3);
+
+	(void)state;
+	poll_up_to(f, ask_y);
+	assert_string_equal(poll_up_to(f, ask_y), ask_y);
+	for (size_t i = 0; i < sizeof pauses / sizeof pauses[0]; i++) {
+		db_time noticed = f->now;
+
+		assert_string_equal(poll_up_to(f, ask_y), "=ok");
+		/* x is read before, in three answers. */
+		f->now = noticed + pauses[i] * DB_NS_PER_S - 4 * MS;
+		assert_string_equal(poll_up_to(f, ask_y), "=ok");
+		f->now = noticed + pauses[i] * DB_NS_PER_S - 3 * MS;
+		assert_string_equal(poll_up_to(f, ask_y), ask_y);
+	}
+	drop(f);
+}
+
+/* Which one has answered does not matter: the controller is there, and this axis is not. */
+static void a_silent_axis_is_passed_over_whoever_answers(void **state)
+{
+	struct fixture *f = make(7);
+
+	(void)state;
+	for (unsigned i = 0; i < 3; i++) {
+		begin(f, 0, DB_JOB_POLL);
+		assert_string_equal(refuse(f, FAILED_DATA), "0AF10103E1B3");
+		value(f, 1);
+		value(f, 0);
+		value(f, 5);
+		if (i == 0)
+			value(f, 0);
+		assert_string_equal(f->said, i < 2 ? "0AF10103E1C3" : ASK_PORTS);
+	}
+	drop(f);
+}
+
+/* Any two axes at 0; and one that was away and comes back there. Then all is read again. */
+static void a_restart_is_read_anew(void **state)
+{
+	struct fixture *f = make(0xF);
+
+	(void)state;
+	*memory(f, 0xE1, 0xB1) = *memory(f, 0xE1, 0xC1) = 5000;
+	whole(f, begin(f, 0, DB_JOB_POLL));
+	*memory(f, 0xE1, 0xB1) = *memory(f, 0xE1, 0xC1) = 0;
+	whole(f, begin(f, 0, DB_JOB_POLL));
+	assert_int_equal(feedback(f, 1).restarts, 1);
+	assert_int_equal(feedback(f, 2).restarts, 1);
+	assert_true(plate(f, 0)->doubtful && plate(f, 3)->doubtful);
+	drop(f);
+	f = make(3);
+	poll_all(f, true, 5000, 0);
+	for (unsigned axis = 0; axis < 2; axis++)
+		db_driver_xyza.gone(f->axes[axis]);
+	assert_false(plate(f, 0)->doubtful);
+	poll_all(f, true, 0, 0);
+	assert_int_equal(feedback(f, 0).restarts, 1);
+	assert_true(plate(f, 0)->doubtful && plate(f, 1)->doubtful);
+	drop(f);
+}
+
+/* A program is news when anything of it is. */
+static void any_change_of_a_program_is_told(void **state)
+{
+	static const unsigned programs[][3] = {
+		{ 2, 3, 264 }, { 1, 3, 264 }, { 1, 4, 264 }, { 1, 4, 265 }
+	};
+	struct fixture *f = make(1);
+
+	(void)state;
+	for (size_t i = 0; i < sizeof programs / sizeof programs[0]; i++) {
+		for (unsigned again = 0; again < 2; again++) {
+			assert_string_equal(poll_up_to(f, ASK_PROGRAM), ASK_PROGRAM);
+			program(f, programs[i][0], programs[i][1], programs[i][2]);
+			assert_true(f->talk.unchanged == (again == 1));
+		}
+	}
+	drop(f);
+}
+
+/* One whole reading with this pause after it; the item that was read in it, or null. */
+static const char *read_turn(struct fixture *f, db_time pause)
+{
+	static char item[16];
+	const char *said = begin(f, 0, DB_JOB_POLL);
+
+	item[0] = '\0';
+	for (; said[0] != '='; said = obey(f)) {
+		if (strncmp(said, "0AF10103E", 9) == 0 && strchr("235", said[9]))
+			strcpy(item, said);
+	}
+	f->now += pause;
+	return item[0] ? item : NULL;
+}
+
+/* However long a reading takes, one in ten reads the power and one an item; and however short it is,
+ * items are read once a second. All items of an axis, then those of the next one. */
+static void items_are_read_in_order_and_seldom(void **state)
+{
+	struct fixture *f = make(7);
+	unsigned power = 0;
+	unsigned items = 0;
+	char order[64] = "";
+	const char *item;
+
+	(void)state;
+	for (unsigned axis = 0; axis < 3; axis++)
+		identify(f, axis);
+	for (unsigned i = 0; i < 400; i++) {
+		item = read_turn(f, 2000 * MS);
+		if (!item)
+			continue;
+		power += strcmp(item, "0AF10103E5C1") == 0;
+		items += strcmp(item, "0AF10103E5C1") != 0;
+		if (item[9] != '5' && order[strlen(order) - (order[0] != '\0')] != item[10])
+			strncat(order, item + 10, 1);
+	}
+	assert_int_equal(power, 40);
+	assert_int_equal(items, 40);
+	assert_true(strncmp(order, "ABCA", 4) == 0);
+	items = 0;
+	for (db_time end = f->now + 10 * DB_NS_PER_S; f->now < end;) {
+		item = read_turn(f, 0);
+		items += item && strcmp(item, "0AF10103E5C1") != 0;
+	}
+	assert_in_range(items, 7, 10);
+	drop(f);
+}
+
+/* Common items belong to any axis that is there. */
+static void the_power_is_read_again_without_x(void **state)
+{
+	struct fixture *f = make(2);
+	unsigned reads = 0;
+
+	(void)state;
+	f->talking = f->axes[1];
+	identify(f, 1);
+	for (unsigned i = 0; i < 10; i++) {
+		const char *said = begin(f, 1, DB_JOB_POLL);
+
+		for (; said[0] != '='; said = obey(f))
+			reads += strcmp(said, "0AF10103E5C1") == 0;
+	}
+	assert_int_equal(reads, 1);
+	drop(f);
+}
+
+/* Any axis that is to stop is judged by the end of a reading. */
+static void no_item_is_read_while_any_axis_stops(void **state)
+{
+	struct fixture *f = make(3);
+
+	(void)state;
+	identify(f, 0);
+	identify(f, 1);
+	*memory(f, 0xE1, 0xB3) = 0;
+	count_in_cycles(f, 1, "");
+	command(f, 1, DB_CMD_STOP, (struct db_args){ 0 });
+	answer(f, OK_MANUAL);
+	answer(f, OK_PROGRAM);
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	assert_int_equal(feedback(f, 1).state, DB_AXIS_STOPPING);
+	assert_int_equal(count_in_cycles(f, 40, "0AF10103E5"), 0);
+	drop(f);
+}
+
+/* Up to the first item of an axis that is read again. */
+static const char *reach_item(struct fixture *f)
+{
+	for (;;) {
+		const char *said = begin(f, 0, DB_JOB_POLL);
+
+		while (said[0] != '=' && strncmp(said, "0AF10103E2", 10) != 0)
+			said = obey(f);
+		if (said[0] != '=')
+			return said;
+		f->now += 100 * MS;
+	}
+}
+
+/* One loss is the line's: the same item is read again, and not the next one. */
+static void an_item_whose_answer_was_lost_is_read_next(void **state)
+{
+	struct fixture *f = make(3);
+	char item[16];
+
+	(void)state;
+	identify(f, 0);
+	identify(f, 1);
+	strcpy(item, reach_item(f));
+	f->now += 100 * MS;
+	assert_string_equal(reach_item(f), item);
+	assert_string_equal(obey(f), "=ok");
+	assert_false(plate(f, 0)->doubtful);
+	assert_string_not_equal(reach_item(f), item);
+	drop(f);
+}
+
+/* A refusal has no value: what is known stays, and all of whom it concerns is read again. */
+static void an_item_that_is_refused_is_doubtful(void **state)
+{
+	struct fixture *f = make(3);
+	const char *said = NULL;
+
+	(void)state;
+	*memory(f, 0xE5, 0xC1) = 3;
+	for (unsigned target = 0xA1; target <= 0xA4; target++)
+		*memory(f, 0xE2, target) = 50;
+	identify(f, 0);
+	identify(f, 1);
+	assert_true(strncmp(reach_item(f), "0AF10103E2A", 11) == 0);
+	assert_string_equal(refuse(f, FAILED_DATA), "=ok");
+	assert_true(plate(f, 0)->doubtful);
+	assert_false(plate(f, 1)->doubtful);
+	assert_int_equal(plate(f, 0)->values[XYZA_MIN_SPEED].u, 50);
+	do {
+		for (said = begin(f, 0, DB_JOB_POLL);
+		     said[0] != '=' && strcmp(said, "0AF10103E5C1") != 0;)
+			said = obey(f);
+	} while (said[0] == '=');
+	assert_string_equal(refuse(f, FAILED_DATA), "=ok");
+	assert_true(plate(f, 1)->doubtful);
+	assert_int_equal(plate(f, 1)->values[XYZA_ENABLE].u, 3);
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -4146,6 +4467,19 @@ int main(void)
 		cmocka_unit_test(a_program_that_waits_already_is_no_refusal),
 		cmocka_unit_test(a_program_is_awaited_when_it_has_accepted),
 		cmocka_unit_test(a_motion_that_was_seen_is_one_for_all),
+		cmocka_unit_test(a_jump_of_what_may_move_is_no_doubt),
+		cmocka_unit_test(a_stand_that_follows_a_motion_is_shown),
+		cmocka_unit_test(each_axis_has_three_tries_for_its_sign),
+		cmocka_unit_test(a_position_is_held_back_for_half_a_second),
+		cmocka_unit_test(a_silent_axis_is_asked_for_less_and_less),
+		cmocka_unit_test(a_silent_axis_is_passed_over_whoever_answers),
+		cmocka_unit_test(a_restart_is_read_anew),
+		cmocka_unit_test(any_change_of_a_program_is_told),
+		cmocka_unit_test(items_are_read_in_order_and_seldom),
+		cmocka_unit_test(the_power_is_read_again_without_x),
+		cmocka_unit_test(no_item_is_read_while_any_axis_stops),
+		cmocka_unit_test(an_item_whose_answer_was_lost_is_read_next),
+		cmocka_unit_test(an_item_that_is_refused_is_doubtful),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
