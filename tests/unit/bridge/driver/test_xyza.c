@@ -4328,6 +4328,21 @@ static void an_item_that_is_refused_is_doubtful(void **state)
 	drop(f);
 }
 
+/* That the program does not run any more says nothing about the axis: it goes on as it did. */
+static void a_look_at_the_program_shows_no_stand(void **state)
+{
+	struct fixture *f = make_slow(1);
+
+	(void)state;
+	poll_all(f, false, 0, XYZA_PROGRAM_RUNNING);
+	poll_all(f, false, 500, XYZA_PROGRAM_RUNNING);
+	assert_string_equal(jog(f, 0), ASK_PROGRAM);
+	assert_string_equal(program(f, XYZA_PROGRAM_WAITING, 1, 7), "0AF3010303A1");
+	assert_true(feedback(f, 0).velocity > 0.0f);
+	assert_true(feedback(f, 0).status & DB_STATUS_MOVING);
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -4480,6 +4495,7 @@ int main(void)
 		cmocka_unit_test(no_item_is_read_while_any_axis_stops),
 		cmocka_unit_test(an_item_whose_answer_was_lost_is_read_next),
 		cmocka_unit_test(an_item_that_is_refused_is_doubtful),
+		cmocka_unit_test(a_look_at_the_program_shows_no_stand),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
