@@ -4343,6 +4343,64 @@ static void a_look_at_the_program_shows_no_stand(void **state)
 	drop(f);
 }
 
+/* A whole reading that begins then, in which the power is not answered; true if it was asked for. */
+static bool read_without_power(struct fixture *f, db_time at, unsigned *items)
+{
+	const char *said;
+
+	f->now = at;
+	for (said = begin(f, 0, DB_JOB_POLL); said[0] != '='; said = obey(f)) {
+		if (strcmp(said, "0AF10103E5C1") == 0)
+			return true;
+		*items += strncmp(said, "0AF10103E2", 10) == 0 ||
+		          strncmp(said, "0AF10103E3", 10) == 0 ||
+		          strncmp(said, "0AF10103E5", 10) == 0;
+	}
+	return false;
+}
+
+/* 15 s after it was missed, then after twice as long, up to 16 min; it has a turn each 5 s here. */
+static void a_silent_power_is_asked_for_less_and_less(void **state)
+{
+	static const unsigned asked[] = { 15, 50, 115, 240, 485, 970, 1935, 2900, 3865 };
+	struct fixture *f = make(1);
+	unsigned items = 0;
+	size_t count = 0;
+	db_time begins;
+
+	(void)state;
+	identify_without(f, 0, "0AF10103E5C1");
+	begins = f->now;
+	for (unsigned i = 1; i < 8000; i++) {
+		if (!read_without_power(f, begins + i * 500 * MS, &items))
+			continue;
+		assert_true(count < sizeof asked / sizeof asked[0]);
+		/* The first turn is that of the tenth reading. */
+		assert_int_equal(i, 10 + 2 * asked[count]);
+		count++;
+	}
+	assert_int_equal(count, sizeof asked / sizeof asked[0]);
+	/* Ten readings took longer than the pause between two items. */
+	assert_int_equal(items, 800);
+	drop(f);
+}
+
+/* Ten readings of 100 ms are exactly the pause between two items. */
+static void an_item_is_read_each_second(void **state)
+{
+	struct fixture *f = make(1);
+	unsigned items = 0;
+	db_time begins;
+
+	(void)state;
+	identify_without(f, 0, "0AF10103E5C1");
+	begins = f->now + DB_NS_PER_S;
+	for (unsigned i = 1; i <= 100; i++)
+		(void)read_without_power(f, begins + i * 100 * MS, &items);
+	assert_int_equal(items, 10);
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -4496,6 +4554,8 @@ int main(void)
 		cmocka_unit_test(an_item_whose_answer_was_lost_is_read_next),
 		cmocka_unit_test(an_item_that_is_refused_is_doubtful),
 		cmocka_unit_test(a_look_at_the_program_shows_no_stand),
+		cmocka_unit_test(a_silent_power_is_asked_for_less_and_less),
+		cmocka_unit_test(an_item_is_read_each_second),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
