@@ -2542,6 +2542,7 @@ static void the_power_is_read_again(void **state)
 	*memory(f, 0xE5, 0xC1) = 1;
 	/* First all is read once. */
 	assert_int_equal(count_in_cycles(f, 30, "0AF10103E5"), 0);
+	assert_int_equal(count_in_cycles(f, 30, "0AF10103E2"), 0);
 	identify(f, 0);
 	identify(f, 1);
 	count_in_cycles(f, 1, "");
@@ -4401,6 +4402,20 @@ static void an_item_is_read_each_second(void **state)
 	drop(f);
 }
 
+/* 10 MHz is a velocity still. */
+static void the_fastest_velocity_is_one(void **state)
+{
+	struct fixture *f = make(1);
+
+	(void)state;
+	poll_all(f, false, 0, 0);
+	f->now = feedback(f, 0).taken + 997 * MS; /* the place is the third answer */
+	poll_all(f, false, 10000000, 0);
+	assert_float_equal(feedback(f, 0).velocity, 1e7f, 0.0f);
+	assert_int_equal(feedback(f, 0).doubts, 0);
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -4556,6 +4571,7 @@ int main(void)
 		cmocka_unit_test(a_look_at_the_program_shows_no_stand),
 		cmocka_unit_test(a_silent_power_is_asked_for_less_and_less),
 		cmocka_unit_test(an_item_is_read_each_second),
+		cmocka_unit_test(the_fastest_velocity_is_one),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
