@@ -993,8 +993,10 @@ static void a_program_that_is_not_told_is_not_believed(void **state)
 	(void)state;
 	poll_all(f, true, 0, XYZA_PROGRAM_INTERRUPTED);
 	assert_int_equal(feedback(f, 0).state, DB_AXIS_ERROR_STOP);
-	for (unsigned i = 0; i < 2; i++)
+	for (unsigned i = 0; i < 2; i++) {
 		poll_up_to(f, ASK_PROGRAM);
+		assert_int_equal(feedback(f, 0).state, DB_AXIS_ERROR_STOP);
+	}
 	assert_string_equal(poll_up_to(f, ASK_PROGRAM), "=ok");
 	assert_int_equal(feedback(f, 0).program_state, UINT16_MAX);
 	assert_int_equal(feedback(f, 0).program, 0);
@@ -4416,6 +4418,42 @@ static void the_fastest_velocity_is_one(void **state)
 	drop(f);
 }
 
+/* What the line lost may not have been lost alone: when one is told, the others are asked for anew. */
+static void what_is_told_after_all_brings_back_the_others(void **state)
+{
+	static const char speed[] = "0AF10103E2A1";
+	struct fixture *f = make(1);
+	const char *said = begin(f, 0, DB_JOB_IDENTIFY);
+	bool told = false;
+	unsigned turns = 0;
+	unsigned asked = 0;
+	db_time begins;
+
+	(void)state;
+	while (said[0] != '=')
+		said = strcmp(said, speed) == 0 || strcmp(said, "0AF10103E5C1") == 0 ? lost(f) :
+		                                                                       obey(f);
+	begins = f->now;
+	/* For 700 s both are silent; then 60 s from the first answer on. */
+	for (unsigned i = 1; turns < 120; i++) {
+		bool power = false;
+
+		assert_true(i < 8000);
+		f->now = begins + i * 500 * MS;
+		turns += told;
+		said = begin(f, 0, DB_JOB_POLL);
+		while (said[0] != '=' && !power && (i >= 1400 || strcmp(said, speed) != 0)) {
+			power = strcmp(said, "0AF10103E5C1") == 0;
+			told = told || strcmp(said, speed) == 0;
+			if (!power)
+				said = obey(f);
+		}
+		asked += told && power;
+	}
+	assert_in_range(asked, 2, 3);
+	drop(f);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -4572,6 +4610,7 @@ int main(void)
 		cmocka_unit_test(a_silent_power_is_asked_for_less_and_less),
 		cmocka_unit_test(an_item_is_read_each_second),
 		cmocka_unit_test(the_fastest_velocity_is_one),
+		cmocka_unit_test(what_is_told_after_all_brings_back_the_others),
 	};
 
 	return cmocka_run_group_tests_name("driver/xyza", tests, NULL, NULL);
