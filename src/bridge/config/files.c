@@ -114,10 +114,12 @@ static bool read_edited(const char *path, const char *text, FILE *errors,
 		if (!text) {
 			good = read_source(edited, errors, &more[(*count)++]);
 		} else {
-			more[*count].path = strdup(edited);
-			more[*count].text = strdup(text);
-			good = more[*count].path && more[*count].text;
-			(*count)++;
+			struct db_source *made = &more[(*count)++];
+
+			/* gcc's analyzer loses that the caller has them through `sources`. */
+			made->path = strdup(edited);
+			made->text = strdup(text);
+			good = made->path && made->text;
 		}
 	}
 	if (!more || (text && !good))

@@ -25,6 +25,11 @@
 
 /* --- ids -------------------------------------------------------------------------------------- */
 
+static unsigned reg_max(bool extended)
+{
+	return extended ? VSMD_CAN_REG_MAX : VSMD_CAN_STD_REG_MAX;
+}
+
 static bool is_reply(enum vsmd_can_control control)
 {
 	return control == VSMD_CAN_STATUS_REPLY || control == VSMD_CAN_DATA_REPLY;
@@ -56,8 +61,7 @@ enum vsmd_error vsmd_can_pack_id(const struct vsmd_can_id *id, uint32_t *packed)
 {
 	uint32_t control = (uint32_t)id->control;
 
-	if (control > CONTROL_MASK || !vsmd_can_reg_reachable(id->reg, id->extended) ||
-	    !sides_possible(id))
+	if (control > CONTROL_MASK || id->reg > reg_max(id->extended) || !sides_possible(id))
 		return VSMD_ERR_RANGE;
 	if (id->extended) {
 		*packed = DB_CAN_EXTENDED | (uint32_t)id->target << EXT_TARGET |
@@ -71,39 +75,47 @@ enum vsmd_error vsmd_can_pack_id(const struct vsmd_can_id *id, uint32_t *packed)
 	return VSMD_OK;
 }
 
-/* The fields of an id, whatever they say. */
-static struct vsmd_can_id unpack(uint32_t packed)
+static void unpack_extended(uint32_t packed, struct vsmd_can_id *id)
 {
-	struct vsmd_can_id id = { .extended = packed & DB_CAN_EXTENDED };
+	id->extended = true;
+	id->broadcast = packed & EXT_BROADCAST;
+	id->control = (enum vsmd_can_control)(packed >> EXT_CONTROL & CONTROL_MASK);
+	if (!id->broadcast)
+		id->target = packed >> EXT_TARGET & VSMD_CAN_SOURCE_MAX;
+	id->source = packed >> EXT_SOURCE & VSMD_CAN_SOURCE_MAX;
+	id->reg = packed & VSMD_CAN_REG_MAX;
+}
+
+static void unpack_standard(uint32_t packed, struct vsmd_can_id *id)
+{
 	uint16_t drive = packed >> STD_TARGET & VSMD_CAN_STD_DRIVE_MAX;
 
-	if (id.extended) {
-		id.broadcast = packed & EXT_BROADCAST;
-		id.control = (enum vsmd_can_control)(packed >> EXT_CONTROL & CONTROL_MASK);
-		if (!id.broadcast)
-			id.target = packed >> EXT_TARGET & VSMD_CAN_SOURCE_MAX;
-		id.source = packed >> EXT_SOURCE & VSMD_CAN_SOURCE_MAX;
-		id.reg = packed & VSMD_CAN_REG_MAX;
-		return id;
-	}
-	id.control = (enum vsmd_can_control)(packed >> STD_CONTROL & CONTROL_MASK);
-	if (is_reply(id.control)) {
-		id.source = drive;
+	id->control = (enum vsmd_can_control)(packed >> STD_CONTROL & CONTROL_MASK);
+	if (is_reply(id->control)) {
+		id->source = drive;
 	} else {
-		id.target = drive;
-		id.broadcast = drive == VSMD_CAN_BROADCAST;
+		id->target = drive;
+		id->broadcast = drive == VSMD_CAN_BROADCAST;
 	}
-	id.reg = packed & VSMD_CAN_STD_REG_MAX;
-	return id;
+	id->reg = packed & VSMD_CAN_STD_REG_MAX;
 }
 
 enum vsmd_error vsmd_can_unpack_id(uint32_t packed, struct vsmd_can_id *id)
 {
-	struct vsmd_can_id unpacked = unpack(packed);
+	struct vsmd_can_id unpacked = { 0 };
 
-	if ((packed & (DB_CAN_REMOTE | DB_CAN_ERROR)) ||
-	    (packed & (unpacked.extended ? EXT_FIXED : ~DB_CAN_STANDARD_MASK)) ||
-	    !sides_possible(&unpacked))
+	if (packed & (DB_CAN_REMOTE | DB_CAN_ERROR))
+		return VSMD_ERR_SYNTAX;
+	if (packed & DB_CAN_EXTENDED) {
+		if (packed & EXT_FIXED)
+			return VSMD_ERR_SYNTAX;
+		unpack_extended(packed, &unpacked);
+	} else {
+		if (packed & ~DB_CAN_STANDARD_MASK)
+			return VSMD_ERR_SYNTAX;
+		unpack_standard(packed, &unpacked);
+	}
+	if (!sides_possible(&unpacked))
 		return VSMD_ERR_SYNTAX;
 	*id = unpacked;
 	return VSMD_OK;
@@ -217,9 +229,8 @@ static bool port_possible(const struct vsmd_can_command *command, unsigned ports
 
 static bool window_possible(unsigned first, unsigned count, bool extended)
 {
-	return count >= 1 && count <= VSMD_CAN_READ_MAX &&
-	       vsmd_can_reg_reachable(first, extended) &&
-	       vsmd_can_reg_reachable(first + count - 1, extended);
+	return count >= 1 && count <= VSMD_CAN_READ_MAX && first <= reg_max(extended) &&
+	       count - 1 <= reg_max(extended) - first;
 }
 
 /* True if all arguments of a known command are in their ranges. */
@@ -603,9 +614,13 @@ enum vsmd_can_took vsmd_can_take(struct vsmd_can_answer *answer,
 
 int vsmd_can_suspect(const struct db_can_frame *frame)
 {
-	struct vsmd_can_id id = unpack(frame->id);
+	struct vsmd_can_id id = { 0 };
 
 	if (frame->id & (DB_CAN_REMOTE | DB_CAN_ERROR))
 		return -1;
+	if (frame->id & DB_CAN_EXTENDED)
+		unpack_extended(frame->id, &id);
+	else
+		unpack_standard(frame->id, &id);
 	return is_reply(id.control) && is_drive(id.source, id.extended) ? id.source : -1;
 }

@@ -234,11 +234,11 @@ static struct station standing_drive(struct node *node)
 
 static void a_drive_is_known_to_stand_by_what_was_read_since(void **state)
 {
-	static const enum db_axis_state standing[] = { DB_AXIS_DISABLED, DB_AXIS_STANDSTILL,
-		                                       DB_AXIS_ERROR_STOP };
-	static const enum db_axis_state others[] = { DB_AXIS_OFFLINE, DB_AXIS_DISCRETE_MOTION,
-		                                     DB_AXIS_CONTINUOUS_MOTION, DB_AXIS_HOMING,
-		                                     DB_AXIS_STOPPING };
+	static const uint16_t standing[] = { DB_AXIS_DISABLED, DB_AXIS_STANDSTILL,
+		                             DB_AXIS_ERROR_STOP };
+	static const uint16_t others[] = { DB_AXIS_OFFLINE, DB_AXIS_DISCRETE_MOTION,
+		                           DB_AXIS_CONTINUOUS_MOTION, DB_AXIS_HOMING,
+		                           DB_AXIS_STOPPING };
 	struct node node;
 	struct station station = standing_drive(&node);
 
