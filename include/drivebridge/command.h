@@ -170,7 +170,8 @@ struct db_request {
 	/* What has become of it. */
 	uint8_t result;           /* enum db_result, once it has ended */
 	atomic_bool acknowledged; /* a parameter write that is not proved yet; for both threads */
-	/* `again`, for both threads: what waits behind this stop was asked for before the next one */
+	/* For both threads: the stop in `again` comes after this one. What waits for the bus now is
+	 * older than that stop, and must not begin. */
 	atomic_bool stop_follows;
 	db_time sent; /* when the command itself was first sent; 0: it was not */
 	db_time finished;

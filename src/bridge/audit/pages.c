@@ -10,7 +10,7 @@
 /* Read for a page. */
 #define READ_BYTES (64 * 1024)
 
-/* Of a drive; few have so many commands under way. */
+/* Of one drive; it rarely has more commands pending at a time. */
 #define BEGUN_OF_DRIVE 4
 
 /* A page while it is read. */

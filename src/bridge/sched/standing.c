@@ -76,8 +76,8 @@ static enum db_command strongest(unsigned kinds)
 	return DB_CMD_NONE;
 }
 
-/* How fast it is has to be seen anew. Time does not count from `since` on; 0: from the next stop
- * on. */
+/* Its speed is not known any more. The time from `since` until it is known again does not count; 0:
+ * the time from the next stop. */
 static void forget_speed(struct standing *standing, db_time since)
 {
 	standing->speed_known = false;
@@ -422,8 +422,8 @@ static void judge_window(struct standing *standing, const struct db_feedback *fe
 		    follow_speed(&window->speed, fminf(speed, window->before),
 		                 fmaxf(speed, window->before), &computed, &standing->obeys))
 			standing->progress = now;
-		/* Before the first two windows it is not known how fast it is: that time is not
-		 * its. */
+		/* Its speed is known from the second window on. The time before that does not
+		 * count. */
 		if (window->before >= 0.0f && !standing->speed_known) {
 			standing->speed_known = true;
 			standing->progress += now - standing->unknown_since;

@@ -445,7 +445,7 @@ db_time db_tls_peer_deadline(const struct db_tls_peer *peer, const char **why)
 		*why = "drivebridged has too many new connections";
 		return peer->begun + BEHIND_TIME;
 	}
-	*why = peer->behind == 0 ? "it has closed its side" :
+	*why = peer->behind == 0 ? "it has closed its side of the connection" :
 	                           "it sends more than the service takes";
 	return parted < behind ? parted : behind;
 }

@@ -44,7 +44,7 @@ struct db_web_counts {
 /* How the audit trail is read (trail.h). */
 struct db_web_trail {
 	struct db_link *link;              /* NULL: nobody reads */
-	struct db_web_trail_reader *first; /* whose turn it is; the others wait behind it */
+	struct db_web_trail_reader *first; /* the one that reads now; the others wait */
 	bool asked;
 	bool ended;
 	db_time answer_by;

@@ -333,7 +333,7 @@ static void a_stop_without_a_place_is_said_again(void **state)
 	assert_int_equal(put(&fake, 0, DB_CMD_HOME, 0), BUSY);
 	assert_int_equal(pending_of(&fake, 0, DB_CMD_STOP), 2);
 	assert_int_equal(db_commander_newest(fake.commander), fake.requests[2].ticket);
-	/* What the bus has waiting behind it is not to begin when it ends. */
+	/* When it ends, no command that waits for the bus may begin. */
 	assert_false(atomic_load(&fake.places[0].request.stop_follows));
 	assert_true(atomic_load(&fake.places[2].request.stop_follows));
 	finish(&fake, 0, DB_RESULT_OK);

@@ -1790,7 +1790,7 @@ static void a_speed_has_the_sign_of_its_way(void **state)
 	drop(f);
 }
 
-/* What is lost behind readings that showed nothing yet has its whole time again. */
+/* After readings that showed no effect yet, a lost answer gives the command its whole time again. */
 static void a_lost_look_begins_anew(void **state)
 {
 	struct fixture *f = make(0, 0);
@@ -2203,7 +2203,7 @@ static void a_register_is_missing_that_was_asked_for_twice(void **state)
 	assert_string_equal(f->said, "=ok");
 	assert_true(is_valid(f, VSMD_SML));
 	assert_false(is_valid(f, VSMD_SPL));
-	/* Who asks for all is told all. */
+	/* A request for all parameters is answered with all of them. */
 	command(f, DB_CMD_READ_PARAMETERS, (struct db_args){ 0 });
 	tell_identity(f, 0x56534D45);
 	is_read(f, 0x00, 8, true);
