@@ -11,6 +11,7 @@ import socket
 import struct
 import subprocess
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 from pymodbus.client import ModbusTcpClient
@@ -60,12 +61,19 @@ def find_program(name):
 NICENESS = 10
 
 
-def go_first():
-    """In a new process: the niceness from before the tests took theirs, where that is allowed."""
+@contextmanager
+def first():
+    """What this thread starts meanwhile has the niceness from before the tests took theirs, where that is allowed. A
+    function that runs in the new process (preexec_fn) would do the same, but for it all memory of this one is copied."""
+    own = os.getpriority(os.PRIO_PROCESS, 0)
     try:
-        os.setpriority(os.PRIO_PROCESS, 0, max(os.getpriority(os.PRIO_PROCESS, 0) - NICENESS, -20))
+        os.setpriority(os.PRIO_PROCESS, 0, max(own - NICENESS, -20))
     except PermissionError:
         pass
+    try:
+        yield
+    finally:
+        os.setpriority(os.PRIO_PROCESS, 0, own)
 
 
 def eventually(check, timeout=10.0, what=None):
@@ -488,9 +496,8 @@ class Sim:
         for bus, path in self.links.items():
             command += ["--link", f"{bus}={path}"]
         offset = self.log_path.stat().st_size if self.log_path.exists() else 0
-        with open(self.log_path, "ab") as log:
-            self.process = subprocess.Popen(command, stdout=log, stderr=log,
-                                            preexec_fn=go_first)
+        with open(self.log_path, "ab") as log, first():
+            self.process = subprocess.Popen(command, stdout=log, stderr=log)
 
         def ready():
             assert self.process.poll() is None, self.log_path.read_text()
@@ -642,9 +649,8 @@ class Bridge:
     def start_bridge(self):
         offset = self.log_path.stat().st_size if self.log_path.exists() else 0
         command = [*self.launcher, find_program("drivebridged"), "--config", self.config_path]
-        with open(self.log_path, "ab") as log:
-            self.process = subprocess.Popen(command, stdout=log, stderr=log,
-                                            preexec_fn=go_first)
+        with open(self.log_path, "ab") as log, first():
+            self.process = subprocess.Popen(command, stdout=log, stderr=log)
 
         def listening():
             assert self.process.poll() is None, self.log_since(offset)

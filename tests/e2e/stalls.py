@@ -23,7 +23,7 @@ from pathlib import Path
 
 import pytest
 from _pytest.runner import runtestprotocol
-from bridgelib import NICENESS, go_first
+from bridgelib import NICENESS, first
 
 # Every test bears stalls up to this, s.
 BEARABLE = 0.012
@@ -64,10 +64,9 @@ class Watcher:
         # In memory: a disk that is slow holds up who writes, and that is no stall.
         self.notes = tempfile.NamedTemporaryFile("r", prefix="drivebridge-stalls-",
                                                  dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
-        self.process = subprocess.Popen(
-            [sys.executable, "-S", "-c", WATCHER, self.notes.name, str(os.getpid()), str(BEARABLE),
-             str(INTERVAL)],
-            preexec_fn=go_first)
+        with first():
+            self.process = subprocess.Popen([sys.executable, "-S", "-c", WATCHER, self.notes.name, str(os.getpid()),
+                                             str(BEARABLE), str(INTERVAL)])
 
     def longest_since(self, moment):
         """The longest stall that ended after `moment` of time.monotonic(), s."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from bridgelib import ROOT, STANDSTILL, Unit, build_directory, eventually, go_first
+from bridgelib import ROOT, STANDSTILL, Unit, build_directory, eventually, first
 from weblib import Failed, Page
 
 # The cursor goes up by the lines of the table, which is then drawn over.
@@ -37,13 +37,14 @@ class Demo:
         environment = {**os.environ, "DRIVEBRIDGE_DEMO_PORT": str(self.port),
                        "DRIVEBRIDGE_DEMO_WEB_PORT": str(self.web_port), "TERM": "xterm",
                        "DRIVEBRIDGE_BUILD": str(build_directory())}
-        self.process = subprocess.Popen(
-            # Somebody's shell, which is there when the demo has ended.
-            ["sh", "-c", 'trap : INT; "$0"; status=$?; read -r _; exit $status', ROOT / "demo"], stdin=far, stdout=far, stderr=far, env=environment,
-            start_new_session=True, preexec_fn=lambda: (
-                go_first(), take_terminal(far),
-                # A shell that started the tests in the background has made this one ignored.
-                signal.signal(signal.SIGINT, signal.SIG_DFL)))
+        with first():
+            self.process = subprocess.Popen(
+                # Somebody's shell, which is there when the demo has ended.
+                ["sh", "-c", 'trap : INT; "$0"; status=$?; read -r _; exit $status', ROOT / "demo"], stdin=far, stdout=far, stderr=far, env=environment,
+                start_new_session=True, preexec_fn=lambda: (
+                    take_terminal(far),
+                    # A shell that started the tests in the background has made this one ignored.
+                    signal.signal(signal.SIGINT, signal.SIG_DFL)))
         os.close(far)
 
     def screen(self):

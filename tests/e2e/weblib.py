@@ -13,7 +13,7 @@ import threading
 import time
 from pathlib import Path
 
-from bridgelib import build_directory, eventually, find_program, go_first, section
+from bridgelib import build_directory, eventually, find_program, first, section
 
 # Name and password; who may do everything to drives, and who looks.
 OPERATOR = ("olga", "the operator's word")
@@ -75,11 +75,11 @@ class Webd:
             self.add_user(*user)
         self.users = ()
         offset = self.log_path.stat().st_size if self.log_path.exists() else 0
-        with open(self.log_path, "ab") as log:
+        with open(self.log_path, "ab") as log, first():
             # Memory that the sanitizer keeps back is not the program's.
             options = os.environ.get("ASAN_OPTIONS", "") + ":quarantine_size_mb=1"
             self.process = subprocess.Popen([find_program("drivebridge-webd"), "--config", self.config_path],
-                                            stdout=log, stderr=log, preexec_fn=go_first,
+                                            stdout=log, stderr=log,
                                             env={**os.environ, "ASAN_OPTIONS": options})
 
         def listening():

@@ -17,7 +17,7 @@ from bridgelib import (
     encode,
     eventually,
     find_program,
-    go_first,
+    first,
     load_commands,
 )
 from model import modbus
@@ -419,10 +419,10 @@ class Player:
 
     def start_full(self):
         """The bridge, with a log for which there is no room: its port is found in the kernel."""
-        with open("/dev/full", "ab") as log:
+        with open("/dev/full", "ab") as log, first():
             self.bridge.process = subprocess.Popen(
                 [find_program("drivebridged"), "--config", self.bridge.config_path],
-                stdout=log, stderr=log, preexec_fn=go_first)
+                stdout=log, stderr=log)
         self.bridge.port = eventually(lambda: listening_port(self.bridge.process.pid),
                                       what="the bridge to listen")
 
