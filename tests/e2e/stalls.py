@@ -58,6 +58,8 @@ class Watcher:
 
     def __init__(self, notes=None):
         self.process = None
+        self.stalls = []
+        self.unfinished = ""
         if notes:
             self.notes = open(notes, encoding="ascii")
             return
@@ -70,13 +72,9 @@ class Watcher:
 
     def longest_since(self, moment):
         """The longest stall that ended after `moment` of time.monotonic(), s."""
-        self.notes.seek(0)
-        longest = 0.0
-        for line in self.notes:
-            begin, end = map(float, line.split())
-            if end > moment:
-                longest = max(longest, end - begin)
-        return longest
+        lines, _, self.unfinished = (self.unfinished + self.notes.read()).rpartition("\n")
+        self.stalls += [tuple(map(float, line.split())) for line in lines.splitlines()]
+        return max((end - begin for begin, end in self.stalls if end > moment), default=0.0)
 
     def wait_for_calm(self):
         deadline = time.monotonic() + PATIENCE

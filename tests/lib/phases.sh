@@ -195,7 +195,7 @@ check_clang_tidy() {
 	cmake --preset clang >/dev/null &&
 		cmake --build build/clang --target drivebridge_sparkplug >/dev/null &&
 		find src docs -name '*.c' -print0 |
-		xargs -0 -P "$JOBS" -n 1 timeout 600 clang-tidy -p build/clang --quiet \
+		xargs -0 -P "$JOBS" -n 8 timeout 600 clang-tidy -p build/clang --quiet \
 			--extra-arg=-Xclang --extra-arg=-analyzer-config \
 			--extra-arg=-Xclang --extra-arg=max-nodes="$ANALYZER_NODES"
 }
@@ -424,6 +424,9 @@ run_pytest() {
 phase_e2e() {
 	need_build asan || return 0
 	export ASAN_OPTIONS=detect_leaks=1 UBSAN_OPTIONS=print_stacktrace=1
+	# The first who reads the tests compiles them, 5 s of a processor: not every worker for itself. What is wrong with
+	# them is said below.
+	quietly collect "$VENV/bin/python" -m pytest -q --collect-only tests/e2e >/dev/null || true
 	run_pytest asan -- tests/e2e
 }
 
