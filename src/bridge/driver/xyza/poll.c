@@ -236,14 +236,21 @@ static enum db_step read_controller(struct db_conversation *talk, enum step from
 	return end_job(talk, DB_RESULT_OK);
 }
 
+/* From this one on the next axis that is to be read; XYZA_AXIS_COUNT: none. */
+static unsigned next_axis(const struct db_device *first, unsigned axis, db_time now)
+{
+	while (axis < XYZA_AXIS_COUNT &&
+	       !(first->axes[axis] && may_ask(&first->axes[axis]->part, now)))
+		axis++;
+	return axis;
+}
+
 /* Continue with this axis, or after the last one with the controller. */
 static enum db_step read_axis(struct db_conversation *talk, unsigned axis)
 {
 	struct db_device *first = talk->device;
 
-	while (axis < XYZA_AXIS_COUNT &&
-	       !(first->axes[axis] && may_ask(&first->axes[axis]->part, talk->now)))
-		axis++;
+	axis = next_axis(first, axis, talk->now);
 	first->poll_axis = axis;
 	first->poll_asked = talk->now;
 	first->sign_tries = 0;
@@ -446,6 +453,7 @@ enum db_step xyza_begin_poll(struct db_conversation *talk)
 	struct db_device *first = talk->device;
 	struct db_device *device;
 	bool any_answered = false;
+	unsigned from = 0;
 
 	switch (first->polling ? first->poll_step : STEPS) {
 	case STEPS: /* the last reading has ended */
@@ -471,8 +479,12 @@ enum db_step xyza_begin_poll(struct db_conversation *talk)
 			any_answered |= first->axes[i] && first->axes[i]->has_position;
 		if (device && !device->has_position && any_answered)
 			(void)note_part_lost(&device->part, talk->now);
+		/* While none has answered they take turns: this one may be the only one that is
+		 * silent. */
+		if (!any_answered)
+			from = next_axis(first, first->poll_axis + 1, talk->now) % XYZA_AXIS_COUNT;
 		break;
 	}
 	first->polling = true;
-	return read_axis(talk, 0);
+	return read_axis(talk, from);
 }

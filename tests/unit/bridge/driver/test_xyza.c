@@ -1046,6 +1046,71 @@ static void an_axis_that_never_answers_leaves_the_others(void **state)
 	drop(f);
 }
 
+/* The first one has a turn like all others while nobody is known to be there; then it is passed
+ * over. */
+static void a_first_axis_that_never_answers_leaves_the_others(void **state)
+{
+	static const char ask_x[] = "0AF10103E1A3";
+	static const char ask_y[] = "0AF10103E1B3";
+	struct fixture *f = make(7);
+
+	(void)state;
+	assert_string_equal(begin(f, 0, DB_JOB_POLL), ask_x);
+	assert_string_equal(begin(f, 0, DB_JOB_POLL), ask_y);
+	assert_string_equal(begin(f, 0, DB_JOB_POLL), "0AF10103E1C3");
+	assert_string_equal(begin(f, 0, DB_JOB_POLL), ask_x);
+	/* The others answer. */
+	assert_string_equal(poll_up_to(f, ask_x), "=ok");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_OFFLINE);
+	for (unsigned axis = 1; axis < 3; axis++)
+		assert_int_equal(feedback(f, axis).state, DB_AXIS_DISABLED);
+	assert_string_equal(poll_up_to(f, ask_x), ask_x);
+	assert_string_equal(poll_up_to(f, ask_x), ask_x);
+	assert_string_equal(poll_up_to(f, ask_x), "=ok");
+	/* It may come later. */
+	f->now += 2000 * MS;
+	assert_string_equal(poll_up_to(f, "none"), "=ok");
+	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
+	drop(f);
+}
+
+/* The loss by which it went is no loss of this axis. */
+static void a_controller_that_is_back_is_read_from_its_first_axis_on(void **state)
+{
+	static const char ask_x[] = "0AF10103E1A3";
+	struct fixture *f = make(3);
+
+	(void)state;
+	poll_all(f, true, 5, 0);
+	assert_string_equal(poll_up_to(f, ask_x), ask_x);
+	for (unsigned axis = 0; axis < 2; axis++)
+		db_driver_xyza.gone(f->axes[axis]);
+	assert_string_equal(poll_up_to(f, ask_x), ask_x);
+	drop(f);
+}
+
+/* Without retries each loss is the controller's; it is the others' turn all the same. */
+static void a_first_axis_that_takes_the_controller_along_leaves_the_others(void **state)
+{
+	static const char ask_x[] = "0AF10103E1A3";
+	struct fixture *f = make(3);
+
+	(void)state;
+	for (unsigned i = 0; i < 3; i++) {
+		assert_string_equal(poll_up_to(f, ask_x), ask_x);
+		for (unsigned axis = 0; axis < 2; axis++)
+			db_driver_xyza.gone(f->axes[axis]);
+		assert_string_equal(poll_up_to(f, ask_x), i == 0 ? "=ok" : ask_x);
+		if (i > 0) {
+			for (unsigned axis = 0; axis < 2; axis++)
+				db_driver_xyza.gone(f->axes[axis]);
+			assert_string_equal(poll_up_to(f, ask_x), "=ok");
+		}
+		assert_int_equal(feedback(f, 1).state, DB_AXIS_DISABLED);
+	}
+	drop(f);
+}
+
 /* The document's table has room for more than it explains. In what it does not, it may run. */
 static void any_state_of_a_program_is_shown(void **state)
 {
@@ -4483,6 +4548,9 @@ int main(void)
 		cmocka_unit_test(a_program_that_is_not_told_is_not_believed),
 		cmocka_unit_test(outputs_that_are_not_told_are_unproven),
 		cmocka_unit_test(an_axis_that_never_answers_leaves_the_others),
+		cmocka_unit_test(a_first_axis_that_never_answers_leaves_the_others),
+		cmocka_unit_test(a_controller_that_is_back_is_read_from_its_first_axis_on),
+		cmocka_unit_test(a_first_axis_that_takes_the_controller_along_leaves_the_others),
 		cmocka_unit_test(any_state_of_a_program_is_shown),
 		cmocka_unit_test(a_jog_right_behind_a_program),
 		cmocka_unit_test(what_was_seen_before_a_jog_does_not_end_it),
