@@ -1790,6 +1790,53 @@ static void a_speed_has_the_sign_of_its_way(void **state)
 	drop(f);
 }
 
+/* A drive that tells no sign and runs backwards runs as it should when it is told to run faster. */
+static struct fixture *run_backwards_without_a_sign(void)
+{
+	struct fixture *f = make(0, 0);
+
+	fake_set_option(&db_driver_vsmd_can, &f->options, "speed-sign", 1);
+	f->drive.in_position_window = 2.0;
+	db_driver_vsmd_can.init(f->device, NULL, &f->bus, &f->drive);
+	poll(f, 1000, STANDS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -1000.0f });
+	assert_string_equal(confirm(f, 999, RUNS), "=ok");
+	poll_running(f, 1000.0f, 960, RUNS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -2000.0f });
+	assert_string_equal(confirm(f, 959, RUNS), "0008039E#0001");
+	assert_string_equal(speed(f, 1000.0f), "0008039E#0102");
+	assert_string_equal(confirm(f, 958, RUNS), "0008039E#0001");
+	assert_string_equal(speed(f, 2000.0f), "=ok");
+	poll_running(f, 2000.0f, 900, RUNS);
+	return f;
+}
+
+/* It has turned round when its place shows that, without waiting for the next cycle. */
+static void a_speed_without_a_sign_has_that_of_the_way(void **state)
+{
+	struct fixture *f = run_backwards_without_a_sign();
+
+	(void)state;
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 2000.0f });
+	assert_string_equal(confirm(f, 899, RUNS), "0008039E#0001");
+	assert_string_equal(speed(f, 2000.0f), "0008039E#0102");
+	assert_string_equal(confirm(f, 902, RUNS), "0008039E#0001");
+	assert_string_equal(speed(f, 2000.0f), "0008039E#0102");
+	assert_string_equal(confirm(f, 903, RUNS), "0008039E#0001");
+	assert_string_equal(speed(f, 2000.0f), "=ok");
+	drop(f);
+	f = run_backwards_without_a_sign();
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 2000.0f });
+	for (int32_t position = 899; f->said[0] != '=';) {
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, 2000.0f);
+		else
+			confirm(f, position--, RUNS);
+	}
+	assert_string_equal(f->said, "=failed");
+	drop(f);
+}
+
 /* After readings that showed no effect yet, a lost answer gives the command its whole time again. */
 static void a_lost_look_begins_anew(void **state)
 {
@@ -3398,6 +3445,7 @@ int main(void)
 		cmocka_unit_test(a_fault_is_cleared_where_there_is_one),
 		cmocka_unit_test(a_target_does_not_outlive_its_move),
 		cmocka_unit_test(a_speed_has_the_sign_of_its_way),
+		cmocka_unit_test(a_speed_without_a_sign_has_that_of_the_way),
 		cmocka_unit_test(a_lost_look_begins_anew),
 		cmocka_unit_test(what_stays_open_ends_soon),
 		cmocka_unit_test(a_stop_may_not_be_refused),
