@@ -373,6 +373,16 @@ def test_reports_without_speed(make_can):
     assert len([line for line in can.sim.sent(mark, polls=True) if line.endswith("9E#0102")]) < 5
 
 
+def test_reports_of_a_drive_that_tells_two_registers_at_once(make_can):
+    """No cyclic read is longer, but those of its identity and of commands are."""
+    can = make_can(bus={"report-ms": 10, "report": "position-status"}, sim_drive={"read-max": 2})
+    drive = can.drive()
+    assert drive.settle("enable") == RESULT_OK
+    assert drive.settle("move_velocity", target_velocity=2000) == RESULT_OK
+    assert drive.settle("stop") == RESULT_OK
+    state(can, STANDSTILL)
+
+
 def test_reports_of_the_position_alone(make_can):
     """More often than drives are asked; what else there is to know comes with the cyclic reading."""
     can = make_can(bus={"report-ms": 5, "report": "position", "cycle-ms": 100})

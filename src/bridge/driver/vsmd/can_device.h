@@ -64,11 +64,11 @@ struct db_device {
 	bool probe_sent;
 	bool probe_known;          /* it is known which probe is answered */
 	enum vsmd_can_probe probe; /* the last one */
-	bool reads_long;           /* a cyclic read of three registers was answered */
+	bool reads_long;           /* a read of three registers, or more, was answered */
 	/* such a read repeatedly had no answer: two registers are read at once */
 	bool reads_short;
-	bool poll_open;      /* the last cyclic read has had no answer yet */
-	unsigned lost_polls; /* lost polls in a row, before the first answer */
+	bool poll_open;      /* the last cyclic read was one, and has had no answer yet */
+	unsigned lost_reads; /* such reads that were lost before the first answer to one */
 
 	/* Reports: the content of the first frame, until the second has arrived. */
 	uint32_t reported[VSMD_CAN_STATUS_REGS];

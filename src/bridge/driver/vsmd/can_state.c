@@ -182,5 +182,5 @@ void vsmd_can_forget_state(struct db_device *device)
 	device->probe = VSMD_CAN_PROBE_IDENTITY;
 	device->probe_known = device->probe_sent = device->reads_long = device->reads_short =
 		device->poll_open = false;
-	device->lost_polls = 0;
+	device->lost_reads = 0;
 }

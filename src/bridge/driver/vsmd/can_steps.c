@@ -17,7 +17,7 @@
 /* Number of registers read at once. */
 #define RUN_MAX 8
 
-/* A drive that answers probes, but not this number of cyclic reads, is asked for fewer registers at
+/* A drive that answers probes, but not this number of longer reads, is asked for fewer registers at
  * once. */
 #define LONG_READS 2
 
@@ -290,6 +290,7 @@ static enum db_step answer_identity(struct db_conversation *talk)
 		int length;
 
 		device->probe = VSMD_CAN_PROBE_IDENTITY;
+		device->reads_long |= !device->reads_short;
 		generation = device->axis.plate.generation;
 		length = vsmd_can_get_identity(device->answer.values, text);
 		if (length > 0)
@@ -374,13 +375,19 @@ static enum db_step send_probe(struct db_conversation *talk)
 	}
 }
 
+static void note_long_read_lost(struct db_device *device)
+{
+	if (!device->reads_long && ++device->lost_reads >= LONG_READS)
+		device->reads_short = true;
+}
+
 static enum db_step send_poll(struct db_conversation *talk)
 {
 	struct db_device *device = talk->device;
 
-	if (device->poll_open && !device->reads_long && ++device->lost_polls >= LONG_READS)
-		device->reads_short = true;
-	device->poll_open = true;
+	if (device->poll_open)
+		note_long_read_lost(device);
+	device->poll_open = !vsmd_can_lacks_speed(device);
 	vsmd_can_start_burst(talk->exchange, true);
 	return vsmd_can_add_status(talk, !vsmd_can_lacks_speed(device));
 }
@@ -489,15 +496,21 @@ enum db_step vsmd_can_answer(struct db_conversation *talk, const uint8_t *bytes,
 		return step;
 	if (!vsmd_is_command(talk->job))
 		return steps[talk->job->step].answered(talk);
+	device->reads_long |= !device->reads_short && device->answer.count == VSMD_CAN_STATUS_REGS;
 	vsmd_can_take_read(device, talk->now);
 	return vsmd_command_steps[talk->job->step].answered(talk);
 }
 
 enum db_step vsmd_can_lose_answer(struct db_conversation *talk)
 {
+	bool command = vsmd_is_command(talk->job);
+
 	if (talk->job->kind == DB_JOB_SETTINGS)
 		axis_of(talk)->plate.doubtful = true;
-	if (vsmd_is_command(talk->job))
+	/* Where cyclic reads are of two registers, those of commands are of three. */
+	if (vsmd_can_lacks_speed(talk->device) && (command || talk->job->step == STEP_IDENTITY))
+		note_long_read_lost(talk->device);
+	if (command)
 		return lose_step(talk, vsmd_command_steps);
 	axis_of(talk)->unanswered = true;
 	return lose_step(talk, steps);

@@ -2341,10 +2341,74 @@ static void a_short_read_shows_nothing_of_long_ones(void **state)
 	}
 	assert_string_equal(command(f, DB_CMD_ENABLE, (struct db_args){ 0 }),
 	                    "00080381# 0008039E#0003");
-	for (unsigned i = 0; i < 3; i++)
-		begin(f, DB_JOB_POLL);
+	assert_string_equal(lost(f), "=timeout");
+	assert_string_equal(command(f, DB_CMD_ENABLE, (struct db_args){ 0 }),
+	                    "00080381# 0008039E#0003");
+	assert_string_equal(lost(f), "=timeout");
 	assert_string_equal(command(f, DB_CMD_ENABLE, (struct db_args){ 0 }),
 	                    "00080381# 0008039E#0002 0008039E#0201");
+	drop(f);
+}
+
+/* Nor do short ones that are lost, however long ago, show that it does not; and one long read that was
+ * answered shows that it does. */
+static void a_lost_short_read_shows_nothing_of_long_ones(void **state)
+{
+	(void)state;
+	for (unsigned identity = 0; identity < 2; identity++) {
+		struct fixture *f = make_reporting(0, 50, 1);
+
+		for (unsigned i = 0; i < 4; i++)
+			begin(f, DB_JOB_POLL);
+		assert_string_equal(command(f, DB_CMD_ENABLE, (struct db_args){ 0 }),
+		                    "00080381# 0008039E#0003");
+		lost(f);
+		if (identity) {
+			begin(f, DB_JOB_IDENTIFY);
+			tell_identity(f, 0x56534D44);
+		} else {
+			command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+			answer(f, frame_of(0x00080200, 0, 0, 8));
+			assert_string_equal(answer(f, frame_of(0x00080202, STANDS, 0, 4)), "=ok");
+		}
+		for (unsigned i = 0; i < 4; i++) {
+			assert_string_equal(command(f, DB_CMD_ENABLE, (struct db_args){ 0 }),
+			                    "00080381# 0008039E#0003");
+			lost(f);
+		}
+		drop(f);
+	}
+}
+
+/* The first long read of a drive whose cyclic ones are short is that of its identity. */
+static void an_identity_that_is_not_told_is_asked_for_in_parts(void **state)
+{
+	struct fixture *f = make_reporting(0, 50, 1);
+
+	(void)state;
+	for (unsigned i = 0; i < 2; i++) {
+		begin(f, DB_JOB_PROBE);
+		answer(f, frame_of(0x0008020A, 0x56534D44, 0, 4));
+		assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#020032 0008039E#0A07");
+		lost(f);
+	}
+	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#020032 0008039E#0B01");
+	assert_string_equal(guard(f), "0008039E#0A02 0008039E#0C02 0008039E#0E02 0008039E#1001");
+	drop(f);
+}
+
+/* Commands ask for two where the cyclic read asks for three: that a drive does not answer them shows
+ * nothing, either. */
+static void a_lost_confirmation_shows_nothing_of_long_reads(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	for (unsigned i = 0; i < 4; i++) {
+		command(f, DB_CMD_ENABLE, (struct db_args){ 0 });
+		lost(f);
+	}
+	assert_string_equal(begin(f, DB_JOB_POLL), "0008039E#0003");
 	drop(f);
 }
 
@@ -3396,6 +3460,9 @@ int main(void)
 		cmocka_unit_test(an_identity_is_what_was_told_last),
 		cmocka_unit_test(a_drive_that_tells_two_registers_at_once),
 		cmocka_unit_test(a_short_read_shows_nothing_of_long_ones),
+		cmocka_unit_test(a_lost_short_read_shows_nothing_of_long_ones),
+		cmocka_unit_test(an_identity_that_is_not_told_is_asked_for_in_parts),
+		cmocka_unit_test(a_lost_confirmation_shows_nothing_of_long_reads),
 		cmocka_unit_test(probes_are_tried_in_turn),
 		cmocka_unit_test(a_late_answer_to_the_first_probe_counts),
 		cmocka_unit_test(a_register_tells_all_its_parameters),
