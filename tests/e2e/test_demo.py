@@ -6,6 +6,7 @@ import os
 import pty
 import re
 import select
+import shutil
 import signal
 import socket
 import subprocess
@@ -27,7 +28,7 @@ class Demo:
     low_first = False
     family = "vsmd-serial"
 
-    def __init__(self, register_map, commands):
+    def __init__(self, register_map, commands, tree=ROOT, **variables):
         self.map = register_map
         self.commands = commands
         with socket.create_server(("127.0.0.1", 0)) as one, socket.create_server(("127.0.0.1", 0)) as other:
@@ -36,11 +37,11 @@ class Demo:
         self.text = ""
         environment = {**os.environ, "DRIVEBRIDGE_DEMO_PORT": str(self.port),
                        "DRIVEBRIDGE_DEMO_WEB_PORT": str(self.web_port), "TERM": "xterm",
-                       "DRIVEBRIDGE_BUILD": str(build_directory())}
+                       "DRIVEBRIDGE_BUILD": str(build_directory()), **variables}
         with first():
             self.process = subprocess.Popen(
                 # Somebody's shell, which is there when the demo has ended.
-                ["sh", "-c", 'trap : INT; "$0"; status=$?; read -r _; exit $status', ROOT / "demo"], stdin=far, stdout=far, stderr=far, env=environment,
+                ["sh", "-c", 'trap : INT; "$0"; status=$?; read -r _; exit $status', tree / "demo"], stdin=far, stdout=far, stderr=far, env=environment,
                 start_new_session=True, preexec_fn=lambda: (
                     take_terminal(far),
                     # A shell that started the tests in the background has made this one ignored.
@@ -166,3 +167,27 @@ def test_its_page_is_for_who_reads_the_terminal(demo):
     assert b"uPlot" in page.request("GET", "/uPlot.iife.min.js")[2]
     page.close()
     demo.end()
+
+
+def test_compiling_says_how_far_it_is(tmp_path, register_map, command_table):
+    """A build that stands still half way: it was said by then, and Ctrl-C leaves nothing."""
+    for name in ("demo", "tests/lib/packages.sh"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    for name in ("build/page", "bin", "run"):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / "build/page/fetched").touch()
+    cmake = tmp_path / "bin/cmake"
+    cmake.write_text("#!/bin/sh\n[ $1 != --build ] || { echo '[5/10] half'; exec sleep 600; }\n", encoding="ascii")
+    cmake.chmod(0o755)
+    demo = Demo(register_map, command_table, tmp_path, DRIVEBRIDGE_BUILD="", XDG_RUNTIME_DIR=str(tmp_path / "run"),
+                PATH=f"{tmp_path / 'bin'}:{os.environ['PATH']}")
+    try:
+        eventually(lambda: " 50 %" in demo.screen(), 20, "half of the build to be said")
+        os.write(demo.terminal, b"\x03")
+        eventually(lambda: "demo: interrupted before it ran" in demo.screen(), 20, "the demo to end")
+        eventually(lambda: not demo.left_over(), 5, "nothing to be left")
+        assert not list((tmp_path / "run").iterdir())
+    finally:
+        print(demo.screen())
+        demo.close()
