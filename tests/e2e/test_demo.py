@@ -169,25 +169,29 @@ def test_its_page_is_for_who_reads_the_terminal(demo):
     demo.end()
 
 
-def test_compiling_says_how_far_it_is(tmp_path, register_map, command_table):
-    """A build that stands still half way: it was said by then, and Ctrl-C leaves nothing."""
-    for name in ("demo", "tests/lib/packages.sh"):
+def test_ctrl_c_while_it_is_made_ready(tmp_path, register_map, command_table):
+    """The build stands still half way, which was said by then, and a server has no libraries to give: Ctrl-C leaves nothing."""
+    page = "src/tools/web/page/"
+    for name in ("demo", "tests/lib/packages.sh", page + "fetch", page + "requirements.txt", page + "package-lock.json"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
-    for name in ("build/page", "bin", "run"):
-        (tmp_path / name).mkdir(parents=True)
-    (tmp_path / "build/page/fetched").touch()
+    for name in ("bin", "run", "tmp"):
+        (tmp_path / name).mkdir()
     cmake = tmp_path / "bin/cmake"
     cmake.write_text("#!/bin/sh\n[ $1 != --build ] || { echo '[5/10] half'; exec sleep 600; }\n", encoding="ascii")
     cmake.chmod(0o755)
+    silent = socket.create_server(("127.0.0.1", 0))
     demo = Demo(register_map, command_table, tmp_path, DRIVEBRIDGE_BUILD="", XDG_RUNTIME_DIR=str(tmp_path / "run"),
-                PATH=f"{tmp_path / 'bin'}:{os.environ['PATH']}")
+                PATH=f"{tmp_path / 'bin'}:{os.environ['PATH']}", TMPDIR=str(tmp_path / "tmp"), PIP_FIND_LINKS="",
+                PIP_INDEX_URL=f"http://127.0.0.1:{silent.getsockname()[1]}/", NO_PROXY="127.0.0.1")
     try:
         eventually(lambda: " 50 %" in demo.screen(), 20, "half of the build to be said")
+        assert select.select([silent], [], [], 60)[0], demo.screen()
         os.write(demo.terminal, b"\x03")
         eventually(lambda: "demo: interrupted before it ran" in demo.screen(), 20, "the demo to end")
         eventually(lambda: not demo.left_over(), 5, "nothing to be left")
-        assert not list((tmp_path / "run").iterdir())
+        assert not [*(tmp_path / "run").iterdir(), *(tmp_path / "tmp").iterdir()]
     finally:
         print(demo.screen())
         demo.close()
+        silent.close()
