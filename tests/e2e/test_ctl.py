@@ -52,6 +52,12 @@ def objects(plant, *words, status=0):
     return [json.loads(line) for line in ctl(plant, "--json", *words, status=status).splitlines()]
 
 
+@pytest.mark.parametrize("words", ["run feedr", "run feedr enable", "get feedr position"])
+def test_a_drive_that_there_is_not_is_one_error(plant, words):
+    (error,) = objects(plant, *words.split(), status=2)
+    assert error["error"] == "io.drivebridge.Control.NoSuchDrive"
+
+
 # --- looking ---------------------------------------------------------------------------------------
 
 

@@ -311,7 +311,7 @@ enum db_ctl_status db_ctl_run(struct db_ctl *ctl, int count, char **arguments)
 	if (db_ctl_find_drive(ctl, arguments[0]))
 		answer = db_ctl_call(ctl, "Commands", json_pack("{s:s}", "drive", arguments[0]),
 		                     DB_CTL_TIMEOUT_MS, &status);
-	if (ctl->json) {
+	if (ctl->json && answer) {
 		object = json_pack("{s:O}", "commands", json_object_get(answer, "commands"));
 		db_ctl_print_json(object);
 		json_decref(object);
