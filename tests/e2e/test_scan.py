@@ -43,7 +43,7 @@ def places(found):
 
 def test_drives_are_found_while_their_bus_is_in_service(make_bridge):
     bridge = make_bridge(drives=2, sim_drives=4, bus=ROOMY, sim_per_drive={
-        3: {"address": 7, "identity": "VSMD123_045T-1.0.009"}, 4: {"address": 32}})
+        3: {"address": 7, "identity": "VSMD123_045T-1.0.009", "text": "quoted"}, 4: {"address": 32}})
     assert bridge.drive().command("move_velocity", target_velocity=500) == 0
     found = scan(bridge)
     assert places(found) == [(115200, address, "one") for address in (1, 2, 7, 32)]

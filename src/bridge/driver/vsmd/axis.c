@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "driver/vsmd/vsmd_private.h"
 
+#include "codec/vsmd_serial_frames.h"
 #include "driver/vsmd/restart.h"
 
 #include <math.h>
@@ -45,15 +46,25 @@ static void forget_motion(struct vsmd_axis *axis)
 	axis->goal = (struct vsmd_goal){ .kind = VSMD_GOAL_REST };
 }
 
+const char *vsmd_bare_identity(const char *text, size_t *length)
+{
+	while (*length > 0 && vsmd_is_blank(*text)) {
+		text++;
+		(*length)--;
+	}
+	/* The document's examples have the text in quotation marks, drives send it without. */
+	if (*length >= 2 && text[0] == '"' && text[*length - 1] == '"') {
+		text++;
+		*length -= 2;
+	}
+	return text;
+}
+
 void vsmd_take_identity(struct vsmd_axis *axis, const char *text, size_t length)
 {
 	char kept[DB_IDENTITY_MAX] = { 0 };
 
-	/* The document's examples have the text in quotation marks, drives send it without. */
-	if (length >= 2 && text[0] == '"' && text[length - 1] == '"') {
-		text++;
-		length -= 2;
-	}
+	text = vsmd_bare_identity(text, &length);
 	for (size_t i = 0; i < length && i < sizeof(kept) && text[i] >= ' '; i++)
 		kept[i] = text[i];
 	if (memcmp(kept, axis->plate.identity, sizeof(kept)) != 0) {

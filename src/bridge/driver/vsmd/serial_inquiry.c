@@ -57,15 +57,13 @@ bool vsmd_serial_inquire(const struct db_bus_config *bus, const struct db_inquir
 
 static void take_identity(const struct vsmd_reply *reply, struct db_inquired *found)
 {
-	size_t from = 0;
-	size_t end = reply->text_length; /* without blanks at its end */
+	size_t length = reply->text_length; /* without blanks at its end */
+	const char *text = vsmd_bare_identity(reply->text, &length);
 
-	while (from < end && vsmd_is_blank(reply->text[from]))
-		from++;
-	if (end - from > DB_IDENTITY_MAX)
-		end = from + DB_IDENTITY_MAX;
-	memcpy(found->identity, reply->text + from, end - from);
-	found->identity[end - from] = '\0';
+	if (length > DB_IDENTITY_MAX)
+		length = DB_IDENTITY_MAX;
+	memcpy(found->identity, text, length);
+	found->identity[length] = '\0';
 }
 
 enum db_recognised vsmd_serial_recognise(const struct db_bus_config *bus,

@@ -254,6 +254,8 @@ void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, 
 void vsmd_take_confirmation(struct vsmd_axis *axis, int32_t position, uint32_t word, db_time now);
 /* The last status is certainly newer than the last command. */
 void vsmd_follow_motion(struct vsmd_axis *axis);
+/* An identity without the blanks before it and the quotation marks around it. */
+const char *vsmd_bare_identity(const char *text, size_t *length);
 void vsmd_take_identity(struct vsmd_axis *axis, const char *text, size_t length);
 /* All parameters were read; the plate has their values. */
 void vsmd_take_all_params(struct vsmd_axis *axis);

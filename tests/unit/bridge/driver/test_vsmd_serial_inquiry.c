@@ -225,13 +225,18 @@ static void a_second_answer_is_another_drives(void **state)
 	assert_int_equal(take(&rs485, &inquiry, frame, length), DB_RECOGNISED_AGAIN);
 }
 
-/* Without blanks at its ends, as long as there is room, and nothing else. */
+/* Without blanks at its ends and quotation marks around it, as long as there is room, and nothing
+ * else. */
 static void an_identity_is_the_words_of_the_text(void **state)
 {
-	static const char *const blanks[] = { "", " ", "\r\n \t " };
+	static const char *const ends[][2] = { { "", "" },
+		                               { " ", " " },
+		                               { "\r\n \t ", "\r\n \t " },
+		                               { "\"", "\"" },
+		                               { " \"", "\"\r\n" } };
 
 	(void)state;
-	for (size_t i = 0; i < sizeof(blanks) / sizeof(blanks[0]); i++) {
+	for (size_t i = 0; i < sizeof(ends) / sizeof(ends[0]); i++) {
 		for (size_t length = 0; length <= DB_IDENTITY_MAX + 2; length++) {
 			char words[DB_IDENTITY_MAX + 3] = "";
 			char text[DB_IDENTITY_MAX + 16];
@@ -241,7 +246,7 @@ static void an_identity_is_the_words_of_the_text(void **state)
 			memset(words, 'V', length);
 			memcpy(expected.identity, words,
 			       length < DB_IDENTITY_MAX ? length : DB_IDENTITY_MAX);
-			snprintf(text, sizeof(text), "%s%s%s", blanks[i], words, blanks[i]);
+			snprintf(text, sizeof(text), "%s%s%s", ends[i][0], words, ends[i][1]);
 			assert_int_equal(take_text(DB_INQUIRY_IDENTITY, VSMD_REPLY_IDENTITY, text),
 			                 DB_RECOGNISED_ANSWER);
 			expected.parts = said.parts;
