@@ -145,17 +145,12 @@ void db_health_see(struct db_health *health, const struct db_alarm_seen *seen);
 void db_health_seen(struct db_health *health, uint64_t wall_us);
 
 /* All of them. The list is valid until the next call of a function above. */
-struct db_alarms {
-	struct db_alarm *list; /* in the order of their ids */
-	bool *seen;            /* of each: it was seen since the last end */
+struct db_alarm_list {
+	const struct db_alarm *alarms; /* in the order of their ids */
 	size_t count;
-	size_t room;
-	uint64_t last_id;
 	uint64_t last_change; /* the greatest `change` of all; 0: none */
-	bool changed;         /* something that is to be written */
-	bool urgent;          /* ... soon */
 };
-const struct db_alarms *db_health_alarms(const struct db_health *health);
+struct db_alarm_list db_health_alarms(const struct db_health *health);
 
 /* The alarm of this id, which is acknowledged afterwards; one that was already stays as it is, and
  * *fresh is false. Null: there is none, or it is not of this drive ("": of whatever it is). */

@@ -50,14 +50,14 @@ static void send_changes(struct db_session *session, struct wait *wait)
 {
 	const struct db_alarm *picked[AT_ONCE];
 	struct db_health *health = *session->control->setup.health;
-	const struct db_alarms *all = db_health_alarms(health);
+	const struct db_alarm_list all = db_health_alarms(health);
 	size_t count = 0;
 	json_t *alarms = json_array();
 	struct db_health_state state;
 
 	/* Those that changed first after this change, in that order. */
-	for (size_t i = 0; i < all->count; i++) {
-		const struct db_alarm *alarm = &all->list[i];
+	for (size_t i = 0; i < all.count; i++) {
+		const struct db_alarm *alarm = &all.alarms[i];
 		size_t place = count;
 
 		if (alarm->change <= wait->after)
@@ -118,12 +118,12 @@ void db_alarms_call(const struct db_call *call)
 
 void db_alarms_look(struct db_session *session, db_time now)
 {
-	const struct db_alarms *alarms = db_health_alarms(*session->control->setup.health);
+	uint64_t last_change = db_health_alarms(*session->control->setup.health).last_change;
 	struct wait *wait = session->job;
 
 	session->due = now + INTERVAL;
 	/* A slow reader gets what has changed until it reads. */
-	if (!session->out && alarms->last_change > wait->after)
+	if (!session->out && last_change > wait->after)
 		send_changes(session, wait);
 }
 

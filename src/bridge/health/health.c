@@ -380,9 +380,11 @@ void db_health_seen(struct db_health *health, uint64_t wall_us)
 		db_alarms_end(&health->alarms, wall_us);
 }
 
-const struct db_alarms *db_health_alarms(const struct db_health *health)
+struct db_alarm_list db_health_alarms(const struct db_health *health)
 {
-	return &health->alarms;
+	const struct db_alarms *alarms = &health->alarms;
+
+	return (struct db_alarm_list){ alarms->list, alarms->count, alarms->last_change };
 }
 
 const struct db_alarm *db_health_acknowledge(struct db_health *health, uint64_t id,

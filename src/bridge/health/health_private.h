@@ -197,6 +197,17 @@ int db_store_replace(const char *folder, const char *name, const void *bytes, si
 
 /* The list of alarms, and its form in a file. Pure but for memory. */
 
+struct db_alarms {
+	struct db_alarm *list; /* in the order of their ids */
+	bool *seen;            /* of each: it was seen since the last end */
+	size_t count;
+	size_t room;
+	uint64_t last_id;
+	uint64_t last_change; /* the greatest `change` of all; 0: none */
+	bool changed;         /* something that is to be written */
+	bool urgent;          /* ... soon */
+};
+
 void db_alarms_clear(struct db_alarms *alarms);
 /* Without memory it is left out, and seen again. */
 void db_alarms_see(struct db_alarms *alarms, const struct db_alarm_seen *seen);

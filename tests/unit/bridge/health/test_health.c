@@ -259,7 +259,7 @@ static void nothing_is_taken_while_it_is_off(void **state)
 	values = running(health, 100 * DB_NS_PER_S);
 	assert_int_equal(json_array_size(values), 0);
 	json_decref(values);
-	assert_int_equal(db_health_alarms(health)->count, 0);
+	assert_int_equal(db_health_alarms(health).count, 0);
 	db_health_state(health, &now);
 	assert_false(now.on || now.kept);
 	db_health_change(health, true);
@@ -295,13 +295,13 @@ static void alarms_are_kept(void **state)
 	end(health, 2 * DB_NS_PER_S);
 
 	health = begin(folder, 0);
-	assert_int_equal(db_health_alarms(health)->count, 1);
-	assert_string_equal(db_health_alarms(health)->list[0].by, "control, user anna");
-	assert_string_equal(db_health_alarms(health)->list[0].detail, "over_current");
+	assert_int_equal(db_health_alarms(health).count, 1);
+	assert_string_equal(db_health_alarms(health).alarms[0].by, "control, user anna");
+	assert_string_equal(db_health_alarms(health).alarms[0].detail, "over_current");
 	/* It is gone in this run. */
 	db_health_seen(health, NOON + 9);
-	assert_int_equal(db_health_alarms(health)->list[0].gone, NOON + 9);
-	assert_int_equal(db_health_alarms(health)->last_change, 3);
+	assert_int_equal(db_health_alarms(health).alarms[0].gone, NOON + 9);
+	assert_int_equal(db_health_alarms(health).last_change, 3);
 	end(health, 0);
 }
 
@@ -318,7 +318,7 @@ static void a_damaged_file_is_put_aside(void **state)
 	fputs("DBALARMS and something else", file);
 	fclose(file);
 	health = begin(folder, 0);
-	assert_int_equal(db_health_alarms(health)->count, 0);
+	assert_int_equal(db_health_alarms(health).count, 0);
 	end(health, 0);
 	assert_int_not_equal(access(path, F_OK), 0);
 	strcat(path, ".damaged");
