@@ -162,7 +162,221 @@ static void a_command_is_sent_with_its_first_frame(void **state)
 	close_world(world);
 }
 
+static void one_request_more_than_may_wait_is_refused(void **state)
+{
+	struct world *world = open_world(1, 1);
+	struct db_engine *engine = world->bus->engine;
+
+	(void)state;
+	engine->waiting_max = 2;
+	for (unsigned i = 0; i < 3; i++)
+		fake_post(world->bus, 0, DB_CMD_MOVE_ABSOLUTE);
+	while (engine->flights == 0)
+		fake_pass(world->bus, MS / 10);
+	(void)db_engine_run(engine, world->bus->now);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_BUSY);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_NONE);
+	fake_pass(world->bus, 100 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	close_world(world);
+}
+
+/* --- figures ---------------------------------------------------------------------------------- */
+
+static void how_late_a_cycle_began_shows(void **state)
+{
+	struct world *world = open_world(1, 1);
+	struct db_engine *engine = world->bus->engine;
+
+	(void)state;
+	while (engine->flights > 0)
+		fake_pass(world->bus, MS / 10);
+	world->bus->now = engine->cycle_at + MS / 2;
+	(void)db_engine_run(engine, world->bus->now);
+	assert_int_equal(fake_stats(world->bus).jitter_us, 500);
+	fake_pass(world->bus, 100 * MS);
+	assert_int_equal(fake_stats(world->bus).jitter_us, 0);
+	assert_int_equal(fake_stats(world->bus).jitter_max_us, 500);
+	close_world(world);
+}
+
+/* In thousandths of the second that is over, which is shown as soon as it is. */
+static void how_busy_the_wire_was_shows_each_second(void **state)
+{
+	struct world *world = open_world(1, 1);
+	struct db_engine *engine = world->bus->engine;
+
+	(void)state;
+	while (engine->flights > 0)
+		fake_pass(world->bus, MS / 10);
+	engine->busy = DB_NS_PER_S;
+	engine->second_at = world->bus->now + 1;
+	engine->idle_until = 0;
+	(void)db_engine_run(engine, world->bus->now);
+	assert_true(fake_stats(world->bus).utilisation < 1000);
+	engine->idle_until = 0;
+	(void)db_engine_run(engine, ++world->bus->now);
+	assert_int_equal(fake_stats(world->bus).utilisation, 1000);
+	assert_int_equal(engine->busy, 0);
+	/* A second of which half is known only later. */
+	engine->busy = DB_NS_PER_S;
+	world->bus->now += 2 * DB_NS_PER_S;
+	engine->idle_until = 0;
+	(void)db_engine_run(engine, world->bus->now);
+	assert_int_equal(fake_stats(world->bus).utilisation, 500);
+	close_world(world);
+}
+
+/* A reading takes an address its time, and each further axis there its own, or none. */
+static db_time take_long_per_axis(const struct db_bus_config *bus)
+{
+	(void)bus;
+	return 3 * MS;
+}
+
+static void the_times_of_readings_are_known_from_the_beginning(void **state)
+{
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus = fake_bus_new(&driver, 1);
+
+	(void)state;
+	bus->config.turnaround_us = 250;
+	fake_bus_open(bus, 1, NULL);
+	assert_int_equal(bus->engine->poll_time, FAKE_ANSWER_TIME + MS / 4);
+	assert_int_equal(bus->engine->axis_time, 0);
+	fake_bus_free(bus);
+	driver.axis_time = take_long_per_axis;
+	bus = fake_bus_new(&driver, 1);
+	fake_bus_open(bus, 1, NULL);
+	assert_int_equal(bus->engine->poll_time, FAKE_ANSWER_TIME);
+	assert_int_equal(bus->engine->axis_time, 3 * MS);
+	fake_bus_free(bus);
+}
+
+/* CAN carries more in the time that a trace is to hold. */
+static void a_trace_of_can_holds_more(void **state)
+{
+	uint64_t kept[2] = { 0, 0 };
+
+	(void)state;
+	for (unsigned can = 0; can < 2; can++) {
+		struct db_trace_record record;
+		struct db_trace_place place = { 0 };
+		struct db_driver driver = fake_family;
+		struct fake_bus *bus;
+		struct db_trace *trace;
+		uint32_t lost;
+
+		driver.medium = can ? DB_MEDIUM_CAN : DB_MEDIUM_SERIAL;
+		bus = fake_bus_new(&driver, 1);
+		fake_bus_open(bus, 1, NULL);
+		trace = db_engine_trace(bus->engine);
+		for (unsigned i = 0; i < 20000; i++)
+			(void)db_trace_write(trace, bus->now, DB_TRACE_GARBAGE, 0, "garbage", 7);
+		while (db_trace_read(trace, &place, &record, &lost))
+			kept[can]++;
+		fake_bus_free(bus);
+	}
+	assert_in_range(kept[1], 4 * kept[0] - 4, 4 * kept[0] + 4);
+}
+
+/* --- the port --------------------------------------------------------------------------------- */
+
+/* Whatever was awaited, received or reserved before concerns a line that is no more. */
+static void nothing_of_before_is_left_when_the_port_is_back(void **state)
+{
+	struct world *world = open_world(2, 1);
+	struct db_engine *engine = world->bus->engine;
+
+	(void)state;
+	while (engine->flights == 0)
+		fake_pass(world->bus, MS / 10);
+	fake_receive(world->bus, "abc", 3);
+	engine->silent_at = world->bus->now + 5 * MS;
+	engine->reserved.until = world->bus->now + 5 * MS;
+	engine->last_to_answer = engine->nodes[0];
+	engine->tests_gap = true;
+	engine->probes_from = world->bus->now + 5000 * MS;
+	world->bus->now += MS;
+	fake_port(world->bus, 5);
+	assert_int_equal(engine->now, world->bus->now);
+	world->bus->answer_count = 0;
+	fake_port(world->bus, 0);
+	assert_int_equal(engine->flights, 0);
+	assert_int_equal(engine->received_length, 0);
+	assert_int_equal(engine->silent_at, 0);
+	assert_int_equal(engine->reserved.until, 0);
+	assert_null(engine->last_to_answer);
+	assert_false(engine->tests_gap);
+	assert_int_equal(engine->probes_from, 0);
+	close_world(world);
+}
+
 /* --- the end ---------------------------------------------------------------------------------- */
+
+/* Nor does a client's motion begin any more, also of a drive that is left as it is. */
+static void nothing_that_waits_is_begun_at_the_end(void **state)
+{
+	(void)state;
+	for (unsigned leaves = 0; leaves < 2; leaves++) {
+		struct world *world = open_world(1, 1);
+		struct db_engine *engine = world->bus->engine;
+
+		world->bus->drives[0].on_exit = leaves ? DB_ON_LOSS_NONE : DB_ON_LOSS_STOP;
+		while (engine->flights == 0)
+			fake_pass(world->bus, MS / 10);
+		for (unsigned i = 0; i < 2; i++)
+			fake_post(world->bus, 0, DB_CMD_MOVE_ABSOLUTE);
+		(void)db_engine_run(engine, world->bus->now);
+		db_engine_shut_down(engine, ++world->bus->now);
+		assert_int_equal(engine->now, world->bus->now);
+		for (unsigned i = 0; i < 2; i++)
+			assert_int_equal(fake_result(world->bus), DB_RESULT_CANCELLED);
+		fake_post(world->bus, 0, DB_CMD_MOVE_ABSOLUTE);
+		fake_pass(world->bus, 100 * MS);
+		assert_int_equal(fake_count(world->bus, 1, FAKE_PREPARE), 0);
+		assert_int_equal(fake_count(world->bus, 1, FAKE_STOP) > 0, !leaves);
+		assert_int_equal(fake_result(world->bus), DB_RESULT_CANCELLED);
+		close_world(world);
+	}
+}
+
+/* A motion that was only prepared is not begun. */
+static void what_is_prepared_is_not_begun_at_the_end(void **state)
+{
+	struct world *world = open_world(1, 1);
+
+	(void)state;
+	world->bus->drives[0].on_exit = DB_ON_LOSS_NONE;
+	fake_post(world->bus, 0, DB_CMD_MOVE_ABSOLUTE);
+	while (fake_count(world->bus, 1, FAKE_PREPARE) == 0)
+		fake_pass(world->bus, MS / 10);
+	db_engine_shut_down(world->bus->engine, world->bus->now);
+	fake_pass(world->bus, 100 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_BEGIN), 0);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_CANCELLED);
+	close_world(world);
+}
+
+/* It was told to stand when it began to leave, and gets nothing else. */
+static void a_drive_that_leaves_is_told_nothing_at_the_end(void **state)
+{
+	struct world *world = open_world(1, 1);
+	struct db_engine *engine = world->bus->engine;
+
+	(void)state;
+	engine->stations[0]->leaving = true;
+	fake_post(world->bus, 0, DB_CMD_MOVE_ABSOLUTE);
+	fake_pass(world->bus, 50 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_CANCELLED);
+	db_engine_shut_down(engine, world->bus->now);
+	assert_false(fake_feedback(world->bus, 0).status & DB_STATUS_MUST_STAND);
+	fake_pass(world->bus, 100 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_PREPARE), 0);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_STOP), 0);
+	close_world(world);
+}
 
 /* What a drive must stand for because the bus goes is over when it is back; what somebody asked for is not. */
 static void drives_that_are_left_for_a_scan_need_not_stand_afterwards(void **state)
@@ -178,7 +392,10 @@ static void drives_that_are_left_for_a_scan_need_not_stand_afterwards(void **sta
 	db_engine_shut_down(engine, world->bus->now);
 	for (unsigned i = 0; i < 3; i++)
 		assert_true(fake_feedback(world->bus, i).status & DB_STATUS_MUST_STAND);
+	assert_int_equal(world->bus->told[DB_EVENT_DRIVE_UNCONFIRMED], 0);
 	db_engine_set_aside(engine, world->bus->now);
+	/* What is not known of them is told. */
+	assert_int_equal(world->bus->told[DB_EVENT_DRIVE_UNCONFIRMED], 3);
 	for (unsigned i = 0; i < 3; i++)
 		assert_int_equal(!!(fake_feedback(world->bus, i).status & DB_STATUS_MUST_STAND),
 		                 i == 1);
@@ -343,6 +560,15 @@ int main(void)
 		cmocka_unit_test(a_drive_is_lively_after_a_command),
 		cmocka_unit_test(how_many_requests_wait_shows),
 		cmocka_unit_test(a_command_is_sent_with_its_first_frame),
+		cmocka_unit_test(one_request_more_than_may_wait_is_refused),
+		cmocka_unit_test(how_late_a_cycle_began_shows),
+		cmocka_unit_test(how_busy_the_wire_was_shows_each_second),
+		cmocka_unit_test(the_times_of_readings_are_known_from_the_beginning),
+		cmocka_unit_test(a_trace_of_can_holds_more),
+		cmocka_unit_test(nothing_of_before_is_left_when_the_port_is_back),
+		cmocka_unit_test(nothing_that_waits_is_begun_at_the_end),
+		cmocka_unit_test(what_is_prepared_is_not_begun_at_the_end),
+		cmocka_unit_test(a_drive_that_leaves_is_told_nothing_at_the_end),
 		cmocka_unit_test(drives_that_are_left_for_a_scan_need_not_stand_afterwards),
 		cmocka_unit_test(a_bus_is_quiet_when_all_of_its_drives_are),
 		cmocka_unit_test(all_frames_are_wanted_while_one_that_is_gone_is_asked),

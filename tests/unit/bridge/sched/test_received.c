@@ -45,6 +45,12 @@ static void cut(const struct db_received *received, size_t *skip, size_t *length
 		*skip = received->available;
 }
 
+static void cut_nothing(const struct db_received *received, size_t *skip, size_t *length)
+{
+	(void)received;
+	*skip = *length = 0;
+}
+
 static db_time frame_silence(const struct db_bus_config *bus)
 {
 	(void)bus;
@@ -84,6 +90,25 @@ static struct fake_bus *open_bus(struct db_driver *driver, enum db_medium medium
 
 static const struct fake_frame answer = { .address = 1, .kind = FAKE_POLL, .speed = 7.0f };
 
+/* What was thrown away since is told in the trace as it came. */
+static void expect_garbage_in_trace(const struct fake_bus *bus, struct db_trace_place place,
+                                    size_t count)
+{
+	const struct db_trace *trace = db_engine_trace(bus->engine);
+	struct db_trace_record record;
+	size_t told = 0;
+	uint32_t lost;
+
+	while (db_trace_read(trace, &place, &record, &lost)) {
+		if (record.kind != DB_TRACE_GARBAGE)
+			continue;
+		for (size_t i = 0; i < record.length; i++)
+			assert_int_equal(record.bytes[i], GARBAGE);
+		told += record.length;
+	}
+	assert_int_equal(told, count);
+}
+
 static void an_answer_is_found_among_garbage(void **state)
 {
 	static const size_t before[] = { 0, 1, 7, 16, 100 };
@@ -94,6 +119,7 @@ static void an_answer_is_found_among_garbage(void **state)
 		struct db_driver driver;
 		struct fake_bus *bus = open_bus(&driver, DB_MEDIUM_SERIAL);
 		uint32_t garbage = fake_stats(bus).garbage_bytes;
+		struct db_trace_place place = db_trace_end(db_engine_trace(bus->engine));
 
 		memset(bytes, GARBAGE, sizeof bytes);
 		memcpy(bytes + before[i], &answer, sizeof answer);
@@ -101,6 +127,7 @@ static void an_answer_is_found_among_garbage(void **state)
 		assert_true(fake_feedback(bus, 0).velocity == 7.0f);
 		fake_pass(bus, SILENCE + MS);
 		assert_int_equal(fake_stats(bus).garbage_bytes - garbage, before[i] + 5);
+		expect_garbage_in_trace(bus, place, before[i] + 5);
 		assert_int_equal(bus->engine->received_length, 0);
 		fake_bus_free(bus);
 	}
@@ -119,6 +146,47 @@ static void an_answer_that_comes_in_parts_is_found(void **state)
 	}
 	assert_true(fake_feedback(bus, 0).velocity == 7.0f);
 	assert_int_equal(fake_stats(bus).timeouts, 0);
+	fake_bus_free(bus);
+}
+
+/* Behind garbage, wherever the first part ends. */
+static void an_answer_whose_beginning_comes_with_garbage_is_found(void **state)
+{
+	(void)state;
+	for (size_t first = 1; first < sizeof answer; first++) {
+		struct db_driver driver;
+		struct fake_bus *bus = open_bus(&driver, DB_MEDIUM_SERIAL);
+		uint8_t bytes[1 + sizeof answer] = { GARBAGE };
+
+		memcpy(bytes + 1, &answer, sizeof answer);
+		fake_receive(bus, bytes, 1 + first);
+		fake_receive(bus, bytes + 1 + first, sizeof answer - first);
+		assert_true(fake_feedback(bus, 0).velocity == 7.0f);
+		assert_int_equal(bus->engine->received_length, 0);
+		fake_bus_free(bus);
+	}
+}
+
+/* Nobody knows a frame that is longer: it is thrown away, and what follows is looked at anew. */
+static void what_fills_the_buffer_without_an_end_is_thrown_away(void **state)
+{
+	static uint8_t bytes[2 * RECEIVE_MAX + 100];
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus = fake_bus_new(&driver, 1);
+	size_t come;
+
+	(void)state;
+	driver.cut = cut_nothing;
+	fake_bus_open(bus, 1, NULL);
+	fake_port(bus, 0);
+	for (size_t i = 0; i < sizeof bytes; i++)
+		bytes[i] = (uint8_t)(i % 251);
+	fake_receive(bus, bytes, 10);
+	fake_receive(bus, bytes + 10, sizeof bytes - 10);
+	assert_int_equal(fake_stats(bus).garbage_bytes, 2 * RECEIVE_MAX);
+	(void)db_engine_awaited(bus->engine, &come);
+	assert_int_equal(come, 100);
+	assert_memory_equal(bus->engine->received, bytes + 2 * RECEIVE_MAX, 100);
 	fake_bus_free(bus);
 }
 
@@ -183,8 +251,17 @@ static void the_end_of_what_is_too_short_shows_by_silence(void **state)
 	assert_int_equal(given.silences, 1);
 	/* A whole frame leaves nothing whose end is to be seen. */
 	fake_receive(bus, &answer, sizeof answer);
+	assert_int_equal(bus->engine->silent_at, 0);
 	fake_pass(bus, 2 * SILENCE);
 	assert_int_equal(given.silences, 1);
+	/* A single byte does, and to the moment. */
+	fake_receive(bus, &answer, 1);
+	fake_pass(bus, SILENCE - 1);
+	(void)db_engine_run(bus->engine, bus->now);
+	assert_int_equal(given.silences, 1);
+	(void)db_engine_run(bus->engine, ++bus->now);
+	assert_int_equal(given.silences, 2);
+	assert_int_equal(fake_stats(bus).garbage_bytes - garbage, 9);
 	fake_bus_free(bus);
 }
 
@@ -212,17 +289,12 @@ static void what_is_awaited_is_known(void **state)
 
 /* --- answers without an end ------------------------------------------------------------------- */
 
-static void cut_nothing(const struct db_received *received, size_t *skip, size_t *length)
-{
-	(void)received;
-	*skip = *length = 0;
-}
-
 static enum db_step begin_open_ended(struct db_conversation *talk)
 {
 	enum db_step step = fake_family.begin(talk);
 
 	talk->exchange->open_ended = true;
+	talk->exchange->extra_time = 20 * MS;
 	return step;
 }
 
@@ -235,7 +307,13 @@ static db_time take_time(const struct db_bus_config *bus, const uint8_t *request
 	return (db_time)answer_length * (100 * MS / DB_ANSWER_MAX);
 }
 
-/* How long it is waited for, where so many bytes of it come after 90 ms, and another one every 50 ms. */
+static db_time answer_as_first(void *context, struct fake_frame *frame)
+{
+	(void)context;
+	return frame->address == 1 ? FAKE_ANSWER_TIME : 0;
+}
+
+/* How long it is waited for from the second drive, where so many bytes of it come after 90 ms, and another one every 50 ms. */
 static db_time wait_for(bool open_ended, size_t bytes, bool goes_on)
 {
 	const uint8_t part[DB_ANSWER_MAX] = { 0 };
@@ -245,19 +323,19 @@ static db_time wait_for(bool open_ended, size_t bytes, bool goes_on)
 	db_time sent;
 
 	transport.wire_time = take_time;
-	bus = fake_bus_new(&driver, 1);
+	bus = fake_bus_new(&driver, 2);
 	bus->config.transport = &transport;
 	bus->config.drive_latency_ms = 100;
-	fake_bus_open(bus, 1, NULL);
+	fake_bus_open(bus, 2, NULL);
 	fake_port(bus, 0);
 	fake_pass(bus, 300 * MS);
-	bus->obey = answer_nothing;
-	driver.cut = cut_nothing;
+	bus->obey = answer_as_first;
 	if (open_ended)
 		driver.begin = begin_open_ended;
 	fake_forget_sent(bus);
-	while (fake_count(bus, 1, FAKE_POLL) == 0 || bus->engine->flights == 0)
+	while (fake_count(bus, 2, FAKE_POLL) == 0 || bus->engine->flights == 0)
 		fake_pass(bus, MS / 10);
+	driver.cut = cut_nothing;
 	sent = bus->sent[bus->sent_count - 1].at;
 	fake_pass(bus, sent + 90 * MS - bus->now);
 	fake_receive(bus, part, bytes);
@@ -276,7 +354,7 @@ static void an_answer_without_an_end_is_awaited_while_it_comes(void **state)
 {
 	(void)state;
 	/* What is short may be anything. */
-	assert_in_range(wait_for(true, 256, true), 99 * MS, 110 * MS);
+	assert_in_range(wait_for(true, 256, true), 119 * MS, 130 * MS);
 	/* And so is what is not awaited. */
 	assert_in_range(wait_for(false, 300, true), 99 * MS, 110 * MS);
 	assert_in_range(wait_for(true, 257, false), 188 * MS, 195 * MS);
@@ -289,6 +367,8 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(an_answer_is_found_among_garbage),
 		cmocka_unit_test(an_answer_that_comes_in_parts_is_found),
+		cmocka_unit_test(an_answer_whose_beginning_comes_with_garbage_is_found),
+		cmocka_unit_test(what_fills_the_buffer_without_an_end_is_thrown_away),
 		cmocka_unit_test(frames_that_come_together_are_all_taken),
 		cmocka_unit_test(a_frame_is_cut_with_the_question_that_it_may_answer),
 		cmocka_unit_test(the_end_of_what_is_too_short_shows_by_silence),

@@ -1,0 +1,239 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * When the schedule wants to be called again: as soon as something can be sent, and not before. And what it makes of a
+ * thread that comes late. Made-up drives in made-up time.
+ */
+#include "fakes/bus.h"
+#include "sched/sched_private.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+#define GAP (5 * MS)
+
+/* A bus with one drive on which nothing is under way or due for ten seconds. */
+static struct fake_bus *open_idle_bus(struct db_driver *driver)
+{
+	struct fake_bus *bus = fake_bus_new(driver, 1);
+
+	fake_bus_open(bus, 1, NULL);
+	fake_port(bus, 0);
+	fake_pass(bus, 300 * MS);
+	while (bus->engine->flights > 0 || bus->engine->nodes_due > 0)
+		fake_pass(bus, MS / 10);
+	bus->engine->cycle_at = bus->now + 10000 * MS;
+	fake_pass(bus, 100 * MS);
+	fake_forget_sent(bus);
+	return bus;
+}
+
+/* It has just sent something, and is deaf for a while. */
+static void make_deaf(struct fake_bus *bus)
+{
+	struct node *node = bus->engine->nodes[0];
+
+	node->gap.now = GAP;
+	node->answered_at = bus->now;
+}
+
+static void a_request_is_sent_as_soon_as_its_drive_hears(void **state)
+{
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus = open_idle_bus(&driver);
+	db_time posted = bus->now;
+
+	(void)state;
+	make_deaf(bus);
+	fake_post(bus, 0, DB_CMD_MOVE_ABSOLUTE);
+	fake_pass(bus, 50 * MS);
+	assert_int_equal(fake_count(bus, 1, FAKE_COMMAND), 1);
+	assert_int_equal(bus->sent[0].frame.kind, FAKE_COMMAND);
+	assert_int_equal(bus->sent[0].at, posted + GAP);
+	fake_bus_free(bus);
+}
+
+static void a_drive_is_read_as_soon_as_it_hears(void **state)
+{
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus = open_idle_bus(&driver);
+	db_time since = bus->now;
+
+	(void)state;
+	make_deaf(bus);
+	bus->engine->cycle_at = bus->now + MS;
+	bus->engine->idle_until = 0;
+	fake_pass(bus, 19 * MS);
+	assert_int_equal(bus->sent_count, 1);
+	assert_int_equal(bus->sent[0].frame.kind, FAKE_POLL);
+	assert_int_equal(bus->sent[0].at, since + GAP);
+	fake_bus_free(bus);
+}
+
+/* Whether it has come back may show as soon as it hears. */
+static void a_drive_is_looked_for_as_soon_as_it_hears(void **state)
+{
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus = open_idle_bus(&driver);
+	db_time since = bus->now;
+
+	(void)state;
+	fake_port(bus, 5);
+	make_deaf(bus);
+	fake_port(bus, 0);
+	assert_int_equal(db_engine_run(bus->engine, bus->now), since + GAP);
+	fake_pass(bus, GAP + MS);
+	assert_int_equal(bus->sent[0].frame.kind, FAKE_PROBE);
+	assert_int_equal(bus->sent[0].at, since + GAP);
+	fake_bus_free(bus);
+}
+
+static enum db_step look_again(struct db_conversation *talk, const uint8_t *bytes, size_t length)
+{
+	if (fake_frame_at(bytes, length).kind != FAKE_COMMAND)
+		return fake_family.answer(talk, bytes, length);
+	(void)fake_say(talk, FAKE_COMMAND);
+	talk->exchange->again = true;
+	return DB_STEP_SEND;
+}
+
+/* Without something else to do. */
+static void a_question_is_repeated_after_a_pause(void **state)
+{
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus = open_idle_bus(&driver);
+
+	(void)state;
+	driver.answer = look_again;
+	fake_post(bus, 0, DB_CMD_ENABLE);
+	fake_pass(bus, 50 * MS);
+	assert_true(bus->sent_count > 20);
+	for (size_t i = 2; i < bus->sent_count; i++) {
+		assert_int_equal(bus->sent[i].frame.kind, FAKE_COMMAND);
+		assert_int_equal(bus->sent[i].at - bus->sent[i - 1].at, SCHEDULE_AGAIN_PAUSE);
+	}
+	fake_bus_free(bus);
+}
+
+static unsigned begun;
+
+static enum db_step end_at_once(struct db_conversation *talk)
+{
+	if (talk->job->kind != DB_JOB_PROBE)
+		return fake_family.begin(talk);
+	begun++;
+	talk->result = DB_RESULT_OK;
+	return DB_STEP_DONE;
+}
+
+/* Jobs of a driver that send nothing do not keep the thread: a stop may have come in meanwhile. */
+static void what_is_begun_in_vain_ends_a_turn(void **state)
+{
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus = open_idle_bus(&driver);
+
+	(void)state;
+	driver.begin = end_at_once;
+	begun = 0;
+	bus->engine->nodes[0]->in_step = false;
+	fake_post(bus, 0, DB_CMD_ENABLE);
+	for (unsigned i = 1; i <= 3; i++) {
+		assert_int_equal(db_engine_run(bus->engine, bus->now), bus->now + 1);
+		assert_in_range(begun, i * 2, i * 6);
+		bus->now++;
+	}
+	fake_bus_free(bus);
+}
+
+/* --- a thread that comes late ----------------------------------------------------------------- */
+
+/* A delay is counted once, however many calls it delays, from 2 ms on. */
+static void what_was_overslept_is_counted_once(void **state)
+{
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus = open_idle_bus(&driver);
+	const uint64_t before = fake_stats(bus).overslept_us;
+
+	(void)state;
+	bus->now = db_engine_run(bus->engine, bus->now) + 2 * MS - 1;
+	fake_receive(bus, "", 0);
+	assert_int_equal(fake_stats(bus).overslept_us, before);
+	bus->now++;
+	for (unsigned i = 0; i < 3; i++)
+		fake_receive(bus, "", 0);
+	(void)db_engine_run(bus->engine, bus->now);
+	assert_int_equal(fake_stats(bus).overslept_us, before + 2000);
+	fake_bus_free(bus);
+}
+
+/* --- an answer that has begun ----------------------------------------------------------------- */
+
+static db_time take_time(const struct db_bus_config *bus, const uint8_t *request,
+                         size_t request_length, size_t answer_length)
+{
+	(void)bus;
+	(void)request;
+	return (db_time)(request_length + answer_length) * MS;
+}
+
+static db_time answer_nothing(void *context, struct fake_frame *frame)
+{
+	(void)context;
+	(void)frame;
+	return 0;
+}
+
+/* The rest of it is awaited as long as a whole one takes, once; when it should have come stays the same. */
+static void the_rest_of_an_answer_is_awaited(void **state)
+{
+	struct db_transport transport = fake_wire;
+	struct db_driver driver = fake_family;
+	const db_time wire = 2 * (db_time)sizeof(struct fake_frame) * MS;
+	struct fake_bus *bus;
+	const struct node *node;
+	db_time sent;
+
+	(void)state;
+	transport.wire_time = take_time;
+	bus = fake_bus_new(&driver, 1);
+	bus->config.transport = &transport;
+	fake_bus_open(bus, 1, NULL);
+	fake_port(bus, 0);
+	fake_pass(bus, 300 * MS);
+	bus->obey = answer_nothing;
+	while (bus->engine->flights > 0)
+		fake_pass(bus, MS / 10);
+	fake_forget_sent(bus);
+	while (bus->engine->flights == 0)
+		fake_pass(bus, MS / 10);
+	sent = bus->sent[0].at;
+	node = bus->engine->nodes[0];
+	/* Its last moment. */
+	fake_pass(bus, sent + wire + node->patience.now - bus->now);
+	fake_receive(bus, "", 1);
+	fake_pass(bus, wire / 2 - 1);
+	(void)db_engine_run(bus->engine, bus->now);
+	assert_int_equal(fake_stats(bus).timeouts, 0);
+	(void)db_engine_run(bus->engine, ++bus->now);
+	assert_int_equal(fake_stats(bus).timeouts, 1);
+	assert_int_equal(node->lost_due, sent + wire);
+	fake_bus_free(bus);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_request_is_sent_as_soon_as_its_drive_hears),
+		cmocka_unit_test(a_drive_is_read_as_soon_as_it_hears),
+		cmocka_unit_test(a_drive_is_looked_for_as_soon_as_it_hears),
+		cmocka_unit_test(a_question_is_repeated_after_a_pause),
+		cmocka_unit_test(what_is_begun_in_vain_ends_a_turn),
+		cmocka_unit_test(what_was_overslept_is_counted_once),
+		cmocka_unit_test(the_rest_of_an_answer_is_awaited),
+	};
+
+	return cmocka_run_group_tests_name("sched/engine_wakes", tests, NULL, NULL);
+}
