@@ -471,14 +471,13 @@ void answer_lost(struct db_engine *engine, struct node *node, db_time now)
 {
 	struct station *station = node->flight.station;
 	enum lane_kind kind = node->flight.lane;
-	/* What the other drives lose by it: the whole wait, or only the time on the wire. It is no
-	 * longer than the wait for this drive: a port that took nothing, or a busy computer, must
-	 * not put off its stops and probes. */
+	/* What the other drives lose by it: the whole wait, or only the time on the wire. It is the
+	 * wait for this drive: a port that took nothing, or a busy computer, must not put off its
+	 * stops and probes. */
 	db_time cost = engine->driver->medium == DB_MEDIUM_CAN ?
 	                       node->flight.wire :
-	                       db_time_min(now - node->flight.sent,
-	                                   node->flight.wire + node->flight.patience +
-	                                           station->lanes[kind].exchange.extra_time);
+	                       node->flight.wire + node->flight.patience +
+	                               station->lanes[kind].exchange.extra_time;
 
 	db_trace_write(engine->trace, now, DB_TRACE_UNANSWERED, node->flight.question, NULL, 0);
 	exchange_end(engine, node, now);
