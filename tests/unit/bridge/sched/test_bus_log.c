@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What people read of a bus and its drives: that every event has its words, and each cause its advice. */
+#include "codec/can.h"
 #include "driver/list.h"
 #include "log/log_private.h"
 #include "sched/bus_log.h"
@@ -134,6 +135,236 @@ static void events_of_others_are_not_told_of_a_drive(void **state)
 	assert_int_equal(reader.count, 0);
 }
 
+/* The line that `tell` logs of a drive at address 7, without whose it is. */
+static const char *line_of(void (*tell)(const struct db_log_source *source,
+                                        const struct db_drive_config *drive, const void *what),
+                           const struct db_drive_config *drive, const void *what)
+{
+	static const char whose[] = "bus press: drive feeder: ";
+	static struct reader reader;
+	struct db_log_source source = { .bus = "press", .level = DB_LOG_INFO };
+
+	memset(&reader, 0, sizeof reader);
+	assert_int_equal(db_log_new_to(take, &reader, &source.log), 0);
+	tell(&source, drive, what);
+	db_log_free(source.log);
+	assert_int_equal(reader.count, 1);
+	assert_memory_equal(reader.lines[0].text, whose, strlen(whose));
+	return reader.lines[0].text + strlen(whose);
+}
+
+static struct db_drive_config feeder = { .name = (char *)"feeder",
+	                                 .unit = 3,
+	                                 .address = 7,
+	                                 .stop_reaction_ms = 400,
+	                                 .counts_per_unit = 10.0,
+	                                 .unit_name = (char *)"mm" };
+
+struct running {
+	unsigned axes;
+	struct db_feedback feedback;
+};
+
+static void tell_runs_on(const struct db_log_source *source, const struct db_drive_config *drive,
+                         const void *what)
+{
+	const struct running *running = what;
+	struct db_driver driver = db_driver_servo_can;
+
+	driver.axes = running->axes;
+	bus_log_event(source, &driver, drive, DB_EVENT_DRIVE_RUNS_ON, &running->feedback, NULL, 1);
+}
+
+/* An axis that stands is no danger; the other one may be. */
+static void a_drive_that_runs_on_is_told_from_one_beside_it(void **state)
+{
+	static const char *const runs = "does not slow down: 1.5 mm/s after 400 ms (status "
+					"0000002A); the stop is repeated; switch the drive off";
+	struct running running = { .axes = 2,
+		                   .feedback = { .status = DB_STATUS_ENABLED, .velocity = 15.0f } };
+	struct db_drive_config disabled = feeder;
+
+	(void)state;
+	running.feedback.drive_status = 0x2A;
+	assert_non_null(strstr(line_of(tell_runs_on, &feeder, &running),
+	                       "within 400 ms; this axis stands, the stop is repeated for the "
+	                       "others"));
+	running.feedback.status |= DB_STATUS_MOVING;
+	assert_non_null(strstr(line_of(tell_runs_on, &feeder, &running), runs));
+	/* The only one it can be. */
+	for (running.axes = 0; running.axes < 2; running.axes++) {
+		running.feedback.status = DB_STATUS_ENABLED;
+		assert_non_null(strstr(line_of(tell_runs_on, &feeder, &running), runs));
+		running.feedback.status |= DB_STATUS_MOVING;
+		assert_non_null(strstr(line_of(tell_runs_on, &feeder, &running), runs));
+	}
+	disabled.on_stop_failure = DB_ON_STOP_FAILURE_DISABLE;
+	assert_non_null(strstr(line_of(tell_runs_on, &disabled, &running),
+	                       "the stop is repeated, and the drive is disabled; switch"));
+}
+
+static const struct db_param named[] = { { .name = "SPD" }, { .name = "ACC" }, { .name = "DEC" } };
+
+struct missing {
+	struct db_driver driver;
+	uint64_t set[1];
+};
+
+static void tell_missing(const struct db_log_source *source, const struct db_drive_config *drive,
+                         const void *what)
+{
+	const struct missing *missing = what;
+
+	bus_log_missing_params(source, drive, &missing->driver, missing->set, 1);
+}
+
+static void parameters_that_are_missing_are_named(void **state)
+{
+	static const char *const lines[] = {
+		[1] = "does not report SPD; its",           [2] = "does not report ACC; its",
+		[3] = "does not report SPD, ACC; its",      [4] = "does not report DEC; its",
+		[5] = "does not report SPD, DEC; its",      [6] = "does not report ACC, DEC; its",
+		[7] = "does not report SPD, ACC, DEC; its",
+	};
+	struct missing missing = { .driver = { .params = named, .param_count = 3 } };
+
+	(void)state;
+	for (missing.set[0] = 1; missing.set[0] < 8; missing.set[0]++)
+		assert_non_null(
+			strstr(line_of(tell_missing, &feeder, &missing), lines[missing.set[0]]));
+	/* Only those that it has. */
+	missing.set[0] = 9;
+	assert_non_null(strstr(line_of(tell_missing, &feeder, &missing), lines[1]));
+}
+
+/* Of more names than a line has room for, the beginning. */
+static void many_missing_parameters_fill_a_line(void **state)
+{
+	static struct db_param many[64];
+	struct missing missing = { .driver = { .params = many, .param_count = 64 },
+		                   .set = { UINT64_MAX } };
+	const char *text;
+	const char *first;
+
+	(void)state;
+	for (size_t i = 0; i < 64; i++)
+		many[i].name = i == 0 ? "ABCD" : "ABC"; /* a comma is the last that fits */
+	text = line_of(tell_missing, &feeder, &missing);
+	first = strstr(text, "ABC");
+	assert_non_null(first);
+	assert_ptr_equal(strstr(first, "; its other parameters"), first + 255);
+}
+
+struct heard {
+	enum db_medium medium;
+	bool sent;
+	struct db_unusable unusable;
+};
+
+static void tell_heard(const struct db_log_source *source, const struct db_drive_config *drive,
+                       const void *what)
+{
+	const struct heard *heard = what;
+
+	bus_log_unusable(source, drive, heard->medium, &heard->unusable, 1);
+}
+
+static void tell_raw(const struct db_log_source *source, const struct db_drive_config *drive,
+                     const void *what)
+{
+	const struct heard *heard = what;
+
+	bus_log_raw_frame(source, drive, heard->medium, heard->sent, heard->unusable.bytes,
+	                  heard->unusable.length, 1);
+}
+
+static struct heard heard_on_can(uint32_t id, uint8_t length)
+{
+	const struct db_can_frame frame = { .id = id,
+		                            .length = length,
+		                            .data = { 0x0A, 0x1B, 0x2C, 0x3D, 0x4E, 0x5F, 0x60,
+		                                      0x71 } };
+	struct heard heard = { .medium = DB_MEDIUM_CAN, .unusable = { .length = sizeof frame } };
+
+	memcpy(heard.unusable.bytes, &frame, sizeof frame);
+	heard.unusable.count = 4;
+	return heard;
+}
+
+static void what_is_heard_on_can_is_written_as_others_write_it(void **state)
+{
+	struct heard heard = heard_on_can(0x165, 2);
+
+	(void)state;
+	assert_non_null(
+		strstr(line_of(tell_heard, &feeder, &heard),
+	               "answers at address 7, but not as documented: 165#0A1B is no answer to "
+	               "what was asked (4 such frames)"));
+	heard = heard_on_can(0x5 | DB_CAN_EXTENDED, 8);
+	assert_non_null(
+		strstr(line_of(tell_heard, &feeder, &heard), ": 00000005#0A1B2C3D4E5F6071 is no"));
+	/* A length that a frame cannot have. */
+	heard = heard_on_can(0x7FF, 15);
+	assert_non_null(
+		strstr(line_of(tell_heard, &feeder, &heard), ": 7FF#0A1B2C3D4E5F6071 is no"));
+	heard = heard_on_can(0x7FF, 0);
+	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard), ": 7FF# is no"));
+	/* What is no whole frame is written as it came. */
+	heard.unusable.length = 4;
+	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard), ": FF070000 is no"));
+	heard.unusable.length = sizeof heard.unusable.bytes;
+	assert_null(strstr(line_of(tell_heard, &feeder, &heard), "... is no"));
+}
+
+static void what_is_heard_on_a_line_is_written_byte_by_byte(void **state)
+{
+	struct heard heard = { .medium = DB_MEDIUM_SERIAL };
+
+	(void)state;
+	for (size_t i = 0; i < sizeof heard.unusable.bytes; i++)
+		heard.unusable.bytes[i] = (uint8_t)(0xA0 + i);
+	heard.unusable.length = 3;
+	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard), ": A0A1A2 is no"));
+	/* As long as a frame on CAN. */
+	heard.unusable.length = 16;
+	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard),
+	                       ": A0A1A2A3A4A5A6A7A8A9AAABACADAEAF is no"));
+	heard.unusable.length = 23;
+	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard), "B4B5B6 is no"));
+	/* There may have been more of it. */
+	heard.unusable.length = 24;
+	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard), "B5B6B7... is no"));
+}
+
+static void tell_long_raw(const struct db_log_source *source, const struct db_drive_config *drive,
+                          const void *what)
+{
+	bus_log_raw_frame(source, drive, DB_MEDIUM_SERIAL, true, what, 40, 1);
+}
+
+static void raw_frames_are_told(void **state)
+{
+	const uint8_t bytes[40] = { 0x12, 0x34 };
+	struct heard heard = heard_on_can(0x165, 2);
+
+	(void)state;
+	heard.sent = true;
+	assert_string_equal(line_of(tell_raw, &feeder, &heard),
+	                    "is sent a client's raw frame, 165#0A1B");
+	heard.sent = false;
+	assert_string_equal(line_of(tell_raw, &feeder, &heard),
+	                    "answers the raw frame with 165#0A1B");
+	heard.medium = DB_MEDIUM_SERIAL;
+	heard.unusable.length = 1;
+	assert_string_equal(line_of(tell_raw, &feeder, &heard), "answers the raw frame with 65");
+	heard.unusable.length = 0;
+	assert_non_null(strstr(line_of(tell_raw, &feeder, &heard),
+	                       "does not answer the raw frame; whether"));
+	assert_string_equal(line_of(tell_long_raw, &feeder, bytes),
+	                    "is sent a client's raw frame, "
+	                    "123400000000000000000000000000000000000000000000...");
+}
+
 static const char *tell_slow(const struct bus_slowness *slow)
 {
 	static struct reader reader;
@@ -157,7 +388,9 @@ static void a_busy_computer_is_not_blamed_on_the_bus(void **state)
 	/* The kernel does not count what takes the whole machine away, and not every kernel counts. */
 	slow.overslept = 600 * DB_NS_PER_MS;
 	assert_non_null(strstr(tell_slow(&slow), "this computer is busy, the bus waited 600 ms"));
-	slow.overslept = 400 * DB_NS_PER_MS;
+	for (slow.overslept = 500 * DB_NS_PER_MS; slow.overslept > 400 * DB_NS_PER_MS;
+	     slow.overslept -= 50 * DB_NS_PER_MS)
+		assert_non_null(strstr(tell_slow(&slow), "raise cycle-ms or baud"));
 	assert_non_null(strstr(tell_slow(&slow), "raise cycle-ms or baud"));
 	slow.waited = 700 * DB_NS_PER_MS;
 	assert_non_null(strstr(tell_slow(&slow), "the bus waited 700 ms for a processor; give it"));
@@ -183,7 +416,7 @@ static const char *tell_timing(const struct bus_timing *timing)
 static const char *tell_late(db_time learnt, db_time missed)
 {
 	return tell_timing(&(struct bus_timing){ .told = { .event = DB_EVENT_DRIVE_LATE,
-	                                                   .time = 49 * DB_NS_PER_MS,
+	                                                   .time = 48 * DB_NS_PER_MS + 1,
 	                                                   .learnt = learnt },
 	                                         .missed = missed,
 	                                         .seconds = 20 });
@@ -199,6 +432,9 @@ static void a_late_answer_on_a_busy_computer_may_not_be_the_drives(void **state)
 	assert_non_null(strstr(tell_late(64 * DB_NS_PER_MS, 401 * DB_NS_PER_MS),
 	                       "64 ms for it; this computer is busy, the bus waited 401 ms for a "
 	                       "processor in the last 20 s"));
+	/* What has begun counts. */
+	assert_non_null(strstr(tell_late(63 * DB_NS_PER_MS + 1, 0),
+	                       "waits 64 ms for it; set drive-latency-ms = 64 to keep that"));
 	assert_non_null(strstr(tell_late(0, 900 * DB_NS_PER_MS),
 	                       "find out what else runs, and set drive-latency-ms = 73 only if"));
 }
@@ -208,7 +444,7 @@ static void who_does_not_receive_is_said(void **state)
 {
 	struct bus_timing timing = { .told = { .event = DB_EVENT_DRIVE_DEAF,
 		                               .time = DB_NS_PER_MS,
-		                               .learnt = 2 * DB_NS_PER_MS } };
+		                               .learnt = 2 * DB_NS_PER_MS - 999 } };
 
 	(void)state;
 	assert_non_null(strstr(
@@ -219,6 +455,9 @@ static void who_does_not_receive_is_said(void **state)
 		tell_timing(&timing),
 		"requests to other drives sent 1000 us after its answers are lost: the bus now waits "
 		"2000 us; set turnaround-us = 2000"));
+	timing.told.others = false;
+	timing.told.learnt = 0;
+	assert_non_null(strstr(tell_timing(&timing), "raise turnaround-us, which is 1000"));
 }
 
 static const char *advise(const struct db_bus_config *bus, int error)
@@ -264,6 +503,12 @@ int main(void)
 		cmocka_unit_test(a_fault_is_told_with_what_to_check),
 		cmocka_unit_test(every_event_of_a_drive_has_its_words),
 		cmocka_unit_test(events_of_others_are_not_told_of_a_drive),
+		cmocka_unit_test(a_drive_that_runs_on_is_told_from_one_beside_it),
+		cmocka_unit_test(parameters_that_are_missing_are_named),
+		cmocka_unit_test(many_missing_parameters_fill_a_line),
+		cmocka_unit_test(what_is_heard_on_can_is_written_as_others_write_it),
+		cmocka_unit_test(what_is_heard_on_a_line_is_written_byte_by_byte),
+		cmocka_unit_test(raw_frames_are_told),
 		cmocka_unit_test(a_busy_computer_is_not_blamed_on_the_bus),
 		cmocka_unit_test(a_late_answer_on_a_busy_computer_may_not_be_the_drives),
 		cmocka_unit_test(who_does_not_receive_is_said),
