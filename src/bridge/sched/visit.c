@@ -72,9 +72,10 @@ bool visit_next(const struct visit *visit, struct db_inquiry *inquiry)
 		inquiry->value = visit->standings;
 		return true;
 	}
+	/* Sent once: its outcome ends the visit. */
 	inquiry->kind = visit->set_up;
 	inquiry->value = visit->value;
-	return !visit->set_up_sent;
+	return true;
 }
 
 /* A question whether a drive is there. */
@@ -143,7 +144,6 @@ void visit_add_outcome(struct visit *visit, const struct db_inquiry *inquiry,
 		add_standing(visit, outcome);
 		break;
 	default:
-		visit->set_up_sent = true;
 		visit->end = !outcome              ? DB_SCAN_REFUSED :
 		             !outcome->answered    ? DB_SCAN_SILENT :
 		             outcome->said.refused ? DB_SCAN_REFUSED :

@@ -23,7 +23,6 @@ struct visit {
 	 * something was sent that may have started a motion */
 	unsigned standings;
 	unsigned standing_tries;
-	bool set_up_sent; /* the setting was sent to the drive */
 	uint64_t time_sum_us;
 	enum db_scan_end end; /* result of the setting */
 };

@@ -20,6 +20,7 @@ static const struct visit_outcome silence = { .answered = false };
 static const struct visit_outcome answer = { .answered = true, .time_us = 1000 };
 static const struct visit_outcome two = { .answered = true, .doubled = true, .time_us = 1000 };
 static const struct visit_outcome noise = { .garbled = true };
+static const struct visit_outcome torn = { .garbled = true, .doubled = true };
 
 static struct visit look(void)
 {
@@ -181,6 +182,10 @@ static void damage_that_occurs_once_is_the_lines(void **state)
 	struct visit visit = look();
 
 	(void)state;
+	/* Whatever was answered once is a drive's. */
+	ask(&visit, DB_INQUIRY_THERE, 0, &answer);
+	assert_int_equal(verdict(&visit), DB_SCAN_ONE);
+	visit = look();
 	ask(&visit, DB_INQUIRY_THERE, 0, &noise);
 	(void)ask_presence(&visit, &answer);
 	assert_int_equal(verdict(&visit), DB_SCAN_ONE);
@@ -208,6 +213,12 @@ static void damage_that_occurs_often_is_a_second_drive(void **state)
 	ask(&visit, DB_INQUIRY_THERE, 0, &noise);
 	ask(&visit, DB_INQUIRY_THERE, 0, &noise);
 	assert_int_equal(verdict(&visit), DB_SCAN_TWO);
+	/* Answers that are too many for one, though none of them could be read as the one asked for. */
+	visit = look();
+	ask(&visit, DB_INQUIRY_THERE, 0, &torn);
+	assert_int_equal(verdict(&visit), DB_SCAN_GARBLED);
+	ask(&visit, DB_INQUIRY_THERE, 1, &torn);
+	assert_int_equal(verdict(&visit), DB_SCAN_TWO);
 	/* Nothing that could be read: it is not known what is there. */
 	visit = look();
 	ask(&visit, DB_INQUIRY_THERE, 0, &noise);
@@ -228,6 +239,22 @@ static void two_identities_are_two_drives(void **state)
 	ask(&visit, DB_INQUIRY_IDENTITY, 0, &second);
 	assert_string_equal(visit.find.identity, "VSMD-1");
 	assert_string_equal(visit.find.other, "VSMD-2");
+	assert_int_equal(verdict(&visit), DB_SCAN_TWO);
+}
+
+/* However short they are. */
+static void identities_of_one_letter_are_told_apart(void **state)
+{
+	const struct visit_outcome first = of("A");
+	const struct visit_outcome second = of("B");
+	struct visit visit = look();
+
+	(void)state;
+	(void)ask_presence(&visit, &answer);
+	ask(&visit, DB_INQUIRY_IDENTITY, 0, &first);
+	ask(&visit, DB_INQUIRY_IDENTITY, 0, &second);
+	assert_string_equal(visit.find.identity, "A");
+	assert_string_equal(visit.find.other, "B");
 	assert_int_equal(verdict(&visit), DB_SCAN_TWO);
 }
 
@@ -331,6 +358,14 @@ static void every_axis_of_a_controller_has_to_stand(void **state)
 	ask(&visit, DB_INQUIRY_STANDING, 3, &refused);
 	ask(&visit, DB_INQUIRY_SET_ADDRESS, NEW_ADDRESS, &answer);
 	assert_int_equal(visit.end, DB_SCAN_DONE);
+	/* It has only one. */
+	visit = set_address(&db_driver_xyza);
+	(void)ask_presence(&visit, &answer);
+	ask(&visit, DB_INQUIRY_STANDING, 0, &stands);
+	for (unsigned axis = 1; axis < 4; axis++)
+		ask(&visit, DB_INQUIRY_STANDING, axis, &refused);
+	ask(&visit, DB_INQUIRY_SET_ADDRESS, NEW_ADDRESS, &answer);
+	assert_int_equal(visit.end, DB_SCAN_DONE);
 	/* The first one it must have. */
 	visit = set_address(&db_driver_xyza);
 	(void)ask_presence(&visit, &answer);
@@ -396,6 +431,7 @@ int main(void)
 		cmocka_unit_test(damage_that_occurs_once_is_the_lines),
 		cmocka_unit_test(damage_that_occurs_often_is_a_second_drive),
 		cmocka_unit_test(two_identities_are_two_drives),
+		cmocka_unit_test(identities_of_one_letter_are_told_apart),
 		cmocka_unit_test(damaged_identities_are_two_drives),
 		cmocka_unit_test(a_drive_is_set_when_it_is_one_and_stands),
 		cmocka_unit_test(nothing_is_set_where_not_one_drive_answers),
