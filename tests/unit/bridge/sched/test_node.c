@@ -117,6 +117,10 @@ static void an_answer_may_belong_to_any_probe_when_only_probes_were_lost(void **
 	assert_false(node_is_late_answer(node, NOW + 10 * MS));
 	/* So the others are awaited for as long again. */
 	assert_int_equal(node->late_probes_until, NOW + 10 * MS + LATE);
+	/* Just when what else was lost cannot be answered any more, it is so again. */
+	node_expect_late_answer(node, false, NOW);
+	node_expect_late_answer(node, true, NOW + LATE - MS);
+	assert_false(node_is_late_answer(node, NOW + LATE));
 }
 
 static void a_new_node_inherits_the_answers_to_the_former_one(void **state)
@@ -135,10 +139,45 @@ static void the_latency_of_a_late_answer_counts_from_the_lost_question(void **st
 	struct node *node = *state;
 
 	assert_int_equal(node_latency_of_late_answer(node, NOW), 0);
+	/* None was lost, also just after the machine was switched on. */
+	assert_int_equal(node_latency_of_late_answer(node, LATE / 2), 0);
 	node->lost_due = NOW;
 	assert_int_equal(node_latency_of_late_answer(node, NOW + 12 * MS), 12 * MS);
 	assert_int_equal(node_latency_of_late_answer(node, NOW + LATE), LATE);
 	assert_int_equal(node_latency_of_late_answer(node, NOW + LATE + 1), 0);
+}
+
+/* How long it took to answer, from when it might have begun; nothing is owed any more. */
+static void an_answer_shows_how_long_the_drive_thinks(void **state)
+{
+	static const struct {
+		db_time at;
+		bool open_ended, in_time;
+		db_time longest;
+	} cases[] = {
+		{ 7 * MS, false, true, 4 * MS }, { 2 * MS, false, true, 0 },
+		{ 7 * MS, true, true, 0 },       { 7 * MS, false, false, 0 },
+		{ 7 * MS, true, false, 0 },
+	};
+	struct node *node = *state;
+	struct station station = { .node = node };
+
+	for (size_t i = 0; i < sizeof(cases) / sizeof(cases[0]); i++) {
+		node->flight = (struct flight){ .station = &station,
+			                        .lane = LANE_POLL,
+			                        .sent = NOW,
+			                        .deadline = NOW + 13 * MS,
+			                        .patience = 10 * MS };
+		station.lanes[LANE_POLL].exchange.open_ended = cases[i].open_ended;
+		node->patience.since = NOW;
+		node->patience.longest = 0;
+		node->lost_due = NOW;
+		node_answered(node, cases[i].in_time, NOW + cases[i].at);
+		assert_int_equal(node->patience.longest, cases[i].longest);
+		assert_int_equal(node->answered_at, NOW + cases[i].at);
+		assert_int_equal(node->lost_due, 0);
+	}
+	node->flight.station = NULL;
 }
 
 static void the_cost_of_a_poll_is_averaged(void **state)
@@ -200,6 +239,7 @@ int main(void)
 		TEST_OF_NODE(an_answer_may_belong_to_any_probe_when_only_probes_were_lost),
 		TEST_OF_NODE(a_new_node_inherits_the_answers_to_the_former_one),
 		TEST_OF_NODE(the_latency_of_a_late_answer_counts_from_the_lost_question),
+		TEST_OF_NODE(an_answer_shows_how_long_the_drive_thinks),
 		TEST_OF_NODE(the_cost_of_a_poll_is_averaged),
 		TEST_OF_NODE(a_node_is_lively_for_a_second_after_its_command),
 	};
