@@ -97,6 +97,18 @@ static void expect_same_schedule(const struct fake_bus *a, const struct fake_bus
 	assert_true(i == a->sent_count && j == b->sent_count);
 }
 
+/* What it removed goes with the bus; the sanitizers look for what stays. */
+static void a_change_that_nobody_fetches_is_freed_with_the_bus(void **state)
+{
+	struct fake_bus *bus = open_bus_of(3, DRIVES, 1);
+
+	(void)state;
+	change_drives(bus, 3, 2, -1);
+	fake_pass(bus, 1000 * MS);
+	assert_non_null(bus->engine->changed);
+	fake_bus_free(bus);
+}
+
 /* --- who leaves ------------------------------------------------------------------------------------ */
 
 static void the_others_stay_on_schedule_when_one_leaves(void **state)
@@ -569,6 +581,7 @@ static void turns_go_on_where_they_were(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(a_change_that_nobody_fetches_is_freed_with_the_bus),
 		cmocka_unit_test(the_others_stay_on_schedule_when_one_leaves),
 		cmocka_unit_test(whoever_leaves_the_others_are_polled_in_every_cycle),
 		cmocka_unit_test(one_that_leaves_unread_leaves_the_cycle_whole),
