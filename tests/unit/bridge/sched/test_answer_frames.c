@@ -662,6 +662,111 @@ static void every_answer_to_a_command_is_shown(void **state)
 	close_world(&world);
 }
 
+/* Its answer tells what the drive does then. */
+static enum db_step answer_with_reading(struct db_conversation *talk, const uint8_t *bytes,
+                                        size_t length)
+{
+	talk->device->taken = talk->now;
+	return fake_family.answer(talk, bytes, length);
+}
+
+/* Without another reading, where its own conversation has read that the drive stands. */
+static void a_stop_whose_effect_was_read_has_ended(void **state)
+{
+	(void)state;
+	for (unsigned reads = 0; reads < 2; reads++) {
+		const struct fake_frame frame = { .address = 1, .kind = FAKE_STOP };
+		struct world world = { .driver = fake_family };
+
+		if (reads)
+			world.driver.answer = answer_with_reading;
+		open_changed(&world, 1);
+		fake_post(world.bus, 0, DB_CMD_STOP);
+		while (!is_flying(world.node))
+			fake_pass(world.bus, MS / 10);
+		assert_int_equal(world.node->flight.lane, LANE_STOP);
+		world.bus->now += MS;
+		fake_receive(world.bus, &frame, sizeof frame);
+		assert_int_equal(fake_result(world.bus), reads ? DB_RESULT_OK : DB_RESULT_NONE);
+		close_world(&world);
+	}
+}
+
+static const struct station *watched;
+static bool shown_before; /* feedback() was called before the request had ended */
+
+static void watch_feedback(const struct db_device *device, struct db_feedback *feedback)
+{
+	shown_before = shown_before || (watched && watched->request);
+	fake_family.feedback(device, feedback);
+}
+
+/* Who reads the drive right after the response finds it, on whatever thread. */
+static void what_a_command_has_done_shows_before_it_ends(void **state)
+{
+	struct world world = { .driver = fake_family };
+
+	(void)state;
+	watched = NULL;
+	shown_before = false;
+	world.driver.feedback = watch_feedback;
+	open_changed(&world, 1);
+	fake_post(world.bus, 0, DB_CMD_ENABLE);
+	while (!is_flying(world.node))
+		fake_pass(world.bus, MS / 10);
+	watched = world.node->first;
+	receive(&world, 1, FAKE_COMMAND);
+	assert_null(watched->request);
+	assert_true(shown_before);
+	assert_int_equal(fake_result(world.bus), DB_RESULT_OK);
+	watched = NULL;
+	close_world(&world);
+}
+
+static unsigned settled; /* calls of lost() */
+
+static enum db_step settle(struct db_conversation *talk)
+{
+	settled++;
+	talk->result = DB_RESULT_TIMEOUT;
+	return DB_STEP_DONE;
+}
+
+/* The driver knows which parts of a write the drive has, whether the last of its lines was answered or not. */
+static void a_write_that_is_cancelled_is_settled_by_its_driver(void **state)
+{
+	const struct fake_frame frame = { .address = 1, .kind = FAKE_COMMAND };
+
+	(void)state;
+	for (unsigned answered = 0; answered < 2; answered++) {
+		struct world world = { .driver = fake_family };
+		struct db_request ended;
+
+		world.driver.joins_settings = true;
+		world.driver.answer = begin_in_two;
+		world.driver.lost = settle;
+		open_changed(&world, 1);
+		fake_request(world.bus, 0,
+		             (struct db_request){ .setting_count = 1,
+		                                  .settings = &(struct db_setting){ 0 } });
+		while (!is_flying(world.node))
+			fake_pass(world.bus, MS / 10);
+		assert_int_equal(world.node->flight.lane, LANE_COMMAND);
+		fake_post(world.bus, 0, DB_CMD_STOP);
+		(void)db_engine_run(world.engine, world.bus->now);
+		assert_true(world.node->first->command_cancelled);
+		settled = 0;
+		if (answered)
+			fake_receive(world.bus, &frame, sizeof frame);
+		else
+			wait_for_loss(&world);
+		assert_int_equal(settled, 1);
+		assert_true(fake_collect(world.bus->queue, &ended));
+		assert_int_equal(ended.result, DB_RESULT_CANCELLED);
+		close_world(&world);
+	}
+}
+
 static void raw_frames_and_their_answers_are_told(void **state)
 {
 	struct world world;
@@ -869,6 +974,9 @@ int main(void)
 		cmocka_unit_test(a_part_of_an_answer_is_news_for_a_command_only),
 		cmocka_unit_test(an_answer_that_changes_nothing_is_not_shown),
 		cmocka_unit_test(every_answer_to_a_command_is_shown),
+		cmocka_unit_test(a_stop_whose_effect_was_read_has_ended),
+		cmocka_unit_test(what_a_command_has_done_shows_before_it_ends),
+		cmocka_unit_test(a_write_that_is_cancelled_is_settled_by_its_driver),
 		cmocka_unit_test(raw_frames_and_their_answers_are_told),
 		cmocka_unit_test(the_answer_to_a_status_is_no_raw_frame),
 		cmocka_unit_test(a_lost_command_is_repeated_or_asked_about),

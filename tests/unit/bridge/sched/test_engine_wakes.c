@@ -15,12 +15,12 @@
 #define MS DB_NS_PER_MS
 #define GAP (5 * MS)
 
-/* A bus with one drive on which nothing is under way or due for ten seconds. */
-static struct fake_bus *open_idle_bus(struct db_driver *driver)
+/* A bus on which nothing is under way or due for ten seconds. */
+static struct fake_bus *open_idle_bus(struct db_driver *driver, size_t drives)
 {
-	struct fake_bus *bus = fake_bus_new(driver, 1);
+	struct fake_bus *bus = fake_bus_new(driver, drives);
 
-	fake_bus_open(bus, 1, NULL);
+	fake_bus_open(bus, drives, NULL);
 	fake_port(bus, 0);
 	fake_pass(bus, 300 * MS);
 	while (bus->engine->flights > 0 || bus->engine->nodes_due > 0)
@@ -43,7 +43,7 @@ static void make_deaf(struct fake_bus *bus)
 static void a_request_is_sent_as_soon_as_its_drive_hears(void **state)
 {
 	struct db_driver driver = fake_family;
-	struct fake_bus *bus = open_idle_bus(&driver);
+	struct fake_bus *bus = open_idle_bus(&driver, 1);
 	db_time posted = bus->now;
 
 	(void)state;
@@ -59,7 +59,7 @@ static void a_request_is_sent_as_soon_as_its_drive_hears(void **state)
 static void a_drive_is_read_as_soon_as_it_hears(void **state)
 {
 	struct db_driver driver = fake_family;
-	struct fake_bus *bus = open_idle_bus(&driver);
+	struct fake_bus *bus = open_idle_bus(&driver, 1);
 	db_time since = bus->now;
 
 	(void)state;
@@ -73,11 +73,28 @@ static void a_drive_is_read_as_soon_as_it_hears(void **state)
 	fake_bus_free(bus);
 }
 
+/* While another one is looked for now and then. */
+static void nobody_wakes_up_for_a_drive_that_only_hears_again(void **state)
+{
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus = open_idle_bus(&driver, 2);
+	struct db_engine *engine = bus->engine;
+
+	(void)state;
+	make_deaf(bus);
+	engine->nodes[1]->online = false;
+	engine->stats.online--;
+	engine->nodes[1]->probe_at = bus->now + 1000 * MS;
+	engine->idle_until = 0;
+	assert_int_equal(db_engine_run(engine, bus->now), engine->nodes[1]->probe_at);
+	fake_bus_free(bus);
+}
+
 /* Whether it has come back may show as soon as it hears. */
 static void a_drive_is_looked_for_as_soon_as_it_hears(void **state)
 {
 	struct db_driver driver = fake_family;
-	struct fake_bus *bus = open_idle_bus(&driver);
+	struct fake_bus *bus = open_idle_bus(&driver, 1);
 	db_time since = bus->now;
 
 	(void)state;
@@ -104,7 +121,7 @@ static enum db_step look_again(struct db_conversation *talk, const uint8_t *byte
 static void a_question_is_repeated_after_a_pause(void **state)
 {
 	struct db_driver driver = fake_family;
-	struct fake_bus *bus = open_idle_bus(&driver);
+	struct fake_bus *bus = open_idle_bus(&driver, 1);
 
 	(void)state;
 	driver.answer = look_again;
@@ -133,7 +150,7 @@ static enum db_step end_at_once(struct db_conversation *talk)
 static void what_is_begun_in_vain_ends_a_turn(void **state)
 {
 	struct db_driver driver = fake_family;
-	struct fake_bus *bus = open_idle_bus(&driver);
+	struct fake_bus *bus = open_idle_bus(&driver, 1);
 
 	(void)state;
 	driver.begin = end_at_once;
@@ -154,7 +171,7 @@ static void what_is_begun_in_vain_ends_a_turn(void **state)
 static void what_was_overslept_is_counted_once(void **state)
 {
 	struct db_driver driver = fake_family;
-	struct fake_bus *bus = open_idle_bus(&driver);
+	struct fake_bus *bus = open_idle_bus(&driver, 1);
 	const uint64_t before = fake_stats(bus).overslept_us;
 
 	(void)state;
@@ -228,6 +245,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_request_is_sent_as_soon_as_its_drive_hears),
 		cmocka_unit_test(a_drive_is_read_as_soon_as_it_hears),
+		cmocka_unit_test(nobody_wakes_up_for_a_drive_that_only_hears_again),
 		cmocka_unit_test(a_drive_is_looked_for_as_soon_as_it_hears),
 		cmocka_unit_test(a_question_is_repeated_after_a_pause),
 		cmocka_unit_test(what_is_begun_in_vain_ends_a_turn),
