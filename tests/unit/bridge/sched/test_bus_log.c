@@ -432,6 +432,11 @@ static void a_late_answer_on_a_busy_computer_may_not_be_the_drives(void **state)
 	assert_non_null(strstr(tell_late(64 * DB_NS_PER_MS, 401 * DB_NS_PER_MS),
 	                       "64 ms for it; this computer is busy, the bus waited 401 ms for a "
 	                       "processor in the last 20 s"));
+	assert_non_null(
+		strstr(tell_timing(&(struct bus_timing){
+			       .told = { .event = DB_EVENT_DRIVE_LATE, .time = 49 * DB_NS_PER_MS },
+			       .seconds = 20 }),
+	               "answers 49 ms after a request, but"));
 	/* What has begun counts. */
 	assert_non_null(strstr(tell_late(63 * DB_NS_PER_MS + 1, 0),
 	                       "waits 64 ms for it; set drive-latency-ms = 64 to keep that"));
@@ -451,6 +456,7 @@ static void who_does_not_receive_is_said(void **state)
 		tell_timing(&timing),
 		"does not receive requests sent 1000 us after its answers: the bus now waits 2000 us"));
 	timing.told.others = true;
+	timing.told.learnt = 2 * DB_NS_PER_MS;
 	assert_non_null(strstr(
 		tell_timing(&timing),
 		"requests to other drives sent 1000 us after its answers are lost: the bus now waits "

@@ -109,6 +109,25 @@ static void a_change_that_nobody_fetches_is_freed_with_the_bus(void **state)
 	fake_bus_free(bus);
 }
 
+/* One of its drives has left by then, and another one is still waited for. */
+static void a_bus_may_end_while_its_drives_leave(void **state)
+{
+	struct fake_bus *bus = open_bus(3, DRIVES);
+	const uint16_t leaving[] = { 11, 12 };
+	struct db_change *made = change_new(&bus->config, 3, leaving, 2, NULL, 0);
+
+	(void)state;
+	assert_non_null(made);
+	bus->dead[2] = true;
+	change_begin(bus->engine, made, bus->now);
+	while (bus->engine->station_count == 3)
+		fake_pass(bus, MS);
+	assert_int_equal(bus->engine->station_count, 2);
+	assert_int_equal(bus->engine->node_count, 2);
+	assert_ptr_equal(bus->engine->change, made);
+	fake_bus_free(bus);
+}
+
 /* --- who leaves ------------------------------------------------------------------------------------ */
 
 static void the_others_stay_on_schedule_when_one_leaves(void **state)
@@ -582,6 +601,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_change_that_nobody_fetches_is_freed_with_the_bus),
+		cmocka_unit_test(a_bus_may_end_while_its_drives_leave),
 		cmocka_unit_test(the_others_stay_on_schedule_when_one_leaves),
 		cmocka_unit_test(whoever_leaves_the_others_are_polled_in_every_cycle),
 		cmocka_unit_test(one_that_leaves_unread_leaves_the_cycle_whole),
