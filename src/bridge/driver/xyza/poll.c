@@ -447,12 +447,33 @@ const struct conversation_step xyza_poll_steps[] = {
 	[STEP_ITEM] = { .send = send_read, .answered = answer_controller },
 };
 
+/* The axis at which the next reading begins; XYZA_AXIS_COUNT: with what is the controller's own. */
+static unsigned judge_lost_axis(struct db_device *first, db_time now)
+{
+	struct db_device *device = first->axes[first->poll_axis];
+	unsigned next = next_axis(first, first->poll_axis + 1, now);
+	bool any_answered = false;
+
+	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++)
+		any_answered |= first->axes[i] && first->axes[i]->has_position;
+	/* While none has answered they take turns: this one may be the only one that is silent. */
+	if (!any_answered)
+		return next % XYZA_AXIS_COUNT;
+	if (!device)
+		return 0;
+	if (!device->has_position) {
+		(void)note_part_lost(&device->part, now);
+		return 0;
+	}
+	/* An axis that has answered exists, and continues to be read; but not in place of those
+	 * behind it. A single loss may be the line's. */
+	return ++device->part.losses < PART_TRIES ? 0 : next;
+}
+
 /* A reading that lost an answer is abandoned: the next one begins, and judges where it ended. */
 enum db_step xyza_begin_poll(struct db_conversation *talk)
 {
 	struct db_device *first = talk->device;
-	struct db_device *device;
-	bool any_answered = false;
 	unsigned from = 0;
 
 	switch (first->polling ? first->poll_step : STEPS) {
@@ -473,16 +494,7 @@ enum db_step xyza_begin_poll(struct db_conversation *talk)
 			doubt_item(first);
 		break;
 	default:
-		/* An axis that has answered exists, and continues to be read. */
-		device = first->axes[first->poll_axis];
-		for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++)
-			any_answered |= first->axes[i] && first->axes[i]->has_position;
-		if (device && !device->has_position && any_answered)
-			(void)note_part_lost(&device->part, talk->now);
-		/* While none has answered they take turns: this one may be the only one that is
-		 * silent. */
-		if (!any_answered)
-			from = next_axis(first, first->poll_axis + 1, talk->now) % XYZA_AXIS_COUNT;
+		from = judge_lost_axis(first, talk->now);
 		break;
 	}
 	first->polling = true;

@@ -279,8 +279,12 @@ void xyza_write_feedback(const struct db_device *device, struct db_feedback *fee
 void xyza_forget_state(struct db_device *device)
 {
 	/* The loss by which the controller went says nothing about one of its axes. */
-	if (device->has_position)
+	if (device->has_position) {
 		device->first->polling = false;
+		device->part.losses = 0;
+	}
+	/* It may be there now, or another controller. */
+	device->part.again_at = 0;
 	device->has_position = false;
 	device->params_valid = false;
 	device->jogging = device->just_commanded = device->stopping = false;

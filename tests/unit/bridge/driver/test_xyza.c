@@ -939,8 +939,11 @@ static void an_axis_that_has_answered_is_always_asked(void **state)
 	f->now += 2000 * MS;
 	assert_string_equal(poll_up_to(f, "none"), "=ok");
 	assert_int_not_equal(feedback(f, 1).state, DB_AXIS_OFFLINE);
-	for (unsigned i = 0; i < 5; i++)
+	assert_string_equal(poll_up_to(f, ask_y), ask_y);
+	for (unsigned i = 0; i < 4; i++) {
 		assert_string_equal(poll_up_to(f, ask_y), ask_y);
+		assert_string_equal(poll_up_to(f, ask_y), "=ok");
+	}
 	/* Another controller may come back in its place: all begins anew. */
 	for (unsigned axis = 0; axis < 2; axis++)
 		db_driver_xyza.gone(f->axes[axis]);
@@ -1041,8 +1044,54 @@ static void an_axis_that_never_answers_leaves_the_others(void **state)
 	assert_string_equal(poll_up_to(f, ""), "=ok");
 	f->now += 4000 * MS;
 	assert_string_equal(poll_up_to(f, ""), "=ok");
-	for (unsigned i = 0; i < 5; i++)
+	assert_string_equal(poll_up_to(f, "0AF10103E1B3"), "0AF10103E1B3");
+	for (unsigned i = 0; i < 4; i++) {
 		assert_string_equal(poll_up_to(f, "0AF10103E1B3"), "0AF10103E1B3");
+		assert_string_equal(poll_up_to(f, "0AF10103E1B3"), "=ok");
+	}
+	drop(f);
+}
+
+/* One that was heard and falls silent is asked in every second cycle; the other ones are for those
+ * behind it. */
+static void an_axis_that_falls_silent_leaves_the_others(void **state)
+{
+	static const char ask_x[] = "0AF10103E1A3";
+	struct fixture *f = make(7);
+	db_time taken;
+
+	(void)state;
+	poll_all(f, true, 5, 0);
+	for (unsigned i = 0; i < 4; i++) {
+		assert_string_equal(poll_up_to(f, ask_x), ask_x);
+		if (i == 0)
+			assert_string_equal(poll_up_to(f, ask_x), ask_x);
+		taken = f->now += 10 * MS;
+		assert_string_equal(poll_up_to(f, ask_x), "=ok");
+		assert_true(feedback(f, 0).taken < taken);
+		for (unsigned axis = 1; axis < 3; axis++)
+			assert_true(feedback(f, axis).taken >= taken);
+	}
+	/* Once it answers, a single loss is no reason to pass it over. */
+	assert_string_equal(poll_up_to(f, ""), "=ok");
+	assert_string_equal(poll_up_to(f, ask_x), ask_x);
+	assert_string_equal(poll_up_to(f, ask_x), ask_x);
+	drop(f);
+}
+
+/* However long it was passed over, with the controller it may be back. */
+static void an_axis_passed_over_is_asked_when_the_controller_is_back(void **state)
+{
+	static const char ask_y[] = "0AF10103E1B3";
+	struct fixture *f = make(3);
+
+	(void)state;
+	for (unsigned i = 0; i < 2; i++)
+		assert_string_equal(poll_up_to(f, ask_y), ask_y);
+	assert_string_equal(poll_up_to(f, ask_y), "=ok");
+	for (unsigned axis = 0; axis < 2; axis++)
+		db_driver_xyza.gone(f->axes[axis]);
+	assert_string_equal(poll_up_to(f, ask_y), ask_y);
 	drop(f);
 }
 
@@ -4548,6 +4597,8 @@ int main(void)
 		cmocka_unit_test(a_program_that_is_not_told_is_not_believed),
 		cmocka_unit_test(outputs_that_are_not_told_are_unproven),
 		cmocka_unit_test(an_axis_that_never_answers_leaves_the_others),
+		cmocka_unit_test(an_axis_that_falls_silent_leaves_the_others),
+		cmocka_unit_test(an_axis_passed_over_is_asked_when_the_controller_is_back),
 		cmocka_unit_test(a_first_axis_that_never_answers_leaves_the_others),
 		cmocka_unit_test(a_controller_that_is_back_is_read_from_its_first_axis_on),
 		cmocka_unit_test(a_first_axis_that_takes_the_controller_along_leaves_the_others),
