@@ -278,15 +278,31 @@ void vsmd_take_speed(struct vsmd_axis *axis, float velocity)
 	axis->watch.has_speed = true;
 }
 
+void vsmd_follow_way(struct vsmd_axis *axis, int32_t position)
+{
+	double way = vsmd_way(axis->farthest, position);
+
+	if (axis->known && (axis->back ? way > 0.0 : way < 0.0)) {
+		if (fabs(way) <= axis->window)
+			return;
+		axis->back = !axis->back;
+	}
+	axis->farthest = position;
+}
+
+float vsmd_with_sign(const struct vsmd_axis *axis, float speed)
+{
+	if (!axis->unsigned_speed)
+		return speed;
+	return axis->back ? -fabsf(speed) : fabsf(speed);
+}
+
 void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, db_time now)
 {
-	double way = (double)status->position - (double)axis->process.position;
-	bool back = fabs(way) > axis->window ? way < 0.0 : axis->process.velocity < 0.0f;
-	float velocity = status->velocity;
+	float velocity;
 
-	/* The direction is that of the way since the previous status; without a way it stays. */
-	if (axis->unsigned_speed && axis->has_status)
-		velocity = back ? -fabsf(velocity) : fabsf(velocity);
+	vsmd_follow_way(axis, status->position);
+	velocity = vsmd_with_sign(axis, status->velocity);
 	vsmd_take_confirmation(axis, status->position, status->status, now);
 	axis->last.velocity = velocity;
 	axis->process = *status;
@@ -332,8 +348,18 @@ void vsmd_expect_change(struct vsmd_axis *axis)
 	axis->effect_until = axis->status_at + EFFECT_TIME + axis->reaction;
 }
 
+/* A drive that stood has no way yet that shows its direction: it is the one it was told. */
+static void head_for(struct vsmd_axis *axis, double way)
+{
+	if (axis->watch.before.moving || !(fabs(way) > 0.0))
+		return;
+	axis->back = way < 0.0;
+	axis->farthest = axis->last.position;
+}
+
 static void run_with(struct vsmd_axis *axis, float velocity)
 {
+	head_for(axis, (double)velocity);
 	start_motion(axis, VSMD_MOTION_CONTINUOUS);
 	axis->goal = (struct vsmd_goal){
 		.kind = isnan(velocity) ? VSMD_GOAL_UNKNOWN : VSMD_GOAL_VELOCITY,
@@ -354,6 +380,7 @@ void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request)
 		break;
 	case DB_CMD_MOVE_ABSOLUTE:
 	case DB_CMD_MOVE_RELATIVE:
+		head_for(axis, (double)axis->wanted - (double)axis->watch.before.position);
 		start_motion(axis, VSMD_MOTION_DISCRETE);
 		axis->has_target = true;
 		axis->target = axis->wanted;
@@ -386,6 +413,10 @@ void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request)
 		 * known. */
 		if (axis->goal.kind == VSMD_GOAL_POSITION)
 			axis->goal.kind = VSMD_GOAL_UNKNOWN;
+		/* No way has led there. */
+		axis->back = axis->watch.before.back;
+		axis->farthest = axis->last.position;
+		axis->last.velocity = vsmd_with_sign(axis, axis->last.velocity);
 		axis->process.position = axis->last.position;
 		break;
 	case DB_CMD_DISABLE: /* section 2.4.3: the position becomes 0, the origin is lost */

@@ -80,10 +80,6 @@ struct db_device {
 	int32_t base;
 	db_time base_at;
 
-	/* Where the speed has no sign: the direction, and where it was last seen. */
-	bool back;
-	int32_t way_from;
-
 	uint64_t lacks;                     /* registers that this model does not have */
 	struct vsmd_can_search searches[2]; /* of read_parameters, and of an identification */
 

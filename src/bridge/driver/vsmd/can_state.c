@@ -11,18 +11,6 @@
 
 /* --- answers ---------------------------------------------------------------------------------- */
 
-/* A command looks for its effect more often than the drive is read: the way since the last cyclic
- * read gives the direction, too. */
-static void follow_way(struct db_device *device, int32_t position)
-{
-	double way = (double)position - (double)device->way_from;
-
-	if (fabs(way) <= device->axis.window)
-		return;
-	device->back = way < 0.0;
-	device->way_from = position;
-}
-
 void vsmd_can_take_read(struct db_device *device, db_time now)
 {
 	const struct vsmd_can_answer *answer = &device->answer;
@@ -31,8 +19,10 @@ void vsmd_can_take_read(struct db_device *device, db_time now)
 	const uint32_t *position = &answer->values[VSMD_CAN_STATUS_POSITION - first];
 	float speed;
 
+	/* A command looks for its effect more often than the drive is read: what it sees gives the
+	 * direction, too. */
 	if (end > VSMD_CAN_STATUS_POSITION)
-		follow_way(device, (int32_t)position[0]);
+		vsmd_follow_way(&device->axis, (int32_t)position[0]);
 	if (end > VSMD_CAN_STATUS_WORD) {
 		vsmd_take_confirmation(&device->axis, (int32_t)position[0], position[1], now);
 	} else if (end > VSMD_CAN_STATUS_POSITION) {
@@ -42,17 +32,8 @@ void vsmd_can_take_read(struct db_device *device, db_time now)
 	/* With the position alone it would be of no use. */
 	if (first == VSMD_CAN_STATUS_SPEED && answer->count != 2) {
 		memcpy(&speed, &answer->values[0], sizeof(speed));
-		if (device->axis.unsigned_speed)
-			speed = device->back ? -fabsf(speed) : fabsf(speed);
-		vsmd_take_speed(&device->axis, speed);
+		vsmd_take_speed(&device->axis, vsmd_with_sign(&device->axis, speed));
 	}
-}
-
-static void take_status(struct db_device *device, const struct vsmd_status *status, db_time now)
-{
-	vsmd_take_status(&device->axis, status, now);
-	device->way_from = status->position;
-	device->back = device->axis.process.velocity < 0.0f;
 }
 
 static void take_process(struct db_device *device, const uint32_t *values, db_time now)
@@ -60,7 +41,7 @@ static void take_process(struct db_device *device, const uint32_t *values, db_ti
 	struct vsmd_status status;
 
 	vsmd_can_get_status(values, &status);
-	take_status(device, &status, now);
+	vsmd_take_status(&device->axis, &status, now);
 	vsmd_follow_motion(&device->axis);
 }
 
@@ -81,7 +62,7 @@ static void take_place(struct db_device *device, int32_t position, uint32_t word
 	if (elapsed < interval)
 		elapsed = interval;
 	if (device->has_base && elapsed > 0)
-		velocity = ((double)position - (double)device->base) /
+		velocity = vsmd_way(device->base, position) /
 		           ((double)elapsed / (double)DB_NS_PER_S);
 	/* A position that was set, by a current command or by hand, is no motion. */
 	device->has_base = device->axis.effect_until <= now;
@@ -91,7 +72,7 @@ static void take_place(struct db_device *device, int32_t position, uint32_t word
 	if ((device->report == VSMD_CAN_REPORT_POSITION || !(word & VSMD_ST_STP)) &&
 	    fabs(velocity) <= 2.0 * (double)VSMD_SPEED_MAX)
 		status.velocity = (float)velocity;
-	take_status(device, &status, now);
+	vsmd_take_status(&device->axis, &status, now);
 }
 
 void vsmd_can_take_poll(struct db_device *device, db_time now)

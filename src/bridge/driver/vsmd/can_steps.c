@@ -507,8 +507,10 @@ enum db_step vsmd_can_lose_answer(struct db_conversation *talk)
 
 	if (talk->job->kind == DB_JOB_SETTINGS)
 		axis_of(talk)->plate.doubtful = true;
-	/* Where cyclic reads are of two registers, those of commands are of three. */
-	if (vsmd_can_lacks_speed(talk->device) && (command || talk->job->step == STEP_IDENTITY))
+	/* Where cyclic reads are of two registers, those of commands are of three. A drive that is
+	 * gone answers no stops, however short their reads are. */
+	if (vsmd_can_lacks_speed(talk->device) &&
+	    (command ? axis_of(talk)->has_status : talk->job->step == STEP_IDENTITY))
 		note_long_read_lost(talk->device);
 	if (command)
 		return lose_step(talk, vsmd_command_steps);

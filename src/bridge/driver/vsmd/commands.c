@@ -160,6 +160,7 @@ static void begin_watch(struct vsmd_axis *axis)
 			.status = last->status,
 			.position = last->position,
 			.velocity = last->velocity,
+			.back = axis->back,
 			.at = axis->status_at,
 			.goal = axis->goal,
 		},

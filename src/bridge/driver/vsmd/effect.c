@@ -40,7 +40,7 @@ static bool has_changed(float base, float speed)
 static int heading_of(const struct vsmd_axis *axis)
 {
 	const struct vsmd_watch *watch = &axis->watch;
-	double way = (double)axis->last.position - (double)watch->first_place;
+	double way = vsmd_way(watch->first_place, axis->last.position);
 
 	return watch->has_place && fabs(way) > axis->window + PLACE_SLACK ? sign_of(way) : 0;
 }
@@ -105,6 +105,20 @@ static bool is_of_position(const struct vsmd_axis *axis, int32_t place, float ba
 	       !(fabsf(speed) > fabsf(base) && has_changed(base, speed));
 }
 
+/* True if the previous command turns the drive round, and its speed has no sign: until its way
+ * shows that it has turned, one that grows the other way looks like one that grows as before. */
+static bool may_have_turned(const struct vsmd_axis *axis, float base)
+{
+	const struct vsmd_before *before = &axis->watch.before;
+	int end = 0;
+
+	if (before->goal.kind == VSMD_GOAL_VELOCITY)
+		end = sign_of((double)before->goal.velocity);
+	else if (before->goal.kind == VSMD_GOAL_POSITION)
+		end = sign_of((double)before->goal.position - (double)before->position);
+	return axis->unsigned_speed && end != 0 && end != sign_of((double)base);
+}
+
 /* True if the previous command can have changed the speed from `base` to the present one. */
 static bool is_explained(const struct vsmd_axis *axis, float base, float speed)
 {
@@ -112,6 +126,9 @@ static bool is_explained(const struct vsmd_axis *axis, float base, float speed)
 	float slack = SPEED_SLACK + CHANGE_SHARE * larger_speed(base, speed);
 	float end = goal->kind == VSMD_GOAL_VELOCITY ? goal->velocity : 0.0f;
 
+	if (may_have_turned(axis, base))
+		return goal->kind == VSMD_GOAL_POSITION ||
+		       fabsf(speed) <= larger_speed(base, end) + slack;
 	switch (goal->kind) {
 	case VSMD_GOAL_REST:
 	case VSMD_GOAL_VELOCITY:
@@ -148,6 +165,7 @@ static enum vsmd_effect effect_of_velocity(const struct vsmd_axis *axis, float w
 	if (!to_rest && vsmd_reports_no_speed(axis))
 		return effect_by_heading(axis, sign_of((double)wanted));
 	if (!is_speed(speed, wanted) &&
+	    !(may_have_turned(axis, base) && is_speed(fabsf(speed), fabsf(wanted))) &&
 	    !(has_changed(base, speed) &&
 	      sign_of((double)speed - (double)base) == sign_of((double)wanted - (double)base)))
 		return VSMD_EFFECT_ABSENT;

@@ -65,6 +65,7 @@ struct vsmd_before {
 	uint32_t status;
 	int32_t position;
 	float velocity;
+	bool back;
 	db_time at;
 	struct vsmd_goal goal;
 };
@@ -120,6 +121,8 @@ struct vsmd_axis {
 	db_time homing_pause; /* how long the axis stands between phases of homing */
 	double window;        /* in-position-window, in the drive's counts */
 	bool unsigned_speed;  /* the drive does not report the sign of its speed */
+	bool back;            /* it moves back, or did so last ... */
+	int32_t farthest;     /* ... and has come this far in that direction */
 	db_time save_interval;
 	db_time last_save;
 	bool saved;
@@ -245,9 +248,20 @@ static inline bool vsmd_is_at(const struct vsmd_axis *axis, int32_t position, in
 
 	return way <= axis->window && -way <= axis->window;
 }
+/* Its counter goes on at the other end when it overflows. */
+static inline double vsmd_way(int32_t from, int32_t to)
+{
+	return (double)(int32_t)((uint32_t)to - (uint32_t)from);
+}
 /* The speed of moves without a velocity; NAN: not known. */
 float vsmd_preset_speed(const struct vsmd_axis *axis);
 
+/* The direction changes when it has come back from the farthest place by more than
+ * in-position-window: a slow drive takes several readings for that. Called before the position is
+ * taken. */
+void vsmd_follow_way(struct vsmd_axis *axis, int32_t position);
+/* A speed as it was told, with the sign of the way where it has none. */
+float vsmd_with_sign(const struct vsmd_axis *axis, float speed);
 void vsmd_take_speed(struct vsmd_axis *axis, float velocity);
 void vsmd_take_status(struct vsmd_axis *axis, const struct vsmd_status *status, db_time now);
 /* Takes a status without the velocity: used for decisions, not shown. */

@@ -1820,9 +1820,9 @@ static void a_speed_without_a_sign_has_that_of_the_way(void **state)
 	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 2000.0f });
 	assert_string_equal(confirm(f, 899, RUNS), "0008039E#0001");
 	assert_string_equal(speed(f, 2000.0f), "0008039E#0102");
-	assert_string_equal(confirm(f, 902, RUNS), "0008039E#0001");
+	assert_string_equal(confirm(f, 901, RUNS), "0008039E#0001");
 	assert_string_equal(speed(f, 2000.0f), "0008039E#0102");
-	assert_string_equal(confirm(f, 903, RUNS), "0008039E#0001");
+	assert_string_equal(confirm(f, 902, RUNS), "0008039E#0001");
 	assert_string_equal(speed(f, 2000.0f), "=ok");
 	drop(f);
 	f = run_backwards_without_a_sign();
@@ -1834,6 +1834,114 @@ static void a_speed_without_a_sign_has_that_of_the_way(void **state)
 			confirm(f, position--, RUNS);
 	}
 	assert_string_equal(f->said, "=failed");
+	drop(f);
+}
+
+/* A way that takes several readings is one, too. */
+static void a_slow_way_has_a_direction(void **state)
+{
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	fake_set_option(&db_driver_vsmd_can, &f->options, "speed-sign", 1);
+	f->drive.in_position_window = 10.0;
+	db_driver_vsmd_can.init(f->device, NULL, &f->bus, &f->drive);
+	for (int32_t position = 1000; position > 900; position -= 4) {
+		poll_running(f, 80.0f, position, RUNS);
+		assert_float_equal(feedback(f).velocity, position < 990 ? -80.0f : 80.0f, 0.0f);
+	}
+	drop(f);
+	/* A drive that stood goes where it was told to. */
+	f = run_backwards_without_a_sign();
+	poll(f, 900, STANDS);
+	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 1000 });
+	assert_string_equal(confirm(f, 900, RUNS), "=ok");
+	poll_running(f, 80.0f, 900, RUNS);
+	assert_float_equal(feedback(f).velocity, 80.0f, 0.0f);
+	poll(f, 1000, STANDS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -80.0f });
+	assert_string_equal(confirm(f, 1000, RUNS), "=ok");
+	poll_running(f, 80.0f, 1000, RUNS);
+	assert_float_equal(feedback(f).velocity, -80.0f, 0.0f);
+	drop(f);
+}
+
+/* What became of a command that the drive does not follow: it runs on from there. */
+static const char *run_on(struct fixture *f, float velocity, int32_t position, int32_t step)
+{
+	while (f->said[0] != '=') {
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, velocity);
+		else
+			confirm(f, position, RUNS);
+		position = (int32_t)((uint32_t)position + (uint32_t)step);
+	}
+	return f->said;
+}
+
+/* No way has led to a position that was set. */
+static void a_position_that_was_set_is_no_way(void **state)
+{
+	struct fixture *f = run_backwards_without_a_sign();
+
+	(void)state;
+	command(f, DB_CMD_SET_POSITION, (struct db_args){ .target_position = 90000 });
+	assert_string_equal(run_on(f, 2000.0f, 90000, -1), "=ok");
+	assert_true(((struct vsmd_axis *)f->device)->last.velocity < 0.0f);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 1000.0f });
+	assert_string_equal(run_on(f, 2000.0f, 89990, 0), "=failed");
+	drop(f);
+}
+
+/* A counter that overflows has not turned the drive round; with a sign or without. */
+static void a_counter_that_overflows_goes_on(void **state)
+{
+	(void)state;
+	for (unsigned without_sign = 0; without_sign < 2; without_sign++) {
+		struct fixture *f = make(0, 0);
+
+		fake_set_option(&db_driver_vsmd_can, &f->options, "speed-sign", without_sign);
+		db_driver_vsmd_can.init(f->device, NULL, &f->bus, &f->drive);
+		poll(f, INT32_MAX - 100, STANDS);
+		command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 1000.0f });
+		assert_string_equal(confirm(f, INT32_MAX - 99, RUNS), "=ok");
+		poll_running(f, 1000.0f, INT32_MAX - 10, RUNS);
+		command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -1000.0f });
+		assert_string_equal(run_on(f, 1000.0f, INT32_MAX - 8, 3), "=failed");
+		poll_running(f, 1000.0f, INT32_MIN + 500, RUNS);
+		assert_float_equal(feedback(f).velocity, 1000.0f, 0.0f);
+		drop(f);
+	}
+}
+
+/* A drive that its last command turns round becomes faster the other way, which without a sign looks as
+ * if it did so for a command that it never took. */
+static void a_speed_that_turns_round_proves_nothing(void **state)
+{
+	static const float speeds[] = { 300.0f, 100.0f, 200.0f, 500.0f, 900.0f, 1000.0f };
+	struct fixture *f = make(0, 0);
+
+	(void)state;
+	fake_set_option(&db_driver_vsmd_can, &f->options, "speed-sign", 1);
+	f->drive.in_position_window = 10.0;
+	db_driver_vsmd_can.init(f->device, NULL, &f->bus, &f->drive);
+	poll(f, 0, STANDS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 1000.0f });
+	assert_string_equal(confirm(f, 1, RUNS), "=ok");
+	poll_running(f, 1000.0f, 100, RUNS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = -1000.0f });
+	assert_string_equal(confirm(f, 101, RUNS), "0008039E#0001");
+	speed(f, 1000.0f);
+	assert_string_equal(confirm(f, 102, RUNS), "0008039E#0001");
+	assert_string_equal(speed(f, 400.0f), "=ok");
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 1000.0f });
+	for (unsigned i = 0; f->said[0] != '='; i++) {
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, speeds[i / 2 < 6 ? i / 2 : 5]);
+		else
+			confirm(f, 102, RUNS);
+	}
+	assert_string_equal(f->said, "=unproven");
 	drop(f);
 }
 
@@ -2378,6 +2486,23 @@ static void a_lost_short_read_shows_nothing_of_long_ones(void **state)
 		}
 		drop(f);
 	}
+}
+
+/* Nor do those of stops that are sent to a drive that is gone. */
+static void stops_that_nobody_takes_show_nothing_of_long_reads(void **state)
+{
+	struct fixture *f = make_reporting(0, 50, 1);
+
+	(void)state;
+	for (unsigned i = 0; i < 4; i++) {
+		command(f, DB_CMD_STOP, (struct db_args){ 0 });
+		lost(f);
+	}
+	begin(f, DB_JOB_POLL);
+	answer(f, frame_of(0x00080201, 0, STANDS, 8));
+	assert_string_equal(command(f, DB_CMD_ENABLE, (struct db_args){ 0 }),
+	                    "00080381# 0008039E#0003");
+	drop(f);
 }
 
 /* The first long read of a drive whose cyclic ones are short is that of its identity. */
@@ -3461,6 +3586,7 @@ int main(void)
 		cmocka_unit_test(a_drive_that_tells_two_registers_at_once),
 		cmocka_unit_test(a_short_read_shows_nothing_of_long_ones),
 		cmocka_unit_test(a_lost_short_read_shows_nothing_of_long_ones),
+		cmocka_unit_test(stops_that_nobody_takes_show_nothing_of_long_reads),
 		cmocka_unit_test(an_identity_that_is_not_told_is_asked_for_in_parts),
 		cmocka_unit_test(a_lost_confirmation_shows_nothing_of_long_reads),
 		cmocka_unit_test(probes_are_tried_in_turn),
@@ -3513,6 +3639,10 @@ int main(void)
 		cmocka_unit_test(a_target_does_not_outlive_its_move),
 		cmocka_unit_test(a_speed_has_the_sign_of_its_way),
 		cmocka_unit_test(a_speed_without_a_sign_has_that_of_the_way),
+		cmocka_unit_test(a_slow_way_has_a_direction),
+		cmocka_unit_test(a_position_that_was_set_is_no_way),
+		cmocka_unit_test(a_counter_that_overflows_goes_on),
+		cmocka_unit_test(a_speed_that_turns_round_proves_nothing),
 		cmocka_unit_test(a_lost_look_begins_anew),
 		cmocka_unit_test(what_stays_open_ends_soon),
 		cmocka_unit_test(a_stop_may_not_be_refused),
