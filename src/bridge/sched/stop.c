@@ -160,8 +160,9 @@ static db_time read_at(const struct db_engine *engine, const struct station *sta
 
 	/* A ramp is followed to its end where its speed is computed from the readings. */
 	if (standing_is_free(standing) || standing->gives_way ||
-	    (standing->obeys && !engine->driver->computes_velocity) || !station->node->online ||
-	    !station->node->in_step || standing->sent_at == 0 || station->lanes[LANE_STOP].active)
+	    (standing->obeys && !station_computes_velocity(station, engine->driver)) ||
+	    !station->node->online || !station->node->in_step || standing->sent_at == 0 ||
+	    station->lanes[LANE_STOP].active)
 		return DB_TIME_NEVER;
 	/* A reading in progress continues at once. */
 	return poll->active && poll->ready ? standing->since : standing->read_at;

@@ -121,6 +121,8 @@ static void init_device(struct db_device *device, struct db_device *first,
 	device->report_interval = (db_time)given->report_ms * DB_NS_PER_MS;
 	if (device->report_interval > 0)
 		device->report = reports[given->report];
+	device->axis.computes_speed = device->report != VSMD_CAN_REPORT_NONE &&
+	                              device->report != VSMD_CAN_REPORT_ALL;
 }
 
 /* --- the bus's side --------------------------------------------------------------------------- */

@@ -120,6 +120,7 @@ struct vsmd_axis {
 	db_time save_time;    /* how long writing its flash may take */
 	db_time homing_pause; /* how long the axis stands between phases of homing */
 	double window;        /* in-position-window, in the drive's counts */
+	bool computes_speed;  /* it comes from two positions */
 	bool unsigned_speed;  /* the drive does not report the sign of its speed */
 	bool back;            /* it moves back, or did so last ... */
 	int32_t farthest;     /* ... and has come this far in that direction */

@@ -2804,7 +2804,12 @@ static void reports_take_the_place_of_polls(void **state)
 /* What is read in cycles and what confirms a command change places, so that no report confirms one. */
 static void reports_of_position_and_status(void **state)
 {
-	struct fixture *f = make_reporting(0, 50, 1);
+	struct fixture *f = make_reporting(0, 50, 0);
+
+	assert_false(feedback(f).computed);
+	drop(f);
+	f = make_reporting(0, 50, 1);
+	assert_true(feedback(f).computed);
 
 	(void)state;
 	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#020032 0008039E#0A07");

@@ -680,6 +680,35 @@ static void a_ramp_is_followed_on_a_long_cycle(void **state)
 	}
 }
 
+static void tell_computed(const struct db_device *device, struct db_feedback *feedback)
+{
+	tell_place(device, feedback);
+	feedback->computed = true;
+	/* One count more or less between two positions. */
+	if (place_read % 2 != 0)
+		feedback->velocity *= 0.75f;
+}
+
+/* So it is where only some drives of a family have such a speed: they seem to slow down all the time. */
+static void a_computed_speed_that_trembles_is_no_ramp(void **state)
+{
+	struct world *world = make_world(DB_MEDIUM_CAN, true);
+
+	(void)state;
+	world->driver.feedback = tell_computed;
+	world->bus->happen = move_on;
+	place = 0.0;
+	open_bus(world, 1000);
+	fake_post(world->bus, 0, DB_CMD_MOVE_VELOCITY);
+	fake_pass(world->bus, 500 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	world->sim[0].deaf = 1000;
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 3000 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_RUNS_ON);
+	close_world(world);
+}
+
 static bool take_report(struct db_device *device, const uint8_t *bytes, size_t length, db_time now)
 {
 	struct fake_frame frame = fake_frame_at(bytes, length);
@@ -982,6 +1011,7 @@ int main(void)
 		cmocka_unit_test(a_first_stop_waits_for_one_exchange),
 		cmocka_unit_test(drives_that_do_not_answer_take_turns),
 		cmocka_unit_test(a_ramp_is_followed_on_a_long_cycle),
+		cmocka_unit_test(a_computed_speed_that_trembles_is_no_ramp),
 		cmocka_unit_test(moving_at_speed_0_runs_on_and_is_waited_for_no_longer),
 		cmocka_unit_test(a_report_right_behind_a_stop_proves_nothing),
 		cmocka_unit_test(a_stop_that_ends_unsent_keeps_its_pace),
