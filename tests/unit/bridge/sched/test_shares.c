@@ -102,6 +102,54 @@ static void nothing_is_owed_for_time_without_anything_to_send(void **state)
 	assert_int_equal(parameters, 3);
 }
 
+/* Nor what it was owed while it waited, if it wants nothing any more. */
+static void what_a_class_was_owed_is_gone_when_it_wants_nothing(void **state)
+{
+	(void)state;
+	for (unsigned i = 0; i < DB_SHARE_COUNT; i++) {
+		const unsigned other = i == DB_SHARE_STANDING ? DB_SHARE_MOVING : DB_SHARE_STANDING;
+		const unsigned both = DB_SHARE_BIT(i) | DB_SHARE_BIT(other);
+		struct shares shares = { 0 };
+
+		(void)shares_choose(&shares, both);
+		shares_charge(&shares, (enum db_share)other, 100 * MS);
+		assert_true(shares.owed[i] > 0);
+		assert_int_equal(shares_choose(&shares, DB_SHARE_BIT(other)), other);
+		assert_int_equal(shares.owed[i], 0);
+		shares_charge(&shares, (enum db_share)other, MS);
+		assert_int_equal(shares.owed[other], 0);
+	}
+}
+
+/* Also where another class is still owed more. */
+static void a_class_with_something_new_goes_before_one_that_is_owed_time(void **state)
+{
+	const unsigned both = DB_SHARE_BIT(DB_SHARE_STANDING) | DB_SHARE_BIT(DB_SHARE_PARAMETERS);
+	struct shares shares = { 0 };
+
+	(void)state;
+	assert_int_equal(shares_choose(&shares, both), DB_SHARE_STANDING);
+	shares_charge(&shares, DB_SHARE_STANDING, 10 * MS);
+	assert_int_equal(shares_choose(&shares, both), DB_SHARE_PARAMETERS);
+	assert_int_equal(shares_choose(&shares, both | DB_SHARE_BIT(DB_SHARE_COMMANDS)),
+	                 DB_SHARE_COMMANDS);
+}
+
+/* An answer that came late may be charged to a class that has had too much already. */
+static void every_charge_counts_in_full(void **state)
+{
+	const unsigned both = DB_SHARE_BIT(DB_SHARE_MOVING) | DB_SHARE_BIT(DB_SHARE_STANDING);
+	struct shares shares = { 0 };
+
+	(void)state;
+	(void)shares_choose(&shares, both);
+	for (int n = 1; n <= 3; n++) {
+		shares_charge(&shares, DB_SHARE_MOVING, 10 * MS);
+		assert_int_equal(shares.owed[DB_SHARE_MOVING], -n * 3 * MS);
+		assert_int_equal(shares.owed[DB_SHARE_STANDING], n * 3 * MS);
+	}
+}
+
 /* A class that comes again and again cannot starve the others: what it had too much it pays back first. */
 static void a_class_that_comes_and_goes_keeps_to_its_part(void **state)
 {
@@ -141,6 +189,9 @@ int main(void)
 		cmocka_unit_test(moving_drives_have_seventy_percent_beside_standing_ones),
 		cmocka_unit_test(a_class_with_something_new_goes_first),
 		cmocka_unit_test(nothing_is_owed_for_time_without_anything_to_send),
+		cmocka_unit_test(what_a_class_was_owed_is_gone_when_it_wants_nothing),
+		cmocka_unit_test(a_class_with_something_new_goes_before_one_that_is_owed_time),
+		cmocka_unit_test(every_charge_counts_in_full),
 		cmocka_unit_test(a_class_that_comes_and_goes_keeps_to_its_part),
 		cmocka_unit_test(what_a_stop_takes_is_charged_to_nobody),
 	};
