@@ -122,7 +122,6 @@ struct node {
 	size_t poll_answer; /* as answer_length */
 	db_time poll_wire;  /* 0: not known */
 
-	db_time polled_at; /* when the last poll was sent */
 	db_time used;      /* wire time used in its class; the node with the least is read next */
 	db_time spent;     /* wire time of the poll that is under way */
 	db_time poll_cost; /* average wire time of a poll; 0: unknown */

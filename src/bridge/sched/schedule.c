@@ -141,13 +141,10 @@ static bool send_command(struct db_engine *engine, db_time now)
 	size_t i = 0;
 
 	while (may_begin && (i = find_queued(engine, i, now)) != NO_DRIVE) {
-		size_t before = engine->waiting_count;
-
 		if (begin_queued(engine, i, now)) {
 			engine->last_was_continued = false;
 			return true;
 		}
-		i += engine->waiting_count == before;
 	}
 	/* A command that ended without being sent may have changed whose turn it is. */
 	begun = find_continued(engine, &again, now);
@@ -297,7 +294,6 @@ static void send_poll(struct db_engine *engine, struct node *node, db_time now)
 		exchange_send_probe(engine, node, now);
 		return;
 	}
-	node->polled_at = now;
 	if (lane->active && lane->ready)
 		(void)exchange_send(engine, station, LANE_POLL, now);
 	else if (exchange_begin_job(engine, station, LANE_POLL, DB_JOB_POLL, NULL, now, &result) ==

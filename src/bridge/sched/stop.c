@@ -234,7 +234,6 @@ static bool send_or_read(struct db_engine *engine, struct station *station, db_t
 	/* An extra poll; it does not count as the cycle's. A poll that was prepared before the stop
 	 * was sent, and is not sent yet, would prove nothing. */
 	station->standing.read_at = DB_TIME_NEVER;
-	station->node->polled_at = now;
 	prepared = poll->active && poll->ready &&
 	           (poll->sent || poll->job.started > station->standing.sent_at);
 	if (!prepared && exchange_begin_job(engine, first, LANE_POLL, DB_JOB_POLL, NULL, now,

@@ -147,6 +147,97 @@ static void new_commands_and_long_ones_take_turns(void **state)
 	close_world(world);
 }
 
+/* A question of a command until it is told to end, as some look for an effect. */
+static bool goes_on;
+
+static enum db_step answer_again(struct db_conversation *talk, const uint8_t *bytes, size_t length)
+{
+	enum db_step step = fake_family.answer(talk, bytes, length);
+
+	if (step != DB_STEP_DONE || talk->job->kind != DB_JOB_COMMAND || !goes_on ||
+	    talk->device->address != 1)
+		return step;
+	talk->exchange->again = true;
+	return fake_say(talk, FAKE_COMMAND);
+}
+
+/* Every 2 ms on a free line, and once in a cycle on a full one. */
+static void a_question_is_not_repeated_all_the_time(void **state)
+{
+	static const unsigned cycles[] = { 100, 6 };
+
+	(void)state;
+	for (size_t i = 0; i < 2; i++) {
+		struct world *world = new_world(4);
+		unsigned most = i == 0 ? 600 / 2 : 600 / 6;
+
+		world->driver.answer = answer_again;
+		world->bus->config.cycle_ms = cycles[i];
+		fake_option(world->bus, "poll-exchanges", 6);
+		open_world(world);
+		goes_on = true;
+		fake_post(world->bus, 0, DB_CMD_ENABLE);
+		for (unsigned n = 0; n < 6000; n++) {
+			const struct flight *flight = &world->bus->engine->nodes[0]->flight;
+
+			fake_pass(world->bus, MS / 10);
+			/* Somebody pays for it. */
+			assert_false(flight->station && flight->share == DB_SHARE_NONE);
+		}
+		assert_in_range(fake_count(world->bus, 1, FAKE_COMMAND), most * 3 / 4, most + 2);
+		goes_on = false;
+		fake_pass(world->bus, 50 * MS);
+		assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+		close_world(world);
+	}
+}
+
+static void what_waits_for_one_drive_delays_no_other(void **state)
+{
+	struct world *world = new_world(2);
+
+	(void)state;
+	world->bus->config.queue = 64;
+	world->driver.answer = answer_again;
+	open_world(world);
+	goes_on = true;
+	fake_post(world->bus, 0, DB_CMD_ENABLE);
+	fake_pass(world->bus, 20 * MS);
+	for (unsigned i = 0; i < 60; i++)
+		fake_post(world->bus, 0, DB_CMD_CLEAR_FAULT);
+	fake_post(world->bus, 1, DB_CMD_ENABLE);
+	fake_pass(world->bus, 20 * MS);
+	assert_int_equal(fake_count(world->bus, 2, FAKE_COMMAND), 1);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_NONE);
+	close_world(world);
+}
+
+/* Where the family does not say that it can be otherwise. */
+static void each_write_has_an_exchange_of_its_own(void **state)
+{
+	const struct db_setting settings[2] = { { .param = 0 }, { .param = 1 } };
+	struct world *world = new_world(1);
+
+	(void)state;
+	open_world(world);
+	for (size_t i = 0; i < 2; i++) {
+		const struct db_request request = {
+			.ticket = 1 + (uint32_t)i,
+			.settings = &settings[i],
+			.setting_count = 1,
+			.submitted = world->bus->now,
+		};
+
+		assert_non_null(db_queue_post(world->bus->queue, &request));
+	}
+	fake_pass(world->bus, 50 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_COMMAND), 2);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
+	close_world(world);
+}
+
 /* --- parameters ------------------------------------------------------------------------------- */
 
 static void hide_parameters(const struct db_device *device, struct db_feedback *feedback)
@@ -201,6 +292,27 @@ static void what_is_not_answered_is_asked_for_ever_less_often(void **state)
 	close_world(world);
 }
 
+/* Not only as the next cycle begins. */
+static void what_becomes_unknown_is_asked_for_at_once_on_a_free_line(void **state)
+{
+	struct world *world = new_world(2);
+
+	(void)state;
+	world->bus->config.cycle_ms = 1000;
+	world->answer_time = 3 * MS;
+	open_world(world);
+	fake_pass(world->bus, 2000 * MS);
+	fake_forget_sent(world->bus);
+	world->driver.feedback = hide_parameters;
+	for (unsigned i = 0;
+	     i < 2000 && fake_feedback(world->bus, 1).status & DB_STATUS_PARAMS_VALID; i++)
+		fake_pass(world->bus, MS);
+	fake_pass(world->bus, 10 * MS);
+	for (unsigned address = 1; address <= 2; address++)
+		assert_int_equal(fake_count(world->bus, address, FAKE_IDENTIFY), 1);
+	close_world(world);
+}
+
 static enum db_step begin_refresh(struct db_conversation *talk)
 {
 	return talk->job->kind == DB_JOB_REFRESH ? fake_say(talk, FAKE_LOOK) :
@@ -251,6 +363,53 @@ static void known_parameters_are_read_again_in_turn(void **state)
 	close_world(world);
 }
 
+/* One that is gone has no turn, nor one of which not all is known. */
+static void known_parameters_are_read_again_of_those_that_answer(void **state)
+{
+	struct world *world = open_refreshing(100 * MS);
+
+	(void)state;
+	world->bus->dead[1] = true;
+	fake_pass(world->bus, 1000 * MS);
+	fake_forget_sent(world->bus);
+	fake_pass(world->bus, 3000 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_LOOK), 0);
+	for (unsigned address = 2; address <= 3; address++)
+		assert_in_range(fake_count(world->bus, address, FAKE_LOOK), 12, 15);
+	world->driver.feedback = hide_parameters;
+	fake_pass(world->bus, 1000 * MS);
+	fake_forget_sent(world->bus);
+	fake_pass(world->bus, 1000 * MS);
+	for (unsigned address = 1; address <= 3; address++)
+		assert_int_equal(fake_count(world->bus, address, FAKE_LOOK), 0);
+	close_world(world);
+}
+
+static enum db_step answer_refresh_or_again(struct db_conversation *talk, const uint8_t *bytes,
+                                            size_t length)
+{
+	return talk->job->kind == DB_JOB_REFRESH ? answer_refresh(talk, bytes, length) :
+	                                           answer_again(talk, bytes, length);
+}
+
+/* It may be changing one of them. */
+static void they_are_not_read_again_while_the_drive_has_a_command(void **state)
+{
+	struct world *world = open_refreshing(100 * MS);
+
+	(void)state;
+	world->driver.answer = answer_refresh_or_again;
+	goes_on = true;
+	fake_post(world->bus, 0, DB_CMD_ENABLE);
+	fake_pass(world->bus, 200 * MS);
+	fake_forget_sent(world->bus);
+	fake_pass(world->bus, 1000 * MS);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_LOOK), 0);
+	for (unsigned address = 2; address <= 3; address++)
+		assert_true(fake_count(world->bus, address, FAKE_LOOK) > 0);
+	close_world(world);
+}
+
 /* Nor where the family does not ask for it. */
 static void known_parameters_are_not_read_again_while_a_drive_moves(void **state)
 {
@@ -274,7 +433,7 @@ static void known_parameters_are_not_read_again_while_a_drive_moves(void **state
 /* --- cycles ----------------------------------------------------------------------------------- */
 
 /* The cycles of a second that were too short for four drives, each of which takes so long. */
-static uint32_t count_overruns(unsigned cycle_ms, db_time answer_time, bool evenly)
+static uint32_t count_overruns(unsigned cycle_ms, db_time answer_time, bool evenly, float speed)
 {
 	struct world *world = new_world(4);
 	uint32_t before;
@@ -285,6 +444,7 @@ static uint32_t count_overruns(unsigned cycle_ms, db_time answer_time, bool even
 	world->bus->config.drive_latency_ms = 50;
 	open_world(world);
 	world->answer_time = answer_time;
+	world->speed = speed;
 	fake_pass(world->bus, 500 * MS);
 	before = fake_stats(world->bus).overruns;
 	fake_pass(world->bus, 1000 * MS);
@@ -296,13 +456,84 @@ static uint32_t count_overruns(unsigned cycle_ms, db_time answer_time, bool even
 static void a_cycle_that_is_too_short_counts_where_it_had_to_be_enough(void **state)
 {
 	(void)state;
-	assert_int_equal(count_overruns(20, MS, false), 0);
-	assert_int_equal(count_overruns(20, MS, true), 0);
-	assert_in_range(count_overruns(20, 10 * MS, false), 20, 50);
-	assert_in_range(count_overruns(20, 10 * MS, true), 20, 50);
+	assert_int_equal(count_overruns(20, MS, false, 0.0f), 0);
+	assert_int_equal(count_overruns(20, MS, true, 0.0f), 0);
+	assert_in_range(count_overruns(20, 10 * MS, false, 0.0f), 20, 50);
+	assert_in_range(count_overruns(20, 10 * MS, true, 0.0f), 20, 50);
 	/* One in which so many that stand cannot all be read need not be. */
-	assert_int_equal(count_overruns(1, FAKE_ANSWER_TIME, false), 0);
-	assert_in_range(count_overruns(1, FAKE_ANSWER_TIME, true), 400, 1000);
+	assert_int_equal(count_overruns(1, FAKE_ANSWER_TIME, false, 0.0f), 0);
+	assert_in_range(count_overruns(1, FAKE_ANSWER_TIME, true, 0.0f), 400, 1000);
+	/* It has just room for them, if they answered as fast as they do. */
+	assert_in_range(count_overruns(2, 10 * MS, false, 0.0f), 400, 500);
+	/* Those that move are to be read in each. */
+	assert_in_range(count_overruns(1, FAKE_ANSWER_TIME, false, 1.0f), 900, 1000);
+}
+
+static db_time tell_axis_time(const struct db_bus_config *bus)
+{
+	(void)bus;
+	return FAKE_ANSWER_TIME;
+}
+
+/* It takes the time of one drive, and some for each further axis. */
+static void a_cycle_with_room_for_all_axes_counts_if_it_is_too_short(void **state)
+{
+	struct world *world = new_world(4);
+
+	(void)state;
+	world->driver.axis_time = tell_axis_time;
+	for (unsigned i = 0; i < 4; i++) {
+		world->bus->drives[i].address = 1;
+		world->bus->drives[i].axis = i;
+	}
+	world->bus->config.cycle_ms = 2;
+	world->answer_time = 5 * MS;
+	open_world(world);
+	assert_in_range(fake_stats(world->bus).overruns, 100, 250);
+	close_world(world);
+}
+
+/* Where several are asked at the same time, their frames take less of the wire than each its time. */
+static void the_interval_is_at_least_what_a_reading_takes(void **state)
+{
+	struct world *world = new_world(2);
+
+	(void)state;
+	world->driver.medium = DB_MEDIUM_CAN;
+	world->bus->config.cycle_ms = 4;
+	world->bus->config.drive_latency_ms = 50;
+	world->answer_time = 30 * MS;
+	open_world(world);
+	fake_pass(world->bus, 2000 * MS);
+	assert_in_range(fake_snapshot(world->bus, 0).stats.poll_interval_us, 30000, 31000);
+	close_world(world);
+}
+
+/* --- stops ------------------------------------------------------------------------------------ */
+
+/* One of three that move does not obey. */
+static void a_stop_that_is_repeated_leaves_turns_to_the_others(void **state)
+{
+	struct world *world = new_world(3);
+	unsigned stops = 0;
+
+	(void)state;
+	world->speed = 1.0f;
+	open_world(world);
+	fake_post(world->bus, 1, DB_CMD_STOP);
+	for (unsigned i = 0; i < 5000; i++) {
+		const struct flight *flight = &world->bus->engine->nodes[1]->flight;
+
+		fake_pass(world->bus, MS / 10);
+		if (!flight->station || flight->lane != LANE_STOP)
+			continue;
+		assert_int_equal(flight->share, DB_SHARE_NONE);
+		stops++;
+	}
+	assert_true(stops > 0);
+	assert_in_range(fake_count(world->bus, 1, FAKE_POLL), 20, 30);
+	assert_in_range(fake_count(world->bus, 3, FAKE_POLL), 20, 30);
+	close_world(world);
 }
 
 /* --- drives that are gone --------------------------------------------------------------------- */
@@ -625,12 +856,21 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(long_commands_take_turns),
 		cmocka_unit_test(new_commands_and_long_ones_take_turns),
+		cmocka_unit_test(a_question_is_not_repeated_all_the_time),
+		cmocka_unit_test(what_waits_for_one_drive_delays_no_other),
+		cmocka_unit_test(each_write_has_an_exchange_of_its_own),
 		cmocka_unit_test(what_stays_unknown_is_asked_for_twice_a_second),
 		cmocka_unit_test(what_becomes_unknown_is_asked_for_on_a_full_line),
+		cmocka_unit_test(what_becomes_unknown_is_asked_for_at_once_on_a_free_line),
 		cmocka_unit_test(what_is_not_answered_is_asked_for_ever_less_often),
 		cmocka_unit_test(known_parameters_are_read_again_in_turn),
+		cmocka_unit_test(known_parameters_are_read_again_of_those_that_answer),
+		cmocka_unit_test(they_are_not_read_again_while_the_drive_has_a_command),
 		cmocka_unit_test(known_parameters_are_not_read_again_while_a_drive_moves),
 		cmocka_unit_test(a_cycle_that_is_too_short_counts_where_it_had_to_be_enough),
+		cmocka_unit_test(a_cycle_with_room_for_all_axes_counts_if_it_is_too_short),
+		cmocka_unit_test(the_interval_is_at_least_what_a_reading_takes),
+		cmocka_unit_test(a_stop_that_is_repeated_leaves_turns_to_the_others),
 		cmocka_unit_test(drives_that_are_gone_are_looked_for_with_their_share),
 		cmocka_unit_test(a_drive_that_reports_by_itself_takes_no_time),
 		cmocka_unit_test(a_damaged_frame_is_kept_as_of_who_may_have_sent_it),
