@@ -171,6 +171,47 @@ static void a_drive_that_stands_is_stopped_at_once(void **state)
 	close_world(world);
 }
 
+/* Who has the result sees that it is free again. */
+static void what_is_confirmed_shows_with_the_result(void **state)
+{
+	struct world *world = open_world(true);
+	enum db_result result = DB_RESULT_NONE;
+
+	(void)state;
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	for (unsigned i = 0; i < 200 && result == DB_RESULT_NONE; i++) {
+		fake_pass(world->bus, MS / 10);
+		result = fake_result(world->bus);
+	}
+	assert_int_equal(result, DB_RESULT_OK);
+	assert_false(fake_feedback(world->bus, 0).status & DB_STATUS_MUST_STAND);
+	close_world(world);
+}
+
+/* The first one is on the wire. Its answer shows nothing of the second one. */
+static void a_disable_is_not_done_by_the_answer_to_an_earlier_one(void **state)
+{
+	struct world *world = moving(true);
+	enum db_result result = DB_RESULT_NONE;
+	db_time sent;
+
+	(void)state;
+	world->answer_time = 20 * MS;
+	fake_post(world->bus, 0, DB_CMD_DISABLE);
+	for (unsigned i = 0; i < 1000 && fake_count(world->bus, 1, FAKE_DISABLE) == 0; i++)
+		fake_pass(world->bus, MS / 2);
+	sent = world->bus->now;
+	fake_post(world->bus, 0, DB_CMD_DISABLE);
+	for (unsigned i = 0; i < 1000 && result == DB_RESULT_NONE; i++) {
+		fake_pass(world->bus, MS);
+		result = fake_result(world->bus);
+	}
+	assert_int_equal(result, DB_RESULT_OK);
+	assert_int_equal(fake_count(world->bus, 1, FAKE_DISABLE), 2);
+	assert_true(world->bus->now >= sent + 39 * MS);
+	close_world(world);
+}
+
 static void a_stop_that_is_lost_is_said_again_and_not_confirmed(void **state)
 {
 	for (int acknowledges = 0; acknowledges < 2; acknowledges++) {
@@ -343,9 +384,9 @@ static void a_slow_drive_is_read_between_two_stops(void **state)
 	close_world(world);
 }
 
-/* Three move, and the first two do not obey their stops, which are said again and again: with the readings that follow them
+/* Three move, and all but one do not obey their stops, which are said again and again: with the readings that follow them
  * they could fill the line. */
-static struct world *two_that_do_not_stop(void)
+static struct world *all_that_do_not_stop_but(unsigned one)
 {
 	struct world *world = open_world(true);
 
@@ -354,7 +395,9 @@ static struct world *two_that_do_not_stop(void)
 	fake_pass(world->bus, 200 * MS);
 	for (unsigned i = 0; i < 3; i++)
 		assert_int_equal(fake_result(world->bus), DB_RESULT_OK);
-	for (unsigned i = 0; i < 2; i++) {
+	for (unsigned i = 0; i < 3; i++) {
+		if (i == one)
+			continue;
 		world->sim[i].deaf = 100000;
 		world->bus->drives[i].stop_reaction_ms = 10000;
 		fake_post(world->bus, i, DB_CMD_STOP);
@@ -367,7 +410,7 @@ static struct world *two_that_do_not_stop(void)
 
 static void one_that_moves_is_read_between_stops_without_effect(void **state)
 {
-	struct world *world = two_that_do_not_stop();
+	struct world *world = all_that_do_not_stop_but(2);
 	db_time read = world->bus->now;
 
 	(void)state;
@@ -396,7 +439,7 @@ static void one_that_moves_is_read_between_stops_without_effect(void **state)
  * another one that moves, never one that stands, nor the one whose stop was said just now. */
 static void stops_without_effect_are_said_as_often_where_all_are_read_evenly(void **state)
 {
-	struct world *world = two_that_do_not_stop();
+	struct world *world = all_that_do_not_stop_but(2);
 
 	(void)state;
 	world->bus->config.polls_evenly = true;
@@ -406,20 +449,32 @@ static void stops_without_effect_are_said_as_often_where_all_are_read_evenly(voi
 	close_world(world);
 }
 
+/* However many there are, and whatever time the line has. */
+static void drives_that_do_not_obey_take_turns(void **state)
+{
+	struct world *world = all_that_do_not_stop_but(DRIVES);
+
+	(void)state;
+	fake_pass(world->bus, 5000 * MS);
+	for (unsigned address = 1; address <= 3; address++)
+		assert_in_range(fake_count(world->bus, address, FAKE_STOP), 26, 29);
+	close_world(world);
+}
+
 static void a_stop_that_was_never_said_waits_for_no_reading(void **state)
 {
 	(void)state;
-	for (unsigned i = 0; i < 20; i++) {
-		struct world *world = two_that_do_not_stop();
+	for (unsigned i = 0; i < 60; i++) {
+		struct world *world = all_that_do_not_stop_but(i % 3);
 		const struct fake_sent *next;
 
-		fake_pass(world->bus, (50 + 17 * i) * MS);
+		fake_pass(world->bus, (50 + 6 * i) * MS);
 		fake_forget_sent(world->bus);
-		fake_post(world->bus, 2, DB_CMD_STOP);
+		fake_post(world->bus, i % 3, DB_CMD_STOP);
 		fake_pass(world->bus, 31 * MS);
 		assert_true(world->bus->sent_count > 0);
 		next = &world->bus->sent[0];
-		assert_int_equal(next->frame.address, 3);
+		assert_int_equal(next->frame.address, i % 3 + 1);
 		assert_int_equal(next->frame.kind, FAKE_STOP);
 		close_world(world);
 	}
@@ -991,6 +1046,8 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_drive_that_stands_is_stopped_at_once),
+		cmocka_unit_test(what_is_confirmed_shows_with_the_result),
+		cmocka_unit_test(a_disable_is_not_done_by_the_answer_to_an_earlier_one),
 		cmocka_unit_test(a_stop_that_is_lost_is_said_again_and_not_confirmed),
 		cmocka_unit_test(a_drive_that_runs_on_is_told_of_and_told_on),
 		cmocka_unit_test(the_last_resort_is_taken_where_it_is_configured),
@@ -1002,6 +1059,7 @@ int main(void)
 		cmocka_unit_test(one_that_moves_is_read_between_stops_without_effect),
 		cmocka_unit_test(stops_without_effect_are_said_as_often_where_all_are_read_evenly),
 		cmocka_unit_test(a_stop_that_was_never_said_waits_for_no_reading),
+		cmocka_unit_test(drives_that_do_not_obey_take_turns),
 		cmocka_unit_test(one_that_is_gone_does_not_keep_stops_from_one_that_is_there),
 		cmocka_unit_test(a_reversal_is_no_stop),
 		cmocka_unit_test(a_motion_that_does_not_show_yet_is_waited_for),
