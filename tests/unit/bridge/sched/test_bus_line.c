@@ -403,6 +403,71 @@ static void a_port_that_was_lost_is_closed_and_opened_again(void **state)
 	end(&story);
 }
 
+/* It has been there in between. */
+static void a_port_that_is_lost_again_is_told_of_again(void **state)
+{
+	struct story story = { .answers = true };
+	struct told told = { .count = 0 };
+	struct pollfd poll;
+
+	(void)state;
+	begin_told(&story, &told);
+	for (unsigned i = 0; i < 2; i++) {
+		fake_pass(story.bus, 1000 * MS);
+		lose_port(&story);
+		(void)bus_line_poll(&story.line, &poll);
+		assert_int_equal(poll.fd, -1);
+	}
+	end_told(&story);
+	assert_int_equal(told.count, 4);
+	assert_string_equal(told.lines[3], told.lines[1]);
+}
+
+static void who_has_a_port_is_named_while_it_is_busy(void **state)
+{
+	struct story story = { .answers = true };
+
+	(void)state;
+	begin(&story);
+	transport.holder = this_process;
+	lose_port(&story);
+	story.refuses = EBUSY;
+	fake_pass(story.bus, 600 * MS);
+	assert_true(story.line.holder[0] != '\0');
+	story.refuses = ENODEV;
+	fake_pass(story.bus, 600 * MS);
+	assert_string_equal(story.line.holder, "");
+	end(&story);
+}
+
+static void a_port_is_closed_at_the_end(void **state)
+{
+	struct story story = { .answers = true };
+
+	(void)state;
+	begin(&story);
+	end(&story);
+	assert_int_equal(story.closes, 1);
+	assert_null(story.line.port);
+}
+
+static void a_family_without_filters_has_none(void **state)
+{
+	struct story story = { .answers = true };
+	struct db_driver driver;
+
+	(void)state;
+	begin(&story);
+	driver = *story.bus->config.driver;
+	driver.filters = NULL;
+	story.bus->config.driver = &driver;
+	lose_port(&story);
+	fake_pass(story.bus, 1000 * MS);
+	assert_int_equal(story.opens, 2);
+	assert_int_equal(story.filtered[1], 0);
+	end(&story);
+}
+
 static void the_trace_has_when_the_port_came_and_went(void **state)
 {
 	struct story story = { .answers = true };
@@ -468,9 +533,12 @@ static void what_a_port_does_not_take_is_sent_later_in_its_order(void **state)
 
 	(void)state;
 	begin_full(&story, 10);
-	(void)bus_line_send(&story.line, bytes, 26);
+	(void)bus_line_send(&story.line, bytes, 20);
 	assert_int_equal(story.taken_length, 10);
 	assert_true(is_held(&story));
+	/* What comes behind it stays behind it. */
+	(void)bus_line_send(&story.line, bytes + 20, 6);
+	assert_int_equal(story.taken_length, 10);
 	(void)bus_line_poll(&story.line, &poll);
 	assert_int_equal(poll.events, POLLIN | POLLOUT);
 	bus_line_polled(&story.line, POLLOUT, false);
@@ -483,6 +551,60 @@ static void what_a_port_does_not_take_is_sent_later_in_its_order(void **state)
 	(void)bus_line_poll(&story.line, &poll);
 	assert_int_equal(poll.events, POLLIN);
 	assert_false(bus_line_check(&story.line, story.bus->now));
+	end(&story);
+}
+
+static void the_last_byte_is_sent_as_all_before_it(void **state)
+{
+	struct story story = { .answers = true };
+	struct pollfd poll;
+
+	(void)state;
+	begin_full(&story, 0);
+	(void)bus_line_send(&story.line, (const uint8_t *)"a", 1);
+	(void)bus_line_poll(&story.line, &poll);
+	assert_int_equal(poll.events, POLLIN | POLLOUT);
+	story.takes = 1;
+	(void)bus_line_run(&story.line, story.bus->now);
+	assert_int_equal(story.taken_length, 1);
+	assert_false(is_held(&story));
+	end(&story);
+}
+
+static void a_port_is_given_up_when_no_more_can_be_kept_for_it(void **state)
+{
+	static const uint8_t bytes[sizeof(((struct bus_line *)NULL)->unsent)];
+	struct story story = { .answers = true };
+
+	(void)state;
+	begin_full(&story, 0);
+	story.line.last_io = 0;
+	(void)bus_line_send(&story.line, bytes, sizeof bytes);
+	assert_true(story.line.last_io > 0);
+	assert_false(bus_line_check(&story.line, story.bus->now));
+	(void)bus_line_send(&story.line, bytes, 1);
+	assert_true(bus_line_check(&story.line, story.bus->now));
+	assert_int_equal(fake_stats(story.bus).last_error, ENOBUFS);
+	end(&story);
+}
+
+static db_time run_soon(struct db_port *port, db_time now, int *error)
+{
+	(void)port;
+	(void)error;
+	return now + MS;
+}
+
+static void a_port_that_is_full_has_its_own_turns_all_the_same(void **state)
+{
+	struct story story = { .answers = true };
+
+	(void)state;
+	begin_full(&story, 0);
+	transport.run = run_soon;
+	transport.write_retry = 5 * MS;
+	(void)bus_line_send(&story.line, (const uint8_t *)"abc", 3);
+	assert_int_equal(bus_line_run(&story.line, story.bus->now), story.bus->now + MS);
 	end(&story);
 }
 
@@ -575,6 +697,27 @@ static void all_that_has_arrived_is_read(void **state)
 	bus_line_polled(&story.line, POLLHUP, false);
 	assert_true(bus_line_check(&story.line, story.bus->now));
 	assert_int_equal(fake_stats(story.bus).last_error, ENODEV);
+	end(&story);
+}
+
+/* The last byte of one that hung up is read before it is given up, and what has a pending error is read. */
+static void what_arrived_last_is_read_before_a_port_is_given_up(void **state)
+{
+	struct story story = { .answers = true };
+
+	(void)state;
+	begin_reading(&story);
+	story.arrives = 1;
+	story.line.last_io = 0;
+	bus_line_polled(&story.line, POLLIN | POLLHUP, false);
+	assert_true(story.line.last_io > 0);
+	assert_false(bus_line_check(&story.line, story.bus->now));
+	story.arrives = 1;
+	bus_line_polled(&story.line, POLLERR, false);
+	assert_int_equal(story.arrives, 0);
+	assert_false(bus_line_check(&story.line, story.bus->now));
+	bus_line_polled(&story.line, POLLNVAL, false);
+	assert_true(bus_line_check(&story.line, story.bus->now));
 	end(&story);
 }
 
@@ -939,14 +1082,22 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_drive_that_answers_leaves_them_closed),
 		cmocka_unit_test(they_are_open_while_a_silent_drive_is_asked),
+		cmocka_unit_test(a_port_is_closed_at_the_end),
+		cmocka_unit_test(a_family_without_filters_has_none),
 		cmocka_unit_test(answers_to_another_host_are_named),
 		cmocka_unit_test(a_port_that_cannot_be_opened_is_told_with_what_to_do),
 		cmocka_unit_test(a_port_that_is_busy_names_nobody_who_is_not_known),
 		cmocka_unit_test(a_port_that_was_lost_is_closed_and_opened_again),
+		cmocka_unit_test(a_port_that_is_lost_again_is_told_of_again),
+		cmocka_unit_test(who_has_a_port_is_named_while_it_is_busy),
 		cmocka_unit_test(the_trace_has_when_the_port_came_and_went),
 		cmocka_unit_test(what_a_port_does_not_take_is_sent_later_in_its_order),
+		cmocka_unit_test(the_last_byte_is_sent_as_all_before_it),
+		cmocka_unit_test(a_port_is_given_up_when_no_more_can_be_kept_for_it),
+		cmocka_unit_test(a_port_that_is_full_has_its_own_turns_all_the_same),
 		cmocka_unit_test(a_port_that_takes_nothing_is_given_up),
 		cmocka_unit_test(all_that_has_arrived_is_read),
+		cmocka_unit_test(what_arrived_last_is_read_before_a_port_is_given_up),
 		cmocka_unit_test(a_port_that_breaks_is_given_up),
 		cmocka_unit_test(a_port_that_finds_itself_broken_is_given_up),
 		cmocka_unit_test(a_controller_that_is_off_the_bus_is_waited_for),
