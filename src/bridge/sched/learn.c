@@ -66,8 +66,6 @@ void learn_gap_received(struct learn_gap *gap, db_time pause, db_time now)
 
 	if (pause > gap->now + NEAR)
 		return;
-	if (gap->lower_at == 0)
-		gap->lower_at = now;
 	count_up(&gap->received);
 	if (gap->received + gap->lost > REMEMBERED) {
 		gap->received /= 2;

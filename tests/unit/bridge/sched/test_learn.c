@@ -236,6 +236,190 @@ static void patience_grows_with_late_answers_and_comes_down(void **state)
 	assert_int_equal(patience.now, 30 * MS);
 }
 
+/* --- to the nanosecond --------------------------------------------------------------------------- */
+
+#define NEAR (1 * MS)
+
+static struct learn_gap new_gap(db_time begin, db_time least)
+{
+	struct learn_gap gap;
+
+	learn_gap_init(&gap, true, begin, least);
+	return gap;
+}
+
+/* As many as prove it are received at this time. */
+static void prove(struct learn_gap *gap, db_time now)
+{
+	db_time pause = gap->now;
+
+	for (unsigned i = 0; i < 4; i++)
+		learn_gap_received(gap, pause, now);
+}
+
+static void a_pause_that_is_a_little_longer_is_as_good(void **state)
+{
+	struct learn_gap gap = new_gap(1 * MS, 300 * US);
+
+	(void)state;
+	gap.sure = (int32_t)(gap.now + NEAR);
+	assert_false(learn_gap_wants_test(&gap));
+	gap.sure++;
+	assert_true(learn_gap_wants_test(&gap));
+	learn_gap_received(&gap, gap.now + NEAR + 1, S);
+	assert_int_equal(gap.received, 0);
+	learn_gap_received(&gap, gap.now + NEAR, S);
+	assert_int_equal(gap.received, 1);
+	(void)learn_gap_lost(&gap, gap.most + NEAR + 1, S);
+	assert_int_equal(gap.lost, 0);
+	assert_int_equal(gap.lost_later, 1);
+	(void)learn_gap_lost(&gap, gap.most + NEAR, S);
+	assert_int_equal(gap.lost, 1);
+	assert_int_equal(gap.lost_later, 1);
+}
+
+static void of_more_than_32_half_are_forgotten(void **state)
+{
+	struct learn_gap gap = new_gap(1 * MS, 1 * MS);
+
+	(void)state;
+	gap.received = 29;
+	gap.lost = gap.lost_later = 2;
+	learn_gap_received(&gap, gap.now, S);
+	assert_int_equal(gap.received, 30);
+	learn_gap_received(&gap, gap.now, S);
+	assert_int_equal(gap.received, 15);
+	assert_int_equal(gap.lost, 1);
+	assert_int_equal(gap.lost_later, 1);
+	gap.received = gap.lost = 0;
+	gap.received_in_row = UINT8_MAX;
+	gap.received = UINT8_MAX;
+	learn_gap_received(&gap, gap.now, S);
+	assert_int_equal(gap.received, UINT8_MAX / 2);
+}
+
+static void a_gap_comes_down_in_such_steps(void **state)
+{
+	struct learn_gap gap = new_gap(1 * MS, 0);
+
+	(void)state;
+	gap.lower_at = 5 * S;
+	prove(&gap, 5 * S - 1);
+	assert_int_equal(gap.now, 1 * MS);
+	prove(&gap, 5 * S);
+	assert_int_equal(gap.now, 875 * US);
+	gap = new_gap(40 * US, 0);
+	prove(&gap, S);
+	assert_int_equal(gap.now, 30 * US);
+	gap = new_gap(1 * MS, 0);
+	gap.now = gap.peak = 1300 * US;
+	prove(&gap, S);
+	assert_int_equal(gap.now, 1250 * US);
+	assert_int_equal(gap.lower_at, 61 * S);
+}
+
+static void a_gap_goes_back_to_what_was_learnt(void **state)
+{
+	struct learn_gap gap = new_gap(1 * MS, 0);
+
+	(void)state;
+	gap.peak = 4 * MS;
+	gap.now = 3700 * US;
+	assert_int_equal(learn_gap_lost(&gap, gap.now, S), LEARNT_BACK);
+	assert_int_equal(gap.now, 4 * MS);
+	gap.now = 1 * MS;
+	assert_int_equal(learn_gap_lost(&gap, gap.now, S), LEARNT_BACK);
+	assert_int_equal(gap.now, 4 * MS);
+	gap.now = 999 * US;
+	assert_int_equal(learn_gap_lost(&gap, gap.now, S), LEARNT_BACK);
+	assert_int_equal(gap.now, 1 * MS);
+}
+
+static void a_gap_goes_up_to_more_than_what_was_lost(void **state)
+{
+	struct learn_gap gap = new_gap(1 * MS, 0);
+
+	(void)state;
+	/* Half of them are no matter of the gap. */
+	gap.lost = 3;
+	gap.lost_later = 2;
+	assert_int_equal(learn_gap_lost(&gap, gap.now, S), LEARNT_NOTHING);
+	gap.lost = 2;
+	gap.lost_later = 1;
+	gap.raise_at = S + 1;
+	assert_int_equal(learn_gap_lost(&gap, 4 * MS, S), LEARNT_NOTHING);
+	gap.lost = 2;
+	gap.sure = 5 * MS;
+	gap.raise_at = S;
+	assert_int_equal(learn_gap_lost(&gap, 4 * MS, S), LEARNT_MORE);
+	assert_int_equal(gap.now, 5 * MS);
+	assert_int_equal(gap.sure, gap.most);
+	assert_int_equal(gap.lower_at, 61 * S);
+	gap.now = gap.peak = gap.most;
+	gap.lost = 2;
+	gap.sure = gap.most - 1;
+	assert_int_equal(learn_gap_lost(&gap, 4 * MS, S), LEARNT_NO_USE);
+	assert_int_equal(gap.sure, gap.most);
+}
+
+static void patience_comes_down_by_a_tenth_a_minute(void **state)
+{
+	struct learn_patience patience;
+
+	(void)state;
+	learn_patience_init(&patience, true, 30 * MS);
+	patience.since = S;
+	patience.now = 50 * MS;
+	patience.lower_at = 10 * S;
+	learn_patience_answered(&patience, 0, 10 * S - 1);
+	assert_int_equal(patience.now, 50 * MS);
+	learn_patience_answered(&patience, 0, 10 * S);
+	assert_int_equal(patience.now, 48 * MS);
+	assert_int_equal(patience.lower_at, 70 * S);
+	patience.now = 31 * MS;
+	learn_patience_answered(&patience, 0, 70 * S);
+	assert_int_equal(patience.now, 30 * MS);
+}
+
+static void the_longest_is_remembered_for_five_minutes_and_the_five_before(void **state)
+{
+	struct learn_patience patience;
+
+	(void)state;
+	learn_patience_init(&patience, true, 30 * MS);
+	patience.since = 10 * S;
+	patience.longest = 20 * MS;
+	learn_patience_answered(&patience, 5 * MS, 310 * S);
+	assert_int_equal(patience.longest, 20 * MS);
+	assert_int_equal(patience.before, 0);
+	learn_patience_answered(&patience, 5 * MS, 310 * S + 1);
+	assert_int_equal(patience.longest, 5 * MS);
+	assert_int_equal(patience.before, 20 * MS);
+	learn_patience_answered(&patience, 6 * MS, 610 * S);
+	assert_int_equal(patience.before, 20 * MS);
+	(void)learn_patience_late(&patience, 40 * MS, 610 * S);
+	assert_int_equal(patience.longest, 40 * MS);
+}
+
+static void two_late_answers_within_ten_seconds_are_a_pattern(void **state)
+{
+	struct learn_patience patience;
+
+	(void)state;
+	learn_patience_init(&patience, true, 30 * MS);
+	assert_false(learn_patience_late(&patience, 40 * MS, 10 * S));
+	assert_false(learn_patience_late(&patience, 40 * MS, 20 * S + 1));
+	assert_true(learn_patience_late(&patience, 40 * MS, 30 * S + 1));
+	assert_int_equal(patience.now, 52 * MS);
+	assert_int_equal(patience.lower_at, 90 * S + 1);
+	/* The next pattern has two as well. */
+	assert_false(learn_patience_late(&patience, 41 * MS, 31 * S));
+	/* What it has already is no more, and the longest is waited for in vain. */
+	assert_false(learn_patience_late(&patience, 40 * MS, 31 * S));
+	assert_false(learn_patience_late(&patience, patience.most, 31 * S));
+	assert_true(learn_patience_late(&patience, patience.most - 1, 31 * S));
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -250,6 +434,14 @@ int main(void)
 		cmocka_unit_test(losses_long_after_a_reply_say_nothing),
 		cmocka_unit_test(what_is_configured_stays_where_nothing_is_to_be_learnt),
 		cmocka_unit_test(patience_grows_with_late_answers_and_comes_down),
+		cmocka_unit_test(a_pause_that_is_a_little_longer_is_as_good),
+		cmocka_unit_test(of_more_than_32_half_are_forgotten),
+		cmocka_unit_test(a_gap_comes_down_in_such_steps),
+		cmocka_unit_test(a_gap_goes_back_to_what_was_learnt),
+		cmocka_unit_test(a_gap_goes_up_to_more_than_what_was_lost),
+		cmocka_unit_test(patience_comes_down_by_a_tenth_a_minute),
+		cmocka_unit_test(the_longest_is_remembered_for_five_minutes_and_the_five_before),
+		cmocka_unit_test(two_late_answers_within_ten_seconds_are_a_pattern),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
