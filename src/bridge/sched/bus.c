@@ -9,6 +9,7 @@
 #include "drivebridge/seqlock.h"
 #include "sched/bus_line.h"
 #include "sched/bus_log.h"
+#include "sched/bus_watch.h"
 #include "sched/change.h"
 #include "sched/engine.h"
 #include "sched/priority.h"
@@ -31,11 +32,6 @@
 /* The thread runs at least this often, to show that it lives. */
 #define BEAT_TIME (500 * DB_NS_PER_MS)
 
-/* Interval at which the cycle is judged; it is too slow when more than one cycle in this number
- * overran. */
-#define JUDGE_INTERVAL (10 * DB_NS_PER_S)
-#define OVERRUN_SHARE 10
-
 struct db_bus {
 	const struct db_bus_config *config;
 	struct db_log_source log;
@@ -57,11 +53,8 @@ struct db_bus {
 
 	/* Bus thread only. */
 	struct bus_line line;
-	db_time wall_at;            /* when the wall clock is read again */
-	struct db_bus_stats judged; /* figures at the last judgement of the cycle */
-	db_time judged_wait;        /* time spent waiting for a processor until then */
-	db_time judge_at;           /* time of the next judgement; 0 before the first */
-	db_time missed_before;      /* time without a processor in the interval before that one */
+	db_time wall_at; /* when the wall clock is read again */
+	struct bus_watch watch;
 	int schedstat; /* the thread's file in /proc that shows how long it waited; -1 */
 	struct priority priority;
 
@@ -122,13 +115,10 @@ static void log_timing(void *context, const struct db_drive_config *drive,
 	struct db_bus *bus = context;
 	struct bus_timing timing = { .told = *told };
 	struct db_bus_stats stats;
-	db_time overslept;
 
 	db_engine_stats(bus->engine, &stats);
-	overslept = (db_time)(stats.overslept_us - bus->judged.overslept_us) * DB_NS_PER_US;
-	timing.missed = bus->missed_before +
-	                db_time_max(read_wait(bus) - bus->judged_wait, overslept);
-	timing.seconds = (unsigned)(2 * JUDGE_INTERVAL / DB_NS_PER_S);
+	timing.missed = bus_watch_missed(&bus->watch, &stats, read_wait(bus));
+	timing.seconds = (unsigned)(2 * BUS_WATCH_INTERVAL / DB_NS_PER_S);
 	bus_line_trace(&bus->line, told->event, drive, db_clock_now());
 	bus_log_timing(&bus->log, bus->config, drive, &timing, db_clock_now());
 }
@@ -153,38 +143,15 @@ static const struct db_engine_ops engine_ops = {
 
 /* --- the thread ------------------------------------------------------------------------------- */
 
-/* A few cycles that overrun are not reported (the figures count them); many are. */
 static void watch_cycle(struct db_bus *bus, const struct db_bus_stats *stats, db_time now)
 {
-	uint32_t cycles = stats->cycles - bus->judged.cycles;
-	uint32_t overruns = stats->overruns - bus->judged.overruns;
-	db_time waited;
-	db_time overslept;
+	struct bus_slowness slow;
 
-	/* The figures before and after a scan that had the bus to itself cannot be compared. */
-	if (stats->aside)
-		bus->judge_at = 0;
-	/* The first figures are made before the thread runs. */
-	if (now < bus->judge_at || now == 0)
+	if (!bus_watch_is_due(&bus->watch, stats, now) ||
+	    !bus_watch_judge(&bus->watch, stats, read_wait(bus), now, &slow))
 		return;
-	waited = read_wait(bus);
-	overslept = (db_time)(stats->overslept_us - bus->judged.overslept_us) * DB_NS_PER_US;
-	if (bus->judge_at != 0 && overruns > cycles / OVERRUN_SHARE) {
-		struct bus_slowness slow = {
-			.overruns = overruns,
-			.seconds = (unsigned)(JUDGE_INTERVAL / DB_NS_PER_S),
-			.cycle_us = stats->cycle_us,
-			.waited = waited - bus->judged_wait,
-			.overslept = overslept,
-			.has_priority = bus->priority.held,
-		};
-
-		bus_log_slow(&bus->log, bus->config, &slow, now);
-	}
-	bus->missed_before = db_time_max(waited - bus->judged_wait, overslept);
-	bus->judged = *stats;
-	bus->judged_wait = waited;
-	bus->judge_at = now + JUDGE_INTERVAL;
+	slow.has_priority = bus->priority.held;
+	bus_log_slow(&bus->log, bus->config, &slow, now);
 }
 
 static void publish_stats(struct db_bus *bus, db_time now)

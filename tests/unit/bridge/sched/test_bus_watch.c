@@ -1,0 +1,112 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* When a bus is said to be too slow, and how much of that was the processor's. */
+#include "sched/bus_watch.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#define MS DB_NS_PER_MS
+#define S DB_NS_PER_S
+#define BEGIN (1000 * S)
+
+static void it_is_judged_every_ten_seconds(void **state)
+{
+	struct db_bus_stats stats = { .cycles = 1 };
+	struct bus_watch watch = { .judge_at = 0 };
+	struct bus_slowness slow;
+
+	(void)state;
+	assert_false(bus_watch_is_due(&watch, &stats, 0));
+	assert_true(bus_watch_is_due(&watch, &stats, 1));
+	assert_true(bus_watch_is_due(&watch, &stats, BEGIN));
+	(void)bus_watch_judge(&watch, &stats, 0, BEGIN, &slow);
+	assert_false(bus_watch_is_due(&watch, &stats, BEGIN + 10 * S - 1));
+	assert_true(bus_watch_is_due(&watch, &stats, BEGIN + 10 * S));
+}
+
+/* In this many cycles more, so many more of them overran. */
+static bool judge(uint32_t cycles, uint32_t overruns, struct bus_slowness *slow)
+{
+	struct db_bus_stats stats = {
+		.cycles = 500, .overruns = 400, .overslept_us = 7000, .cycle_us = 1
+	};
+	struct bus_watch watch = { .judge_at = 0 };
+
+	(void)bus_watch_judge(&watch, &stats, 3 * MS, BEGIN, slow);
+	stats.cycles += cycles;
+	stats.overruns += overruns;
+	stats.overslept_us += 2000;
+	stats.cycle_us = 12345;
+	return bus_watch_judge(&watch, &stats, 8 * MS, BEGIN + 10 * S, slow);
+}
+
+static void it_is_too_slow_if_more_than_every_tenth_cycle_overruns(void **state)
+{
+	struct bus_slowness slow;
+
+	(void)state;
+	assert_false(judge(1000, 0, &slow));
+	assert_false(judge(1000, 100, &slow));
+	assert_true(judge(1000, 101, &slow));
+	assert_int_equal(slow.overruns, 101);
+	assert_int_equal(slow.seconds, 10);
+	assert_int_equal(slow.cycle_us, 12345);
+	assert_int_equal(slow.waited, 5 * MS);
+	assert_int_equal(slow.overslept, 2 * MS);
+	assert_false(slow.has_priority);
+}
+
+/* What was before has no beginning: all since the start, or what a scan has changed. */
+static void the_first_figures_are_only_compared_with(void **state)
+{
+	struct db_bus_stats stats = { .cycles = 100, .overruns = 90 };
+	struct bus_watch watch = { .judge_at = 0 };
+	struct bus_slowness slow;
+
+	(void)state;
+	assert_false(bus_watch_judge(&watch, &stats, 0, BEGIN, &slow));
+	stats.aside = true;
+	assert_true(bus_watch_is_due(&watch, &stats, BEGIN + 1 * S));
+	stats.overruns += 50;
+	assert_false(bus_watch_judge(&watch, &stats, 0, BEGIN + 1 * S, &slow));
+	stats.aside = false;
+	stats.cycles += 100;
+	stats.overruns += 50;
+	assert_true(bus_watch_is_due(&watch, &stats, BEGIN + 11 * S));
+	assert_true(bus_watch_judge(&watch, &stats, 0, BEGIN + 11 * S, &slow));
+	assert_int_equal(slow.overruns, 50);
+}
+
+/* Of what the kernel counts and what the thread has measured the larger one, of two intervals. */
+static void time_without_a_processor_is_of_this_interval_and_the_last(void **state)
+{
+	struct db_bus_stats stats = { .overslept_us = 4000 };
+	struct bus_watch watch = { .judge_at = 0 };
+	struct bus_slowness slow;
+
+	(void)state;
+	(void)bus_watch_judge(&watch, &stats, 1 * MS, BEGIN, &slow);
+	assert_int_equal(bus_watch_missed(&watch, &stats, 1 * MS), 4 * MS);
+	assert_int_equal(bus_watch_missed(&watch, &stats, 11 * MS), 14 * MS);
+	stats.overslept_us += 20000;
+	assert_int_equal(bus_watch_missed(&watch, &stats, 11 * MS), 24 * MS);
+	(void)bus_watch_judge(&watch, &stats, 31 * MS, BEGIN + 10 * S, &slow);
+	assert_int_equal(bus_watch_missed(&watch, &stats, 31 * MS), 30 * MS);
+	assert_int_equal(bus_watch_missed(&watch, &stats, 32 * MS), 31 * MS);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(it_is_judged_every_ten_seconds),
+		cmocka_unit_test(it_is_too_slow_if_more_than_every_tenth_cycle_overruns),
+		cmocka_unit_test(the_first_figures_are_only_compared_with),
+		cmocka_unit_test(time_without_a_processor_is_of_this_interval_and_the_last),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}
