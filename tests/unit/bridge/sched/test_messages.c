@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* What a bus itself sends, whatever its drives do: when, and which number each has. */
 #include "fakes/bus.h"
+#include "sched/sched_private.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -202,12 +203,68 @@ static void what_they_take_is_part_of_the_load(void **state)
 	fake_bus_free(without);
 }
 
+static const struct db_bus_message sync_first[] = { { "sync", often, write_sync },
+	                                            { "start", once, write_start } };
+
+static void the_next_one_is_a_period_after_when_this_one_was_due(void **state)
+{
+	struct fake_bus *bus = fake_bus_new(&family, 1);
+	struct db_engine *engine;
+	db_time begun = bus->now;
+
+	(void)state;
+	family = fake_family;
+	family.messages = sync_first;
+	family.message_count = 2;
+	fake_bus_open(bus, 1, NULL);
+	engine = bus->engine;
+	messages_begin(engine, begun);
+	assert_int_equal(engine->next_message_at, begun);
+	assert_true(messages_send(engine, begun));
+	assert_int_equal(engine->next_message_at, begun);
+	/* The other one has been sent once and for all. */
+	assert_true(messages_send(engine, begun));
+	assert_int_equal(engine->next_message_at, begun + SYNC_MS * MS);
+	/* A little late, and late by a period. */
+	assert_true(messages_send(engine, begun + (SYNC_MS + 3) * MS));
+	assert_int_equal(engine->next_message_at, begun + 2 * SYNC_MS * MS);
+	assert_true(messages_send(engine, begun + 3 * SYNC_MS * MS - 1));
+	assert_int_equal(engine->next_message_at, begun + 3 * SYNC_MS * MS);
+	assert_true(messages_send(engine, begun + 4 * SYNC_MS * MS));
+	assert_int_equal(engine->next_message_at, begun + 5 * SYNC_MS * MS);
+	fake_bus_free(bus);
+}
+
+/* On a serial line drives have time to act on it; on CAN the next frame waits for the wire by itself. */
+static void nothing_is_sent_into_a_message(void **state)
+{
+	(void)state;
+	for (unsigned can = 0; can < 2; can++) {
+		struct fake_bus *bus = fake_bus_new(&family, 1);
+		db_time begun = bus->now;
+
+		family = fake_family;
+		family.messages = sync_first;
+		family.message_count = 2;
+		family.medium = can ? DB_MEDIUM_CAN : DB_MEDIUM_SERIAL;
+		fake_bus_open(bus, 1, NULL);
+		messages_begin(bus->engine, begun);
+		assert_true(messages_send(bus->engine, begun));
+		assert_int_equal(bus->engine->quiet_until > begun + FAKE_WIRE_TIME, !can);
+		assert_int_equal(bus->engine->wire_free == begun + FAKE_WIRE_TIME, can);
+		assert_int_equal(fake_stats(bus).transactions, 1);
+		fake_bus_free(bus);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(each_is_sent_when_its_time_comes),
 		cmocka_unit_test(numbers_begin_anew_when_the_port_is_opened_again),
 		cmocka_unit_test(one_that_is_late_is_sent_once),
+		cmocka_unit_test(the_next_one_is_a_period_after_when_this_one_was_due),
+		cmocka_unit_test(nothing_is_sent_into_a_message),
 		cmocka_unit_test(messages_and_stops_share_the_wire),
 		cmocka_unit_test(what_they_take_is_part_of_the_load),
 	};

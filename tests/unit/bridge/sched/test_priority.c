@@ -9,6 +9,7 @@
 #include <pthread.h>
 #include <sched.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -24,6 +25,14 @@ static int policy(void)
 	return sched_getscheduler(0);
 }
 
+static bool is_guarded(void)
+{
+	struct sigaction action;
+
+	assert_int_equal(sigaction(SIGXCPU, NULL, &action), 0);
+	return action.sa_handler != SIG_DFL;
+}
+
 static void test_none_is_asked_for(void **state)
 {
 	struct priority priority;
@@ -31,7 +40,10 @@ static void test_none_is_asked_for(void **state)
 	(void)state;
 	assert_int_equal(priority_begin(&priority, 0, SECOND, 0), 0);
 	assert_int_equal(policy(), SCHED_OTHER);
+	assert_false(priority.held);
 	assert_false(priority_is_due(&priority, 100 * SECOND));
+	/* Nor does it wait for a signal that only who has one needs. */
+	assert_false(is_guarded());
 }
 
 static void test_none_is_allowed(void **state)
@@ -42,7 +54,22 @@ static void test_none_is_allowed(void **state)
 	/* No system has this one. */
 	assert_int_equal(priority_begin(&priority, 1000, SECOND, 0), EINVAL);
 	assert_int_equal(policy(), SCHED_OTHER);
+	assert_false(priority.held);
 	assert_false(priority_is_due(&priority, 100 * SECOND));
+}
+
+static void test_the_lowest_is_one(void **state)
+{
+	struct priority priority;
+
+	(void)state;
+	(void)signal(SIGXCPU, SIG_DFL);
+	if (priority_begin(&priority, 1, SECOND, 0) == EPERM)
+		skip();
+	assert_int_equal(policy(), SCHED_FIFO);
+	assert_true(priority.held);
+	assert_true(is_guarded());
+	assert_true(priority_is_due(&priority, 100 * SECOND));
 }
 
 static void test_too_much_is_lent(void **state)
@@ -122,6 +149,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_none_is_asked_for),
 		cmocka_unit_test(test_none_is_allowed),
+		cmocka_unit_test_teardown(test_the_lowest_is_one, reset),
 		cmocka_unit_test_teardown(test_too_much_is_lent, reset),
 		cmocka_unit_test_teardown(test_a_thread_that_hangs_loses_it, reset),
 	};

@@ -3,12 +3,16 @@
 
 #include "fakes/bus.h"
 
+#include <errno.h>
 #include <pthread.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -233,12 +237,121 @@ static void it_grows_for_stops_and_never_shrinks(void **state)
 		if (i >= 3 * DB_QUEUE_STOPS_EACH - 3)
 			assert_null(db_queue_post(queue, &stop));
 	}
+	move.drive = 3;
+	move.command = DB_CMD_STOP;
+	assert_null(db_queue_post(queue, &move));
 	for (unsigned i = 0; i < requests; i++)
 		db_queue_finish(db_queue_take(queue), DB_RESULT_OK, 1);
 	assert_null(db_queue_take(queue));
 	for (unsigned i = 0; i < requests; i++)
 		assert_true(fake_collect(queue, &completion));
 	assert_false(fake_collect(queue, &completion));
+	db_queue_free(queue);
+}
+
+/* Whoever asks may have a copy of one that has ended. */
+static void what_is_posted_has_its_values_and_nothing_of_an_end(void **state)
+{
+	const struct db_args args = { .target_position = 77 };
+	static const struct db_args none;
+	struct db_request request = { .command = DB_CMD_ENABLE, .args = &args };
+	struct db_request *posted;
+	struct db_queue *queue = NULL;
+
+	(void)state;
+	request.result = DB_RESULT_OK;
+	request.sent = request.finished = 5;
+	atomic_store(&request.acknowledged, true);
+	atomic_store(&request.stop_follows, true);
+	assert_int_equal(db_queue_new(1, 1, &queue), 0);
+	for (unsigned stop = 0; stop < 2; stop++) {
+		request.command = stop ? DB_CMD_STOP : DB_CMD_ENABLE;
+		posted = db_queue_post(queue, &request);
+		assert_non_null(posted);
+		assert_int_equal(posted->result, DB_RESULT_PENDING);
+		assert_int_equal(posted->sent, 0);
+		assert_int_equal(posted->finished, 0);
+		assert_false(atomic_load(&posted->acknowledged));
+		assert_false(atomic_load(&posted->stop_follows));
+		if (stop)
+			assert_null(posted->args);
+		else
+			assert_int_equal(posted->args->target_position, 77);
+		assert_ptr_equal(db_queue_take(queue), posted);
+		/* It is sent once, however often it is repeated, and ends once. */
+		db_queue_note_sent(posted, 3);
+		db_queue_note_sent(posted, 4);
+		assert_int_equal(posted->sent, 3);
+		db_queue_finish(posted, DB_RESULT_OK, 1);
+		assert_true(db_queue_has_finished(queue));
+		assert_false(db_queue_has_finished(queue));
+		assert_ptr_equal(db_queue_collect(queue), posted);
+		db_queue_release(posted);
+	}
+	request = request_of(1, DB_CMD_ENABLE);
+	posted = db_queue_post(queue, &request);
+	assert_non_null(posted);
+	assert_memory_equal(posted->args, &none, sizeof none);
+	db_queue_free(queue);
+}
+
+/* One or as many as there is room for; a stop has none. */
+static void settings_are_kept_as_many_as_there_is_room_for(void **state)
+{
+	struct db_setting settings[DB_SETTINGS_MAX + 1] = { { .param = 7 }, { .param = 8 } };
+	struct db_request write = { .settings = settings, .setting_count = 1 };
+	struct db_request *posted;
+	struct db_queue *queue = NULL;
+	unsigned char there;
+	void *page;
+
+	(void)state;
+	assert_int_equal(db_queue_new(2, 1, &queue), 0);
+	posted = db_queue_post(queue, &write);
+	assert_non_null(posted);
+	page = (void *)((uintptr_t)posted->settings & ~(uintptr_t)(sysconf(_SC_PAGESIZE) - 1));
+	assert_ptr_not_equal(posted->settings, settings);
+	assert_int_equal(posted->settings[0].param, 7);
+	write.setting_count = DB_SETTINGS_MAX + 1;
+	posted = db_queue_post(queue, &write);
+	assert_non_null(posted);
+	assert_int_equal(posted->settings[1].param, 8);
+	write.command = DB_CMD_STOP;
+	posted = db_queue_post(queue, &write);
+	assert_non_null(posted);
+	assert_null(posted->settings);
+	db_queue_free(queue);
+	/* The room is gone. */
+	assert_int_equal(mincore(page, 1, &there), -1);
+	assert_int_equal(errno, ENOMEM);
+}
+
+static void what_has_joined_another_joins_no_later_one(void **state)
+{
+	const struct db_setting setting = { .param = 7 };
+	const struct db_request write = { .settings = &setting, .setting_count = 1 };
+	struct db_request *first;
+	struct db_request *second;
+	struct db_queue *queue = NULL;
+
+	(void)state;
+	assert_int_equal(db_queue_new(2, 1, &queue), 0);
+	for (unsigned joins = 2; joins-- > 0;) {
+		assert_non_null(db_queue_post(queue, &write));
+		assert_non_null(db_queue_post(queue, &write));
+		first = db_queue_take(queue);
+		second = db_queue_take(queue);
+		if (joins)
+			db_queue_join(first, second);
+		db_queue_finish(first, DB_RESULT_OK, 1);
+		assert_ptr_equal(db_queue_collect(queue), first);
+		db_queue_release(first);
+		if (joins) {
+			assert_ptr_equal(db_queue_collect(queue), second);
+			db_queue_release(second);
+		}
+	}
+	assert_null(db_queue_collect(queue));
 	db_queue_free(queue);
 }
 
@@ -250,6 +363,9 @@ int main(void)
 		cmocka_unit_test(a_full_box_still_takes_stops),
 		cmocka_unit_test(nobody_takes_the_room_for_anothers_stops),
 		cmocka_unit_test(every_command_has_room_of_its_own),
+		cmocka_unit_test(what_is_posted_has_its_values_and_nothing_of_an_end),
+		cmocka_unit_test(settings_are_kept_as_many_as_there_is_room_for),
+		cmocka_unit_test(what_has_joined_another_joins_no_later_one),
 		cmocka_unit_test(it_grows_for_stops_and_never_shrinks),
 		cmocka_unit_test(two_threads_lose_and_reorder_nothing),
 	};
