@@ -126,7 +126,7 @@ static void collect_results(void *context)
 	}
 }
 
-static struct world *open_world_with(enum db_medium medium, unsigned cycle_ms)
+static struct world *open_world_of(size_t drives, enum db_medium medium, unsigned cycle_ms)
 {
 	struct world *world = calloc(1, sizeof *world);
 
@@ -147,11 +147,16 @@ static struct world *open_world_with(enum db_medium medium, unsigned cycle_ms)
 	world->bus->config.starts_by_broadcast = true;
 	for (unsigned i = 0; i < DRIVES; i++)
 		world->bus->drives[i].stop_reaction_ms = 500;
-	fake_bus_open(world->bus, DRIVES, NULL);
+	fake_bus_open(world->bus, drives, NULL);
 	fake_port(world->bus, 0);
 	fake_pass(world->bus, 300 * MS);
 	fake_forget_sent(world->bus);
 	return world;
+}
+
+static struct world *open_world_with(enum db_medium medium, unsigned cycle_ms)
+{
+	return open_world_of(DRIVES, medium, cycle_ms);
 }
 
 static struct world *open_world(void)
@@ -172,7 +177,7 @@ static void post(struct world *world, uint16_t drive, enum db_command command, i
 	             (struct db_request){
 			     .command = command,
 			     .args = &(struct db_args){ .target_position = target },
-			     .group = command == DB_CMD_MOVE_ABSOLUTE ? 7 : 0,
+			     .group = command == DB_CMD_MOVE_ABSOLUTE ? 1 : 0,
 		     });
 }
 
@@ -496,16 +501,97 @@ static void a_drive_that_is_busy_with_another_command_is_waited_for(void **state
 	world->lag[2] = 60 * MS;
 	post(world, 2, DB_CMD_CLEAR_FAULT, 0);
 	fake_pass(world->bus, 1 * MS);
+	post(world, 2, DB_CMD_ENABLE, 0);
 	post_all(world);
 	fake_pass(world->bus, 40 * MS);
 	assert_int_equal(count_said(world, "b"), 0);
 	world->lag[2] = 0;
 	fake_pass(world->bus, 200 * MS);
-	/* One is for the command before. */
+	/* Two are for the commands before. */
 	assert_int_equal(count_said(world, "*b"), 1);
-	assert_int_equal(count_said(world, "3b"), 1);
-	assert_int_equal(count_said(world, "b"), 2);
+	assert_int_equal(count_said(world, "3b"), 2);
+	assert_int_equal(count_said(world, "b"), 3);
 	assert_true(all_ended(world, DB_RESULT_OK));
+	close_world(world);
+}
+
+/* What waits for it is something else. */
+static void a_drive_that_will_not_begin_with_the_others_is_not_waited_for(void **state)
+{
+	struct world *world = open_world_with(DB_MEDIUM_CAN, 20);
+
+	(void)state;
+	world->lag[2] = 80 * MS;
+	post(world, 2, DB_CMD_CLEAR_FAULT, 0);
+	fake_pass(world->bus, 1 * MS);
+	post(world, 2, DB_CMD_ENABLE, 0);
+	post(world, 0, DB_CMD_MOVE_ABSOLUTE, 5);
+	post(world, 1, DB_CMD_MOVE_ABSOLUTE, 5);
+	fake_pass(world->bus, 40 * MS);
+	assert_int_equal(count_said(world, "*b"), 0);
+	assert_int_equal(count_said(world, "1b"), 1);
+	assert_int_equal(count_said(world, "2b"), 1);
+	close_world(world);
+}
+
+static void two_are_enough(void **state)
+{
+	struct world *world = open_world_of(2, DB_MEDIUM_SERIAL, 20);
+
+	(void)state;
+	post(world, 0, DB_CMD_MOVE_ABSOLUTE, 5);
+	post(world, 1, DB_CMD_MOVE_ABSOLUTE, 5);
+	fake_pass(world->bus, 60 * MS);
+	assert_int_equal(count_said(world, "*b"), 1);
+	assert_int_equal(count_said(world, "b"), 1);
+	close_world(world);
+}
+
+static bool begin_none(const struct db_device *device, const struct db_exchange *prepared,
+                       struct db_exchange *all)
+{
+	(void)begin_all(device, prepared, all);
+	return false;
+}
+
+/* The family has no such frame, or none for this motion. */
+static void without_a_frame_for_all_each_begins_by_itself(void **state)
+{
+	(void)state;
+	for (unsigned i = 0; i < 2; i++) {
+		struct world *world = open_world();
+
+		world->driver.begin_all = i == 0 ? NULL : begin_none;
+		post_all(world);
+		fake_pass(world->bus, 100 * MS);
+		assert_int_equal(count_said(world, "*b"), 0);
+		assert_int_equal(count_said(world, "b"), DRIVES);
+		assert_true(all_ended(world, DB_RESULT_OK));
+		close_world(world);
+	}
+}
+
+static enum db_step begun_for_good(struct db_conversation *talk)
+{
+	talk->result = DB_RESULT_UNPROVEN;
+	return DB_STEP_DONE;
+}
+
+/* From then on each of them may move, whatever it still shows. */
+static void what_was_begun_for_all_ends_with_it_where_it_cannot_be_seen(void **state)
+{
+	struct world *world = open_world();
+
+	(void)state;
+	world->driver.begun_by_all = begun_for_good;
+	post_all(world);
+	for (unsigned i = 0; i < 1000 && count_said(world, "*b") == 0; i++)
+		fake_pass(world->bus, MS / 10);
+	assert_int_equal(count_said(world, "*b"), 1);
+	for (unsigned i = 0; i < DRIVES; i++)
+		assert_true(world->bus->engine->stations[i]->motion_sent >=
+		            world->bus->now - MS / 10);
+	assert_true(all_ended(world, DB_RESULT_UNPROVEN));
 	close_world(world);
 }
 
@@ -577,6 +663,10 @@ int main(void)
 		cmocka_unit_test(a_drive_that_is_prepared_slowly_is_waited_for),
 		cmocka_unit_test(the_only_one_begins_when_no_other_can_come),
 		cmocka_unit_test(a_drive_that_is_busy_with_another_command_is_waited_for),
+		cmocka_unit_test(a_drive_that_will_not_begin_with_the_others_is_not_waited_for),
+		cmocka_unit_test(two_are_enough),
+		cmocka_unit_test(without_a_frame_for_all_each_begins_by_itself),
+		cmocka_unit_test(what_was_begun_for_all_ends_with_it_where_it_cannot_be_seen),
 		cmocka_unit_test(where_exchanges_overlap_all_is_answered_first),
 		cmocka_unit_test(one_that_falls_silent_is_not_counted_on),
 		cmocka_unit_test(not_unless_the_bus_is_told_to),
