@@ -198,6 +198,96 @@ static void one_that_leaves_unread_leaves_the_cycle_whole(void **state)
 	}
 }
 
+static bool was_last_to_answer(const struct fake_bus *bus, const struct node *node)
+{
+	return bus->engine->last_to_answer == node;
+}
+
+/* Whoever has left has not answered last; whoever stays may have. */
+static void of_the_last_answer_nothing_is_left_but_who_is_there(void **state)
+{
+	(void)state;
+	for (size_t leaves = 0; leaves < 2; leaves++) {
+		struct fake_bus *bus = open_bus_of(2, DRIVES, 1);
+		const struct node *first = bus->engine->nodes[0];
+
+		bus->drives[0].on_exit = bus->drives[1].on_exit = DB_ON_LOSS_NONE;
+		for (unsigned i = 0; i < 1000 && !was_last_to_answer(bus, first); i++)
+			fake_pass(bus, 100 * US);
+		assert_true(was_last_to_answer(bus, first));
+		change_drives(bus, 2, (int)leaves, -1);
+		fake_pass(bus, 1);
+		assert_true(fetch_change(bus));
+		assert_ptr_equal(bus->engine->last_to_answer, leaves == 0 ? NULL : first);
+		fake_bus_free(bus);
+	}
+}
+
+/* It did not stop while there was time. */
+static void one_that_leaves_without_stopping_is_told_of(void **state)
+{
+	struct fake_bus *bus = open_bus_of(3, DRIVES, 1);
+
+	(void)state;
+	bus->obey = run_on;
+	fake_pass(bus, 100 * MS);
+	change_drives(bus, 3, 2, -1);
+	fake_pass(bus, 3000 * MS);
+	assert_true(fetch_change(bus));
+	assert_int_equal(bus->told[DB_EVENT_DRIVE_UNCONFIRMED], 1);
+	fake_bus_free(bus);
+}
+
+/* And no other, were it the one with the first number. */
+static void several_leave_and_several_come(void **state)
+{
+	const uint16_t leaving[] = { 12, 11 };
+	struct fake_bus *bus = fake_bus_new(&fake_family, DRIVES);
+	struct db_change *change;
+
+	(void)state;
+	for (size_t i = 0; i < DRIVES; i++)
+		bus->list[i].drive = i == 0 ? 0 : (uint16_t)(10 + i);
+	fake_bus_open(bus, 3, NULL);
+	fake_port(bus, 0);
+	fake_pass(bus, 500 * MS);
+	change = change_new(&bus->config, 3, leaving, 2, &bus->list[3], 3);
+	assert_non_null(change);
+	change_begin(bus->engine, change, bus->now);
+	fake_pass(bus, 500 * MS);
+	assert_true(fetch_change(bus));
+	assert_int_equal(bus->engine->station_count, 4);
+	assert_true(fake_is_online(bus, 0));
+	for (size_t i = 3; i < DRIVES; i++)
+		assert_true(fake_is_online(bus, i));
+	assert_int_equal(fake_count(bus, 1, FAKE_STOP), 0);
+	/* One that was made for several and is not wanted any more. */
+	change_free(change_new(&bus->config, 4, leaving, 2, &bus->list[1], 2));
+	fake_bus_free(bus);
+}
+
+/* It need not have left for that. */
+static void what_waits_for_one_that_leaves_ends_at_once(void **state)
+{
+	struct fake_bus *bus = open_bus(2, DRIVES);
+
+	(void)state;
+	bus->answer_time = 4 * MS;
+	fake_post(bus, 1, DB_CMD_MOVE_VELOCITY);
+	fake_post(bus, 1, DB_CMD_ENABLE);
+	for (unsigned i = 0; i < 1000 && fake_count(bus, 2, FAKE_COMMAND) == 0; i++)
+		fake_pass(bus, 100 * US);
+	change_drives(bus, 2, 1, -1);
+	assert_int_equal(result_of(bus, 1, DB_CMD_ENABLE), DB_RESULT_CANCELLED);
+	assert_int_equal(fake_result(bus), DB_RESULT_NONE);
+	/* What is on the wire has its own answer. */
+	assert_true(bus->engine->stations[1]->command_cancelled);
+	fake_pass(bus, 200 * MS);
+	assert_true(fetch_change(bus));
+	assert_int_equal(result_of(bus, 1, DB_CMD_MOVE_VELOCITY), DB_RESULT_OK);
+	fake_bus_free(bus);
+}
+
 /* At every moment of a cycle: one leaves, and at once another one comes to its address. */
 static void whenever_it_happens_no_cycle_is_missed(void **state)
 {
@@ -595,6 +685,7 @@ static void turns_go_on_where_they_were(void **state)
 	expect_turns(6, 6, 2, -1, 0);
 	expect_turns(5, 5, -1, 5, 0);
 	expect_turns(5, 2, -1, 5, 2);
+	expect_turns(1, 1, -1, 5, 0);
 }
 
 int main(void)
@@ -605,6 +696,10 @@ int main(void)
 		cmocka_unit_test(the_others_stay_on_schedule_when_one_leaves),
 		cmocka_unit_test(whoever_leaves_the_others_are_polled_in_every_cycle),
 		cmocka_unit_test(one_that_leaves_unread_leaves_the_cycle_whole),
+		cmocka_unit_test(of_the_last_answer_nothing_is_left_but_who_is_there),
+		cmocka_unit_test(one_that_leaves_without_stopping_is_told_of),
+		cmocka_unit_test(several_leave_and_several_come),
+		cmocka_unit_test(what_waits_for_one_that_leaves_ends_at_once),
 		cmocka_unit_test(whenever_it_happens_no_cycle_is_missed),
 		cmocka_unit_test(what_waits_for_it_ends_once),
 		cmocka_unit_test(a_stop_that_is_under_way_is_confirmed),
