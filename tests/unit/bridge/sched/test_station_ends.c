@@ -326,6 +326,172 @@ static void what_is_asked_of_a_drive_waits_while_a_stop_is_not_answered(void **s
 	assert_true(station_awaits_stop(&station));
 }
 
+/* --- by itself -------------------------------------------------------------------------------- */
+
+/* Two axes of one controller, the first of which brings the node; the caller's. */
+static void make_axes(struct fake_bus *bus, struct station *stations[2])
+{
+	struct node *node;
+
+	for (unsigned i = 0; i < 2; i++) {
+		bus->drives[i].address = 1;
+		bus->drives[i].axis = i;
+		stations[i] = station_new(&bus->config, &bus->list[i]);
+		assert_non_null(stations[i]);
+	}
+	node = stations[0]->spare;
+	stations[0]->spare = NULL;
+	for (unsigned i = 0; i < 2; i++)
+		station_join(stations[i], node, &bus->config);
+}
+
+static void what_is_of_the_controller_is_said_with_its_first_axis(void **state)
+{
+	struct fake_bus *bus = fake_bus_new(&fake_family, 2);
+	struct station *stations[2];
+
+	(void)state;
+	make_axes(bus, stations);
+	for (enum lane_kind kind = LANE_STOP; kind < LANE_COUNT; kind++)
+		assert_ptr_equal(station_conversation(stations[1], kind, 0).device,
+		                 kind == LANE_POLL || kind == LANE_PROBE ? stations[0]->device :
+		                                                           stations[1]->device);
+	assert_true(stations[1]->stops_others);
+	/* Who has left has nothing of it. */
+	assert_false(station_part(stations[1], &fake_family));
+	assert_null(stations[1]->node);
+	assert_null(stations[0]->device->axes[1]);
+	assert_true(station_part(stations[0], &fake_family));
+	station_free(stations[0]);
+	station_free(stations[1]);
+	/* The first one may leave first. */
+	make_axes(bus, stations);
+	assert_false(station_part(stations[0], &fake_family));
+	assert_null(stations[0]->next_axis);
+	assert_null(stations[0]->node);
+	assert_true(station_part(stations[1], &fake_family));
+	station_free(stations[0]);
+	station_free(stations[1]);
+	fake_bus_free(bus);
+}
+
+static void a_drive_with_one_axis_stops_no_others(void **state)
+{
+	struct db_driver driver = fake_family;
+	struct fake_bus *bus = fake_bus_new(&driver, 1);
+
+	(void)state;
+	for (unsigned axes = 1; axes <= 2; axes++) {
+		struct station *station;
+
+		driver.axes = axes;
+		station = station_new(&bus->config, &bus->list[0]);
+		assert_non_null(station);
+		assert_int_equal(station->stops_others, axes > 1);
+		station_free(station);
+	}
+	fake_bus_free(bus);
+}
+
+static void the_shortest_round_trip_is_the_first_one_until_one_is_shorter(void **state)
+{
+	struct station station = { .number = 1 };
+	const struct db_axis_stats *stats = &station.snapshot.stats;
+
+	(void)state;
+	station_count_answer(&station, 5 * MS, true);
+	assert_int_equal(stats->round_trip_min_us, 5000);
+	station_count_answer(&station, 9 * MS, true);
+	assert_int_equal(stats->round_trip_min_us, 5000);
+	station_count_answer(&station, 4 * MS, true);
+	assert_int_equal(stats->round_trip_min_us, 4000);
+}
+
+/* As many as there is room for; one more ends, wherever it comes from. */
+static void all_stops_that_wait_are_sent_with_one(void **state)
+{
+	struct world *world = open_world(1);
+	struct node node;
+	struct station station = standing_drive(&node);
+	struct db_request *requests[DB_QUEUE_STOPS_EACH + 1];
+	struct db_request completion;
+
+	(void)state;
+	for (uint16_t i = 0; i <= DB_QUEUE_STOPS_EACH; i++) {
+		const struct db_request stop = { .ticket = i + 1u,
+			                         .drive = i == DB_QUEUE_STOPS_EACH,
+			                         .command = DB_CMD_STOP };
+
+		assert_int_equal(db_queue_grow(world->bus->queue, 2), 0);
+		assert_non_null(db_queue_post(world->bus->queue, &stop));
+		requests[i] = db_queue_take(world->bus->queue);
+		station_add_stop(&station, DB_CMD_STOP, DB_STAND_CLIENT, requests[i], NOW);
+	}
+	assert_int_equal(station.stop_count, DB_QUEUE_STOPS_EACH);
+	assert_true(fake_collect(world->bus->queue, &completion));
+	assert_int_equal(completion.ticket, DB_QUEUE_STOPS_EACH + 1);
+	assert_int_equal(completion.result, DB_RESULT_FAILED);
+	station_stop_sent(&station, true, NOW + 7);
+	for (unsigned i = 0; i < DB_QUEUE_STOPS_EACH; i++)
+		assert_int_equal(requests[i]->sent, NOW + 7);
+	close_world(world);
+}
+
+/* Nothing of it is known to the driver. */
+static void a_command_that_was_not_sent_ends_as_its_drive_is_lost(void **state)
+{
+	const struct db_request enable = { .ticket = 1, .command = DB_CMD_ENABLE };
+	struct world *world = open_world(1);
+	struct node node;
+	struct station station = standing_drive(&node);
+
+	(void)state;
+	assert_non_null(db_queue_post(world->bus->queue, &enable));
+	station.request = db_queue_take(world->bus->queue);
+	station.lanes[LANE_COMMAND].active = true;
+	station.lanes[LANE_COMMAND].job = (struct db_job){ .kind = DB_JOB_COMMAND,
+		                                           .request = station.request };
+	station_abandon_command(&station, &fake_family, DB_RESULT_BUS_DOWN, NOW);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_BUS_DOWN);
+	assert_false(station.lanes[LANE_COMMAND].active);
+	close_world(world);
+}
+
+static unsigned settled;
+
+static enum db_step count_lost(struct db_conversation *talk)
+{
+	(void)talk;
+	settled++;
+	return DB_STEP_DONE;
+}
+
+/* A write that was begun and sent; nothing else, and only where the family joins them. */
+static void only_a_write_that_was_sent_is_settled(void **state)
+{
+	struct db_driver driver = fake_family;
+
+	(void)state;
+	driver.lost = count_lost;
+	for (unsigned bits = 0; bits < 16; bits++) {
+		struct node node;
+		struct station station = standing_drive(&node);
+		struct lane *lane = &station.lanes[LANE_COMMAND];
+
+		lane->active = bits & 1;
+		lane->sent = bits & 2;
+		lane->job.kind = bits & 4 ? DB_JOB_SETTINGS : DB_JOB_COMMAND;
+		driver.joins_settings = bits & 8;
+		settled = 0;
+		station_settle_write(&station, &driver, NOW);
+		assert_int_equal(settled, bits == 15);
+		/* Nothing of a command that has not begun can end. */
+		if (!lane->active)
+			station_finish_command(&station, DB_RESULT_OK, NOW + 1);
+		assert_int_equal(station.command_ended, NOW);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -337,6 +503,12 @@ int main(void)
 		cmocka_unit_test(a_drive_is_known_to_stand_by_what_was_read_since),
 		cmocka_unit_test(a_drive_that_is_to_stop_may_move_where_it_was_not_read_since),
 		cmocka_unit_test(what_is_asked_of_a_drive_waits_while_a_stop_is_not_answered),
+		cmocka_unit_test(what_is_of_the_controller_is_said_with_its_first_axis),
+		cmocka_unit_test(a_drive_with_one_axis_stops_no_others),
+		cmocka_unit_test(the_shortest_round_trip_is_the_first_one_until_one_is_shorter),
+		cmocka_unit_test(all_stops_that_wait_are_sent_with_one),
+		cmocka_unit_test(a_command_that_was_not_sent_ends_as_its_drive_is_lost),
+		cmocka_unit_test(only_a_write_that_was_sent_is_settled),
 	};
 
 	return cmocka_run_group_tests_name("sched/station_ends", tests, NULL, NULL);

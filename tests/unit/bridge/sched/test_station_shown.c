@@ -66,6 +66,9 @@ static void a_sample_has_the_time_at_which_it_was_taken(void **state)
 	/* The clock is set: what was taken before keeps its time. */
 	bus->engine->wall_offset_us += 1000000;
 	assert_int_equal(publish(bus).feedback.taken_wall_us, shown.feedback.taken_wall_us);
+	/* What is not known any more has none. */
+	bus->engine->stations[0]->device->taken = 0;
+	assert_int_equal(publish(bus).feedback.taken_wall_us, 0);
 	fake_bus_free(bus);
 }
 

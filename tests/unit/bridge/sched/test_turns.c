@@ -407,6 +407,11 @@ static void they_are_not_read_again_while_the_drive_has_a_command(void **state)
 	assert_int_equal(fake_count(world->bus, 1, FAKE_LOOK), 0);
 	for (unsigned address = 2; address <= 3; address++)
 		assert_true(fake_count(world->bus, address, FAKE_LOOK) > 0);
+	goes_on = false;
+	fake_pass(world->bus, 1000 * MS);
+	assert_true(fake_count(world->bus, 1, FAKE_LOOK) > 0);
+	/* It counts as commanded for a while from its end on. */
+	assert_true(world->bus->engine->stations[0]->command_ended > world->bus->now - 1000 * MS);
 	close_world(world);
 }
 
