@@ -223,6 +223,34 @@ static void of_the_last_answer_nothing_is_left_but_who_is_there(void **state)
 	}
 }
 
+/* It was to be asked again at once, to prove that it hears. */
+static void one_that_has_left_is_not_asked_to_prove_anything(void **state)
+{
+	struct fake_bus *bus = fake_bus_new(&fake_family, 2);
+
+	(void)state;
+	bus->config.adapt = true;
+	bus->config.turnaround_us = 1000;
+	for (size_t i = 0; i < 2; i++) {
+		bus->drives[i].on_exit = DB_ON_LOSS_NONE;
+		bus->list[i].drive = (uint16_t)(10 + i);
+	}
+	fake_bus_open(bus, 2, NULL);
+	fake_port(bus, 0);
+	for (unsigned i = 0; i < 10000 && !(bus->engine->tests_gap &&
+	                                    was_last_to_answer(bus, bus->engine->nodes[0]));
+	     i++)
+		fake_pass(bus, 100 * US);
+	assert_true(bus->engine->tests_gap);
+	change_drives(bus, 2, 0, -1);
+	fake_forget_sent(bus);
+	fake_pass(bus, 100 * MS);
+	assert_true(fetch_change(bus));
+	assert_int_equal(fake_count(bus, 1, FAKE_POLL), 0);
+	assert_in_range(fake_count(bus, 2, FAKE_POLL), 4, 12);
+	fake_bus_free(bus);
+}
+
 /* It did not stop while there was time. */
 static void one_that_leaves_without_stopping_is_told_of(void **state)
 {
@@ -697,6 +725,7 @@ int main(void)
 		cmocka_unit_test(whoever_leaves_the_others_are_polled_in_every_cycle),
 		cmocka_unit_test(one_that_leaves_unread_leaves_the_cycle_whole),
 		cmocka_unit_test(of_the_last_answer_nothing_is_left_but_who_is_there),
+		cmocka_unit_test(one_that_has_left_is_not_asked_to_prove_anything),
 		cmocka_unit_test(one_that_leaves_without_stopping_is_told_of),
 		cmocka_unit_test(several_leave_and_several_come),
 		cmocka_unit_test(what_waits_for_one_that_leaves_ends_at_once),

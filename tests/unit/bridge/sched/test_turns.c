@@ -563,6 +563,25 @@ static void drives_that_are_gone_are_looked_for_with_their_share(void **state)
 	close_world(world);
 }
 
+/* It is below all else that is sent. */
+static void a_drive_that_is_gone_is_looked_for_in_the_background(void **state)
+{
+	struct world *world = new_world(2);
+	const struct flight *flight;
+
+	(void)state;
+	open_world(world);
+	world->bus->dead[1] = true;
+	fake_pass(world->bus, 5000 * MS);
+	flight = &world->bus->engine->nodes[0]->flight;
+	for (unsigned i = 0; i < 100000 && !flight->station; i++)
+		fake_pass(world->bus, MS / 10);
+	assert_non_null(flight->station);
+	assert_int_equal(flight->lane, LANE_PROBE);
+	assert_int_equal(flight->share, DB_SHARE_BACKGROUND);
+	close_world(world);
+}
+
 /* --- reports ---------------------------------------------------------------------------------- */
 
 static unsigned polls_begun;
@@ -877,6 +896,7 @@ int main(void)
 		cmocka_unit_test(the_interval_is_at_least_what_a_reading_takes),
 		cmocka_unit_test(a_stop_that_is_repeated_leaves_turns_to_the_others),
 		cmocka_unit_test(drives_that_are_gone_are_looked_for_with_their_share),
+		cmocka_unit_test(a_drive_that_is_gone_is_looked_for_in_the_background),
 		cmocka_unit_test(a_drive_that_reports_by_itself_takes_no_time),
 		cmocka_unit_test(a_damaged_frame_is_kept_as_of_who_may_have_sent_it),
 		cmocka_unit_test(a_whole_status_ends_what_could_not_be_used),
