@@ -295,22 +295,40 @@ static void what_is_not_answered_is_asked_for_ever_less_often(void **state)
 /* Not only as the next cycle begins. */
 static void what_becomes_unknown_is_asked_for_at_once_on_a_free_line(void **state)
 {
-	struct world *world = new_world(2);
-
 	(void)state;
-	world->bus->config.cycle_ms = 1000;
-	world->answer_time = 3 * MS;
-	open_world(world);
-	fake_pass(world->bus, 2000 * MS);
-	fake_forget_sent(world->bus);
-	world->driver.feedback = hide_parameters;
-	for (unsigned i = 0;
-	     i < 2000 && fake_feedback(world->bus, 1).status & DB_STATUS_PARAMS_VALID; i++)
-		fake_pass(world->bus, MS);
-	fake_pass(world->bus, 10 * MS);
-	for (unsigned address = 1; address <= 2; address++)
-		assert_int_equal(fake_count(world->bus, address, FAKE_IDENTIFY), 1);
-	close_world(world);
+	for (size_t drives = 1; drives <= 2; drives++) {
+		struct world *world = new_world(drives);
+
+		world->bus->config.cycle_ms = 1000;
+		world->answer_time = 3 * MS;
+		open_world(world);
+		fake_pass(world->bus, 2000 * MS);
+		fake_forget_sent(world->bus);
+		world->driver.feedback = hide_parameters;
+		for (unsigned i = 0; i < 2000 && fake_feedback(world->bus, drives - 1).status &
+		                                         DB_STATUS_PARAMS_VALID;
+		     i++)
+			fake_pass(world->bus, MS);
+		fake_pass(world->bus, 10 * MS);
+		for (unsigned address = 1; address <= drives; address++)
+			assert_int_equal(fake_count(world->bus, address, FAKE_IDENTIFY), 1);
+		close_world(world);
+	}
+}
+
+/* Whichever it is. */
+static void the_only_one_that_is_there_is_asked(void **state)
+{
+	(void)state;
+	for (unsigned there = 1; there <= 3; there++) {
+		struct world *world = new_world(3);
+
+		for (unsigned address = 1; address <= 3; address++)
+			world->bus->dead[address] = address != there;
+		open_world(world);
+		assert_true(fake_feedback(world->bus, there - 1).status & DB_STATUS_PARAMS_VALID);
+		close_world(world);
+	}
 }
 
 static enum db_step begin_refresh(struct db_conversation *talk)
@@ -886,6 +904,7 @@ int main(void)
 		cmocka_unit_test(what_stays_unknown_is_asked_for_twice_a_second),
 		cmocka_unit_test(what_becomes_unknown_is_asked_for_on_a_full_line),
 		cmocka_unit_test(what_becomes_unknown_is_asked_for_at_once_on_a_free_line),
+		cmocka_unit_test(the_only_one_that_is_there_is_asked),
 		cmocka_unit_test(what_is_not_answered_is_asked_for_ever_less_often),
 		cmocka_unit_test(known_parameters_are_read_again_in_turn),
 		cmocka_unit_test(known_parameters_are_read_again_of_those_that_answer),
