@@ -82,13 +82,14 @@ static void publish_node(struct db_engine *engine, const struct node *node)
 		engine_publish(engine, s);
 }
 
-/* The whole node was read, by requests from `asked` on: drives with a stop before that show whether
- * they obey. */
+/* The node was read, by requests from `asked` on: drives with a stop before that show whether they
+ * obey. An axis that the reading passed over, as it kept silent, shows nothing: what it told last
+ * may be older than its stop. */
 static void judge_stops(struct db_engine *engine, const struct node *node, db_time asked,
                         db_time now)
 {
 	for (struct station *s = node->first; s; s = s->next_axis)
-		stop_judge(engine, s, asked, now);
+		stop_judge(engine, s, db_time_min(asked, s->snapshot.feedback.taken), now);
 }
 
 /* Keeps an unusable frame from this address: if the drive does not answer, that may explain why. */
