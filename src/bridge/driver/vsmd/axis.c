@@ -275,6 +275,7 @@ void vsmd_take_speed(struct vsmd_axis *axis, float velocity)
 	axis->last.velocity = velocity;
 	if (!axis->watch.has_speed)
 		axis->watch.first_speed = velocity;
+	axis->watch.speed = velocity;
 	axis->watch.has_speed = true;
 }
 

@@ -50,7 +50,7 @@ static int heading_of(const struct vsmd_axis *axis)
  * forth. */
 static float speed_of(const struct vsmd_axis *axis)
 {
-	float shown = axis->last.velocity;
+	float shown = axis->watch.has_speed ? axis->watch.speed : axis->last.velocity;
 	bool shows_sign = axis->watch.before.velocity < 0.0f || axis->watch.first_speed < 0.0f;
 
 	return shown > 0.0f && !shows_sign && heading_of(axis) < 0 ? -shown : shown;
@@ -213,8 +213,8 @@ static enum vsmd_effect effect_of_own_motion(const struct vsmd_axis *axis, uint3
 		return VSMD_EFFECT_SHOWN;
 	if (!watch->has_speed)
 		return VSMD_EFFECT_ABSENT;
-	return is_explained(axis, base_of(watch), axis->last.velocity) ? VSMD_EFFECT_OPEN :
-	                                                                 VSMD_EFFECT_SHOWN;
+	return is_explained(axis, base_of(watch), watch->speed) ? VSMD_EFFECT_OPEN :
+	                                                          VSMD_EFFECT_SHOWN;
 }
 
 static enum vsmd_effect effect_of_place(const struct vsmd_axis *axis, int32_t place)

@@ -75,6 +75,7 @@ struct vsmd_watch {
 	struct vsmd_before before;
 	bool has_speed; /* a speed was read after the command */
 	float first_speed;
+	float speed;    /* ... and the last one; reports do not count */
 	bool has_place; /* a position was read after it */
 	int32_t first_place;
 	bool speed_next;  /* the speed is read next */

@@ -2801,6 +2801,30 @@ static void reports_take_the_place_of_polls(void **state)
 	drop(f);
 }
 
+/* A velocity that is computed from them trembles by a count, which is no change of speed. */
+static void reports_of_the_position_prove_no_speed(void **state)
+{
+	struct fixture *f = make_reporting(0, 50, 2);
+	int32_t position = 1010;
+
+	(void)state;
+	poll(f, 1000, STANDS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 100.0f });
+	assert_string_equal(confirm(f, 1001, RUNS), "=ok");
+	poll_running(f, 100.0f, position, RUNS);
+	command(f, DB_CMD_MOVE_VELOCITY, (struct db_args){ .target_velocity = 300.0f });
+	for (unsigned i = 0; f->said[0] != '='; i++) {
+		assert_true(report(f, frame_of(0x00080201, (uint32_t)position, 0, 4)));
+		if (strcmp(f->said, "0008039E#0001") == 0)
+			speed(f, 100.0f);
+		else
+			confirm(f, position, RUNS);
+		position += i % 2 == 0 ? 4 : 6;
+	}
+	assert_string_equal(f->said, "=failed");
+	drop(f);
+}
+
 /* What is read in cycles and what confirms a command change places, so that no report confirms one. */
 static void reports_of_position_and_status(void **state)
 {
@@ -3602,6 +3626,7 @@ int main(void)
 		cmocka_unit_test(a_write_without_an_answer_leaves_doubt),
 		cmocka_unit_test(what_is_not_saved_is_shown_until_it_is),
 		cmocka_unit_test(reports_take_the_place_of_polls),
+		cmocka_unit_test(reports_of_the_position_prove_no_speed),
 		cmocka_unit_test(reports_of_position_and_status),
 		cmocka_unit_test(a_position_that_was_set_is_no_motion),
 		cmocka_unit_test(reports_of_the_position),

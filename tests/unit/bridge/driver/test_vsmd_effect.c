@@ -63,6 +63,7 @@ static struct vsmd_axis moving(struct vsmd_goal goal, float before, float first,
 		.watch = { .before = { .moving = true, .velocity = before, .goal = goal },
 		           .has_speed = true,
 		           .first_speed = first,
+		           .speed = now,
 		           .has_place = true },
 		.last = { .velocity = now, .status = RUNS },
 	};
