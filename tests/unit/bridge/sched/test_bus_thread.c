@@ -192,7 +192,7 @@ static struct world *new_world(void)
 		.device = (char *)"wire",
 		.baud = 115200,
 		.cycle_ms = 10,
-		.drive_latency_ms = 500,
+		.drive_latency_ms = 100,
 		.retries = 2,
 		.queue = 8,
 		.log = DB_LOG_INFO,
