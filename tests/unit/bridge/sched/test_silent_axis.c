@@ -49,7 +49,8 @@ static db_time send(void *context, const uint8_t *bytes, size_t length)
 	if (request.verb == XYZA_PROGRAM_STATE)
 		reply.kind = XYZA_REPLY_PROGRAM_STATE;
 	else if (request.verb != XYZA_VERB_ONLINE && xyza_is_read(request.verb))
-		xyza_fill_data(&request, request.verb == XYZA_READ_STANDING ? 1 : 0, &style, &reply);
+		xyza_fill_data(&request, request.verb == XYZA_READ_STANDING ? 1 : 0, &style,
+		               &reply);
 	answered = xyza_encode_reply(&reply, &style, frame, sizeof(frame));
 	assert_true(answered > 0);
 	fake_answer_after(story->bus, MS, frame, (size_t)answered);
