@@ -360,7 +360,7 @@ start_pytest() {
 	DRIVEBRIDGE_BUILD=$PWD/build/$preset DRIVEBRIDGE_COLLECTED=$PWD/build/logs/$name.collected \
 		DRIVEBRIDGE_FAILED=$PWD/build/logs/$name.failed \
 		"${prefix[@]}" "$VENV/bin/python" -m pytest -q \
-		-n "${PYTEST_WORKERS:-$((JOBS * 3))}" --junitxml="build/logs/$name.xml" "$@" \
+		-n "${PYTEST_WORKERS:-$((JOBS * 4))}" --junitxml="build/logs/$name.xml" "$@" \
 		>"build/logs/$name.log" 2>&1 </dev/null || true
 }
 

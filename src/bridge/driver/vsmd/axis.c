@@ -368,6 +368,24 @@ static void run_with(struct vsmd_axis *axis, float velocity)
 	};
 }
 
+/* The position was set, and seen. */
+static void take_set_position(struct vsmd_axis *axis)
+{
+	axis->origin_lost = false;
+	axis->doubt.kind = DB_DOUBT_NONE;
+	axis->placed = true;
+	axis->effect_until = 0;
+	axis->has_target = false;
+	/* Its target is counted from the new origin, too, and the direction is not known. */
+	if (axis->goal.kind == VSMD_GOAL_POSITION)
+		axis->goal.kind = VSMD_GOAL_UNKNOWN;
+	/* No way has led there. */
+	axis->back = axis->watch.before.back;
+	axis->farthest = axis->last.position;
+	axis->last.velocity = vsmd_with_sign(axis, axis->last.velocity);
+	axis->process.position = axis->last.position;
+}
+
 void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request)
 {
 	const struct db_args *args = request->args;
@@ -405,20 +423,7 @@ void vsmd_carry_out(struct vsmd_axis *axis, const struct db_request *request)
 		stop_motion(axis);
 		break;
 	case DB_CMD_SET_POSITION:
-		axis->origin_lost = false;
-		axis->doubt.kind = DB_DOUBT_NONE;
-		axis->placed = true;
-		axis->effect_until = 0; /* the change was seen */
-		axis->has_target = false;
-		/* Its target is counted from the new origin, too, and the direction is not
-		 * known. */
-		if (axis->goal.kind == VSMD_GOAL_POSITION)
-			axis->goal.kind = VSMD_GOAL_UNKNOWN;
-		/* No way has led there. */
-		axis->back = axis->watch.before.back;
-		axis->farthest = axis->last.position;
-		axis->last.velocity = vsmd_with_sign(axis, axis->last.velocity);
-		axis->process.position = axis->last.position;
+		take_set_position(axis);
 		break;
 	case DB_CMD_DISABLE: /* section 2.4.3: the position becomes 0, the origin is lost */
 		forget_motion(axis);
