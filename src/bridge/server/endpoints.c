@@ -194,6 +194,8 @@ static int plan_endpoint(struct db_endpoints *endpoints, const struct db_endpoin
 		return 0;
 	for (size_t i = 0; i < endpoints->count && count < DB_ENDPOINTS_MAX + 1; i++)
 		listeners[count++] = endpoints->all[i]->listener;
+	/* Of the list, `count` are read. */
+	/* cppcheck-suppress uninitvar */
 	plan->listener = db_listener_open(listeners, count, config->listen);
 	/* The plan has the endpoint, and frees it; gcc's analyzer does not see that. */
 	if (plan->listener < 0)

@@ -218,6 +218,7 @@ void must_stand_look(struct service *service)
 	known->count = count;
 	if (!same)
 		write_file(service);
+	/* `known` has the entries; gcc's analyzer takes them for lost. */
 	if (watched > 0)
 		look_in(service, LOOK_EVERY_US);
 }

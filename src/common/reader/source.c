@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <stdbool.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -36,7 +37,8 @@ static bool is_text(const char *path, const char *text, size_t length, FILE *err
 		fprintf(errors, "%s: it is longer than 1 MiB; is it the right file?\n", path);
 		return false;
 	}
-	if (length >= 2 && (memcmp(text, "\xFF\xFE", 2) == 0 || memcmp(text, "\xFE\xFF", 2) == 0)) {
+	if (length >= 2 && (((uint8_t)text[0] == 0xFF && (uint8_t)text[1] == 0xFE) ||
+	                    ((uint8_t)text[0] == 0xFE && (uint8_t)text[1] == 0xFF))) {
 		fprintf(errors,
 		        "%s:1: it is UTF-16 text; save it as UTF-8 without byte order mark, or: "
 		        "iconv -f UTF-16 -t UTF-8\n",

@@ -406,6 +406,7 @@ static bool listen_for_clients(struct db_tls_server *server, sd_event *loop)
 	    setsockopt(fd, IPPROTO_IP, IP_FREEBIND, &on, sizeof(on)) != 0 ||
 	    bind(fd, (const struct sockaddr *)&endpoint, size) != 0 || listen(fd, BACKLOG) != 0 ||
 	    getsockname(fd, (struct sockaddr *)&endpoint, &size) != 0) {
+		/* The server has the descriptor; gcc's analyzer takes it for lost. */
 		db_client_log(DB_CLIENT_ERROR, "cannot listen on port %u of %s: %s",
 		              server->config->port, address[0] ? address : "this machine",
 		              strerror(errno));

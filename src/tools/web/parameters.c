@@ -149,6 +149,8 @@ static void answer_values(struct db_web_parameters *job, const char *name, const
 	if (!body)
 		body = describe_error("BadFile", "its identity is too long, or there is no memory");
 	db_web_request_answer(request, right ? MHD_HTTP_OK : MHD_HTTP_BAD_REQUEST, body);
+	/* It only says whether the file was read. */
+	/* cppcheck-suppress deallocuse */
 	if (errors)
 		db_params_clear(&file);
 	free(said);

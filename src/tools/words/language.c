@@ -492,6 +492,7 @@ static const char *translate(const struct db_words_language *language, const cha
 	/* "plant.conf:7: no such key": what is after a name and a colon is a text of its own. */
 	const char *rest = strstr(english, ": ");
 
+	/* gcc's analyzer forgets the first condition. */
 	rest = rest && rest > english && rest[2] &&
 	                       !memchr(english, ' ', (size_t)(rest - english)) ?
 	               rest + 2 :
