@@ -4,7 +4,7 @@
 #define DRIVEBRIDGE_VERSION_H
 
 #define DB_VERSION_MAJOR 0
-#define DB_VERSION_MINOR 9
+#define DB_VERSION_MINOR 10
 #define DB_VERSION_PATCH 0
 
 #define DB_VERSION_STRING_OF(number) #number
