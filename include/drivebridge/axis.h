@@ -118,7 +118,8 @@ struct db_feedback {
 	uint64_t taken_wall_us; /* the same in microseconds since 1970 */
 	int32_t position;       /* drive units */
 	float velocity;         /* drive units per second */
-	bool computed;          /* ... from two positions, and as wrong as their times are */
+	/* The velocity is computed from two positions, whose times are those of the answers. */
+	bool velocity_is_computed;
 	/* `target` is the target of the last position move, and the position alone shows whether
 	 * the move is done. False: DB_STATUS_AT_TARGET shows it. */
 	bool has_target;

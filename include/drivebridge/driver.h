@@ -252,8 +252,6 @@ struct db_driver {
 	/* True if a drive answers a command itself. If not (CAN), its effect is looked for in
 	 * readings after it, and a drive that has not begun yet looks like one that stands. */
 	bool acknowledges;
-	/* The velocity is computed from positions, and their times are those of the answers. */
-	bool computes_velocity;
 	unsigned output_count; /* ports of set_output, as coils 0.. */
 	const struct db_param *params;
 	size_t param_count; /* <= DB_PARAMS_MAX, and what its page has registers for */

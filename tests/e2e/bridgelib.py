@@ -62,7 +62,7 @@ NICENESS = 10
 
 
 @contextmanager
-def first():
+def ahead_of_tests():
     """What this thread starts meanwhile has the niceness from before the tests took theirs, where that is allowed. A
     function that runs in the new process (preexec_fn) would do the same, but for it all memory of this one is copied."""
     own = os.getpriority(os.PRIO_PROCESS, 0)
@@ -496,7 +496,7 @@ class Sim:
         for bus, path in self.links.items():
             command += ["--link", f"{bus}={path}"]
         offset = self.log_path.stat().st_size if self.log_path.exists() else 0
-        with open(self.log_path, "ab") as log, first():
+        with open(self.log_path, "ab") as log, ahead_of_tests():
             self.process = subprocess.Popen(command, stdout=log, stderr=log)
 
         def ready():
@@ -649,7 +649,7 @@ class Bridge:
     def start_bridge(self):
         offset = self.log_path.stat().st_size if self.log_path.exists() else 0
         command = [*self.launcher, find_program("drivebridged"), "--config", self.config_path]
-        with open(self.log_path, "ab") as log, first():
+        with open(self.log_path, "ab") as log, ahead_of_tests():
             self.process = subprocess.Popen(command, stdout=log, stderr=log)
 
         def listening():

@@ -8,7 +8,7 @@ import signal
 from pathlib import Path
 
 from axe_playwright_python.sync_playwright import Axe
-from bridgelib import first
+from bridgelib import ahead_of_tests
 from playwright.sync_api import Error, expect, sync_playwright
 
 # Debian's chromium without windows: the same engine takes three fifths of the processor time. The program itself: the
@@ -52,7 +52,7 @@ class Chromium:
     def __init__(self, beside=None):
         before = find_browsers()
         # Its beats are to come in time, as the programs that hear them run in time.
-        with first():
+        with ahead_of_tests():
             self.is_first = beside is None
             self.playwright = sync_playwright().start() if self.is_first else beside.playwright
             self.browser = self.playwright.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)

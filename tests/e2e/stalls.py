@@ -23,7 +23,7 @@ from pathlib import Path
 
 import pytest
 from _pytest.runner import runtestprotocol
-from bridgelib import NICENESS, first
+from bridgelib import NICENESS, ahead_of_tests
 
 # Every test bears stalls up to this, s.
 BEARABLE = 0.012
@@ -66,7 +66,7 @@ class Watcher:
         # In memory: a disk that is slow holds up who writes, and that is no stall.
         self.notes = tempfile.NamedTemporaryFile("r", prefix="drivebridge-stalls-",
                                                  dir="/dev/shm" if Path("/dev/shm").is_dir() else None)
-        with first():
+        with ahead_of_tests():
             self.process = subprocess.Popen([sys.executable, "-S", "-c", WATCHER, self.notes.name, str(os.getpid()),
                                              str(BEARABLE), str(INTERVAL)])
 

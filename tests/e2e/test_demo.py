@@ -15,7 +15,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from bridgelib import ROOT, STANDSTILL, Unit, build_directory, eventually, first
+from bridgelib import ROOT, STANDSTILL, Unit, ahead_of_tests, build_directory, eventually
 from weblib import Failed, Page
 
 # The cursor goes up by the lines of the table, which is then drawn over.
@@ -38,7 +38,7 @@ class Demo:
         environment = {**os.environ, "DRIVEBRIDGE_DEMO_PORT": str(self.port),
                        "DRIVEBRIDGE_DEMO_WEB_PORT": str(self.web_port), "TERM": "xterm",
                        "DRIVEBRIDGE_BUILD": str(build_directory()), **variables}
-        with first():
+        with ahead_of_tests():
             self.process = subprocess.Popen(
                 # Somebody's shell, which is there when the demo has ended.
                 ["sh", "-c", 'trap : INT; "$0"; status=$?; read -r _; exit $status', tree / "demo"], stdin=far, stdout=far, stderr=far, env=environment,

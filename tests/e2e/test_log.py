@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from bridgelib import CONTINUOUS, as_shown, eventually, find_program, first
+from bridgelib import CONTINUOUS, ahead_of_tests, as_shown, eventually, find_program
 
 ME = as_shown("127.0.0.1")
 OVER_CURRENT = 1 << 21  # in the status of a VSMD drive
@@ -152,7 +152,7 @@ def test_a_log_that_hangs_delays_nothing(bridge):
         while True:
             os.write(writing, b"x" * 4096)
     os.set_blocking(writing, True)
-    with first():
+    with ahead_of_tests():
         bridge.process = subprocess.Popen([find_program("drivebridged"), "--config", bridge.config_path], stderr=writing)
     os.close(writing)
     bridge.port = eventually(lambda: listening_port(bridge.process.pid))

@@ -11,7 +11,7 @@ import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
-from bridgelib import Raw, Unit, eventually, find_program, first
+from bridgelib import Raw, Unit, ahead_of_tests, eventually, find_program
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
@@ -141,7 +141,7 @@ class Tlsd:
                               capture_output=True, text=True, timeout=60)
 
     def start(self):
-        with open(self.log_path, "ab") as log, first():
+        with open(self.log_path, "ab") as log, ahead_of_tests():
             self.process = subprocess.Popen([find_program("drivebridge-tls"), "--config", self.config_path],
                                             stdout=log, stderr=log)
 

@@ -13,7 +13,7 @@ import threading
 import time
 from pathlib import Path
 
-from bridgelib import build_directory, eventually, find_program, first, section
+from bridgelib import ahead_of_tests, build_directory, eventually, find_program, section
 
 # Name and password; who may do everything to drives, and who looks.
 OPERATOR = ("olga", "the operator's word")
@@ -75,7 +75,7 @@ class Webd:
             self.add_user(*user)
         self.users = ()
         offset = self.log_path.stat().st_size if self.log_path.exists() else 0
-        with open(self.log_path, "ab") as log, first():
+        with open(self.log_path, "ab") as log, ahead_of_tests():
             # Memory that the sanitizer keeps back is not the program's.
             options = os.environ.get("ASAN_OPTIONS", "") + ":quarantine_size_mb=1"
             self.process = subprocess.Popen([find_program("drivebridge-webd"), "--config", self.config_path],

@@ -2,6 +2,7 @@
 #include "fakes/bus.h"
 
 #include "fakes/must.h"
+#include "sched/sched_private.h"
 
 #include <math.h>
 #include <string.h>
@@ -199,6 +200,22 @@ void fake_pass(struct fake_bus *bus, db_time span)
 		if (bus->happen)
 			bus->happen(bus->context);
 	}
+}
+
+void fake_settle(struct fake_bus *bus)
+{
+	fake_pass(bus, 300 * DB_NS_PER_MS);
+	while (bus->engine->flights > 0 || bus->engine->nodes_due > 0)
+		fake_pass(bus, DB_NS_PER_MS / 10);
+	bus->engine->cycle_at = bus->now + 10 * DB_NS_PER_S;
+	fake_pass(bus, 100 * DB_NS_PER_MS);
+}
+
+db_time fake_answer_nothing(void *context, struct fake_frame *frame)
+{
+	(void)context;
+	(void)frame;
+	return 0;
 }
 
 /* --- requests --------------------------------------------------------------------------------- */

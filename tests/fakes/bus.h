@@ -90,6 +90,10 @@ void fake_bus_free(struct fake_bus *bus);
 void fake_port(struct fake_bus *bus, int error);
 /* Lets time pass: the engine is called when it asks for it, and must then ask for a later time. */
 void fake_pass(struct fake_bus *bus, db_time span);
+/* Lets time pass until nothing is under way or due; the next cycle begins in ten seconds. */
+void fake_settle(struct fake_bus *bus);
+/* For obey(): drives that do not answer. */
+db_time fake_answer_nothing(void *context, struct fake_frame *frame);
 /* These bytes arrive after this time. On a serial line they replace bytes that have not arrived
  * yet: one conversation at a time. */
 void fake_answer_after(struct fake_bus *bus, db_time after, const void *bytes, size_t length);

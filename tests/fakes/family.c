@@ -52,6 +52,17 @@ enum db_step fake_say(struct db_conversation *talk, enum fake_kind kind)
 	return DB_STEP_SEND;
 }
 
+void fake_write_inquiry(const struct db_inquiry *inquiry, struct db_exchange *exchange)
+{
+	const struct fake_frame frame = { .address = (uint8_t)inquiry->address,
+		                          .kind = FAKE_INQUIRY,
+		                          .target = (int32_t)inquiry->kind };
+
+	memcpy(exchange->request, &frame, sizeof frame);
+	exchange->request_length = exchange->answer_length = sizeof frame;
+	exchange->extra_time = 0;
+}
+
 struct fake_bus_options {
 	double poll_exchanges;
 };

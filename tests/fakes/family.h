@@ -68,6 +68,8 @@ extern const struct db_transport fake_wire;
 enum fake_kind fake_kind_of(const struct db_job *job);
 /* The conversation continues with this request. */
 enum db_step fake_say(struct db_conversation *talk, enum fake_kind kind);
+/* The question of a scan to an address; `target` is its kind. */
+void fake_write_inquiry(const struct db_inquiry *inquiry, struct db_exchange *exchange);
 /* The frame in these bytes. */
 struct fake_frame fake_frame_at(const uint8_t *bytes, size_t length);
 

@@ -14,10 +14,10 @@ from bridgelib import (
     MOVING_BIT,
     QUALITY_GOOD,
     Bridge,
+    ahead_of_tests,
     encode,
     eventually,
     find_program,
-    first,
     load_commands,
 )
 from model import modbus
@@ -419,7 +419,7 @@ class Player:
 
     def start_full(self):
         """The bridge, with a log for which there is no room: its port is found in the kernel."""
-        with open("/dev/full", "ab") as log, first():
+        with open("/dev/full", "ab") as log, ahead_of_tests():
             self.bridge.process = subprocess.Popen(
                 [find_program("drivebridged"), "--config", self.bridge.config_path],
                 stdout=log, stderr=log)

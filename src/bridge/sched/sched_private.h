@@ -433,8 +433,6 @@ bool station_has_open_stop(const struct station *station);
 /* True if nothing else may be sent to the drive before its stop had an effect, or was seen to have
  * none. */
 bool station_awaits_stop(const struct station *station);
-/* True if its velocity is computed from two positions, by its whole family or its settings. */
-bool station_computes_velocity(const struct station *station, const struct db_driver *driver);
 /* Its rules: how long it may take to obey, and so on. */
 struct standing_rules station_rules(const struct station *station, const struct db_driver *driver,
                                     db_time now);

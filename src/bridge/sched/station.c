@@ -302,11 +302,6 @@ bool station_awaits_stop(const struct station *station)
 /* How long a drive may take to begin a motion that was sent just before the stop. */
 #define DOUBT_TIME (100 * DB_NS_PER_MS)
 
-bool station_computes_velocity(const struct station *station, const struct db_driver *driver)
-{
-	return driver->computes_velocity || station->snapshot.feedback.computed;
-}
-
 struct standing_rules station_rules(const struct station *station, const struct db_driver *driver,
                                     db_time now)
 {
@@ -316,7 +311,7 @@ struct standing_rules station_rules(const struct station *station, const struct 
 	bool doubtful = !acknowledged && (now - station->motion_sent < DOUBT_TIME ||
 	                                  (station->snapshot.feedback.status & DB_STATUS_HOMING));
 	db_time patience = (db_time)station->config->stop_reaction_ms * DB_NS_PER_MS;
-	bool computed = station_computes_velocity(station, driver);
+	bool computed = station->snapshot.feedback.velocity_is_computed;
 
 	return (struct standing_rules){
 		.patience = computed ? db_time_max(patience, STANDING_PATIENCE_COMPUTED) : patience,

@@ -153,14 +153,14 @@ static db_time send_at(const struct db_engine *engine, const struct station *sta
 }
 
 /* When a drive that must stand is to be read, without waiting for the cycle. */
-static db_time read_at(const struct db_engine *engine, const struct station *station)
+static db_time read_at(const struct station *station)
 {
 	const struct standing *standing = &station->standing;
 	const struct lane *poll = &station->node->first->lanes[LANE_POLL];
 
 	/* A ramp is followed to its end where its speed is computed from the readings. */
 	if (standing_is_free(standing) || standing->gives_way ||
-	    (standing->obeys && !station_computes_velocity(station, engine->driver)) ||
+	    (standing->obeys && !station->snapshot.feedback.velocity_is_computed) ||
 	    !station->node->online || !station->node->in_step || standing->sent_at == 0 ||
 	    station->lanes[LANE_STOP].active)
 		return DB_TIME_NEVER;
@@ -180,7 +180,7 @@ db_time stop_run_at(const struct db_engine *engine, const struct station *statio
 {
 	db_time next = deadline(engine, station, now);
 	db_time send = send_at(engine, station);
-	db_time read = read_at(engine, station);
+	db_time read = read_at(station);
 	db_time receives = node_may_be_asked_at(station->node);
 
 	/* A stop is only delayed by what its drive needs to receive it. */
@@ -229,7 +229,7 @@ static bool send_or_read(struct db_engine *engine, struct station *station, db_t
 			fail_stops(engine, station, now);
 		return send_stop(engine, station, now);
 	}
-	if (read_at(engine, station) > now)
+	if (read_at(station) > now)
 		return false;
 	/* An extra poll; it does not count as the cycle's. A poll that was prepared before the stop
 	 * was sent, and is not sent yet, would prove nothing. */

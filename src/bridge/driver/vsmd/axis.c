@@ -538,7 +538,7 @@ void vsmd_write_feedback(const struct db_device *device, struct db_feedback *fee
 	feedback->taken = axis->taken;
 	feedback->position = axis->process.position;
 	feedback->velocity = axis->process.velocity;
-	feedback->computed = axis->computes_speed;
+	feedback->velocity_is_computed = axis->computes_speed;
 	feedback->has_target = axis->has_target;
 	feedback->target = axis->target;
 	feedback->drive_status = axis->last.status;

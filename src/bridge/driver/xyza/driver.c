@@ -298,7 +298,6 @@ const struct db_driver db_driver_xyza = {
 	.option_count = sizeof(options) / sizeof(options[0]),
 	.bus_options_size = sizeof(struct xyza_options),
 	.acknowledges = true,
-	.computes_velocity = true,
 	.commands = COMMANDS,
 	.measures = DB_MEASURE_INPUTS | DB_MEASURE_OUTPUTS | DB_MEASURE_PROGRAM |
 	            DB_MEASURE_RAW_ANSWER,
@@ -337,7 +336,7 @@ const struct db_driver db_driver_xyza = {
 	.begin = xyza_begin,
 	.answer = xyza_answer,
 	.lost = xyza_lose_answer,
-	.gone = xyza_forget_state,
+	.gone = xyza_gone,
 	.feedback = xyza_write_feedback,
 	.nameplate = get_nameplate,
 };

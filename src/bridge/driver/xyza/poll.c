@@ -38,16 +38,14 @@ static bool may_ask(const struct xyza_part *part, db_time now)
 }
 
 /* True when it is skipped from now on. */
-static bool note_part_lost(struct xyza_part *part, db_time now)
+static bool note_part_lost(struct xyza_part *part, db_time longest, db_time now)
 {
 	bool first;
 
 	if (++part->losses < PART_TRIES)
 		return false;
 	first = part->pause == 0;
-	part->pause = first ? PART_PAUSE_MIN : 2 * part->pause;
-	if (part->pause > PART_PAUSE_MAX)
-		part->pause = PART_PAUSE_MAX;
+	part->pause = first ? PART_PAUSE_MIN : db_time_min(2 * part->pause, longest);
 	part->again_at = now + part->pause;
 	return first;
 }
@@ -447,27 +445,25 @@ const struct conversation_step xyza_poll_steps[] = {
 	[STEP_ITEM] = { .send = send_read, .answered = answer_controller },
 };
 
-/* The axis at which the next reading begins; XYZA_AXIS_COUNT: with what is the controller's own. */
+/* The axis at which the next reading begins. One that keeps silent while others answer is passed
+ * over, and offline until it answers. */
 static unsigned judge_lost_axis(struct db_device *first, db_time now)
 {
 	struct db_device *device = first->axes[first->poll_axis];
-	unsigned next = next_axis(first, first->poll_axis + 1, now);
 	bool any_answered = false;
 
 	for (unsigned i = 0; i < XYZA_AXIS_COUNT; i++)
 		any_answered |= first->axes[i] && first->axes[i]->has_position;
 	/* While none has answered they take turns: this one may be the only one that is silent. */
 	if (!any_answered)
-		return next % XYZA_AXIS_COUNT;
-	if (!device)
-		return 0;
-	if (!device->has_position) {
-		(void)note_part_lost(&device->part, now);
-		return 0;
-	}
-	/* An axis that has answered exists, and continues to be read; but not in place of those
-	 * behind it. A single loss may be the line's. */
-	return ++device->part.losses < PART_TRIES ? 0 : next;
+		return next_axis(first, first->poll_axis + 1, now) % XYZA_AXIS_COUNT;
+	/* One that has answered before exists, and a stop may wait for it: ask again soon. */
+	if (device &&
+	    note_part_lost(&device->part, device->taken > 0 ? PART_PAUSE_MIN : PART_PAUSE_MAX,
+	                   now) &&
+	    device->has_position)
+		xyza_forget_state(device);
+	return 0;
 }
 
 /* A reading that lost an answer is abandoned: the next one begins, and judges where it ended. */
@@ -480,11 +476,11 @@ enum db_step xyza_begin_poll(struct db_conversation *talk)
 	case STEPS: /* the last reading has ended */
 		break;
 	case STEP_PORTS:
-		if (note_part_lost(&first->ports_part, talk->now))
+		if (note_part_lost(&first->ports_part, PART_PAUSE_MAX, talk->now))
 			first->ports = 0;
 		break;
 	case STEP_PROGRAM:
-		if (note_part_lost(&first->program_part, talk->now))
+		if (note_part_lost(&first->program_part, PART_PAUSE_MAX, talk->now))
 			xyza_take_program(first,
 			                  &(struct xyza_reply){ .state = XYZA_PROGRAM_IDLE });
 		break;

@@ -258,6 +258,7 @@ void xyza_write_feedback(const struct db_device *device, struct db_feedback *fee
 	feedback->taken = device->taken;
 	feedback->position = device->position;
 	feedback->velocity = device->velocity;
+	feedback->velocity_is_computed = true;
 	feedback->drive_status = (uint32_t)device->negative << STATUS_NEGATIVE |
 	                         (uint32_t)device->standing << STATUS_STANDS |
 	                         (uint32_t)first->program_state << STATUS_PROGRAM;
@@ -278,13 +279,6 @@ void xyza_write_feedback(const struct db_device *device, struct db_feedback *fee
 
 void xyza_forget_state(struct db_device *device)
 {
-	/* The loss by which the controller went says nothing about one of its axes. */
-	if (device->has_position) {
-		device->first->polling = false;
-		device->part.losses = 0;
-	}
-	/* It may be there now, or another controller. */
-	device->part.again_at = 0;
 	device->has_position = false;
 	device->params_valid = false;
 	device->jogging = device->just_commanded = device->stopping = false;
@@ -294,4 +288,16 @@ void xyza_forget_state(struct db_device *device)
 	device->plate.missing[0] = 0;
 	device->first->turn.silent.pause = device->first->turn.silent_power.pause = 0;
 	restart_note_away(&device->restart);
+}
+
+void xyza_gone(struct db_device *device)
+{
+	/* The loss by which the controller went says nothing about one of its axes. */
+	if (device->has_position) {
+		device->first->polling = false;
+		device->part.losses = 0;
+	}
+	/* It may be there now, or another controller. */
+	device->part.again_at = 0;
+	xyza_forget_state(device);
 }

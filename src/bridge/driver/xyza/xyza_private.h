@@ -216,9 +216,12 @@ void xyza_note_stopped(struct db_device *first);
 /* The program may have started any axis so recently that it still reports standing. */
 void xyza_doubt_standing(struct db_device *first, db_time now);
 
+/* The axis does not answer: it is offline until it does, and nothing read before counts then. */
+void xyza_forget_state(struct db_device *device);
+
 /* As in struct db_driver. */
 void xyza_write_feedback(const struct db_device *device, struct db_feedback *feedback);
-void xyza_forget_state(struct db_device *device);
+void xyza_gone(struct db_device *device);
 
 /* --- frames.c --------------------------------------------------------------------------------- */
 

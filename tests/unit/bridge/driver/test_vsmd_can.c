@@ -2830,10 +2830,10 @@ static void reports_of_position_and_status(void **state)
 {
 	struct fixture *f = make_reporting(0, 50, 0);
 
-	assert_false(feedback(f).computed);
+	assert_false(feedback(f).velocity_is_computed);
 	drop(f);
 	f = make_reporting(0, 50, 1);
-	assert_true(feedback(f).computed);
+	assert_true(feedback(f).velocity_is_computed);
 
 	(void)state;
 	assert_string_equal(begin(f, DB_JOB_IDENTIFY), "0008038F#020032 0008039E#0A07");

@@ -62,13 +62,6 @@ static void note_raw_frame(void *context, const struct db_drive_config *drive, b
 	told.raw_answers += !sent && bytes && length == sizeof(struct fake_frame);
 }
 
-static db_time answer_nothing(void *context, struct fake_frame *frame)
-{
-	(void)context;
-	(void)frame;
-	return 0;
-}
-
 /* A bus on which nothing is under way or due for ten seconds, and whose drives answer nothing that is asked then. Its driver
  * can be changed before. */
 static void open_changed(struct world *world, size_t drives)
@@ -83,13 +76,9 @@ static void open_changed(struct world *world, size_t drives)
 	world->ops.on_raw_frame = note_raw_frame;
 	world->engine->ops = &world->ops;
 	fake_port(world->bus, 0);
-	fake_pass(world->bus, 300 * MS);
-	while (world->engine->flights > 0 || world->engine->nodes_due > 0)
-		fake_pass(world->bus, MS / 10);
-	world->engine->cycle_at = world->bus->now + 10000 * MS;
+	fake_settle(world->bus);
 	world->node = world->engine->nodes[0];
-	fake_pass(world->bus, 50 * MS);
-	world->bus->obey = answer_nothing;
+	world->bus->obey = fake_answer_nothing;
 	fake_forget_sent(world->bus);
 }
 

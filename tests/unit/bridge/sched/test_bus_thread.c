@@ -129,15 +129,10 @@ static const struct db_transport transport = {
 static bool inquire(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
                     struct db_exchange *exchange)
 {
-	const struct fake_frame frame = { .address = (uint8_t)inquiry->address,
-		                          .kind = FAKE_INQUIRY };
-
 	(void)bus;
 	if (inquiry->kind != DB_INQUIRY_THERE)
 		return false;
-	memcpy(exchange->request, &frame, sizeof frame);
-	exchange->request_length = exchange->answer_length = sizeof frame;
-	exchange->extra_time = 0;
+	fake_write_inquiry(inquiry, exchange);
 	return true;
 }
 
@@ -621,9 +616,7 @@ static void one_scan_at_a_time_is_carried_out(void **state)
 	assert_int_equal(progress(world, first).asked, DRIVES + 1);
 	assert_int_equal(db_bus_scan_find(world->bus, progress(world, first).finds - 1)->address,
 	                 DRIVES);
-	do {
-		sched_yield();
-	} while (db_bus_scan(world->bus, &plan, &second) == -EBUSY);
+	WAIT_UNTIL(db_bus_scan(world->bus, &plan, &second) != -EBUSY);
 	assert_false(db_bus_scan_read(world->bus, first, &read));
 	WAIT_UNTIL(progress(world, second).end == DB_SCAN_DONE);
 	close_world(world);

@@ -22,11 +22,7 @@ static struct fake_bus *open_idle_bus(struct db_driver *driver, size_t drives)
 
 	fake_bus_open(bus, drives, NULL);
 	fake_port(bus, 0);
-	fake_pass(bus, 300 * MS);
-	while (bus->engine->flights > 0 || bus->engine->nodes_due > 0)
-		fake_pass(bus, MS / 10);
-	bus->engine->cycle_at = bus->now + 10000 * MS;
-	fake_pass(bus, 100 * MS);
+	fake_settle(bus);
 	fake_forget_sent(bus);
 	return bus;
 }
@@ -196,13 +192,6 @@ static db_time take_time(const struct db_bus_config *bus, const uint8_t *request
 	return (db_time)(request_length + answer_length) * MS;
 }
 
-static db_time answer_nothing(void *context, struct fake_frame *frame)
-{
-	(void)context;
-	(void)frame;
-	return 0;
-}
-
 /* The rest of it is awaited as long as a whole one takes, once; when it should have come stays the same. */
 static void the_rest_of_an_answer_is_awaited(void **state)
 {
@@ -220,7 +209,7 @@ static void the_rest_of_an_answer_is_awaited(void **state)
 	fake_bus_open(bus, 1, NULL);
 	fake_port(bus, 0);
 	fake_pass(bus, 300 * MS);
-	bus->obey = answer_nothing;
+	bus->obey = fake_answer_nothing;
 	while (bus->engine->flights > 0)
 		fake_pass(bus, MS / 10);
 	fake_forget_sent(bus);

@@ -36,13 +36,6 @@ static db_time count_wire_time(const struct db_bus_config *bus, const uint8_t *r
 	return (db_time)(request[0] + request_length + answer_length) * (MS / 100);
 }
 
-static db_time answer_nothing(void *context, struct fake_frame *frame)
-{
-	(void)context;
-	(void)frame;
-	return 0;
-}
-
 /* Two drives with nothing to do. */
 static void open_world(struct world *world, enum db_medium medium)
 {
@@ -54,12 +47,8 @@ static void open_world(struct world *world, enum db_medium medium)
 	fake_bus_open(world->bus, 2, NULL);
 	world->engine = world->bus->engine;
 	fake_port(world->bus, 0);
-	fake_pass(world->bus, 300 * MS);
-	while (world->engine->flights > 0 || world->engine->nodes_due > 0)
-		fake_pass(world->bus, MS / 10);
-	world->engine->cycle_at = world->bus->now + 10000 * MS;
-	fake_pass(world->bus, 100 * MS);
-	world->bus->obey = answer_nothing;
+	fake_settle(world->bus);
+	world->bus->obey = fake_answer_nothing;
 	world->station = world->engine->stations[0];
 	world->other = world->engine->stations[1];
 	world->node = world->station->node;

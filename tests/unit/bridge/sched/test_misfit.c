@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A controller that answers each question, some of them otherwise than its document says: the real engine and driver in
- * made-up time. It is named with the bytes, and not called silent or hard of hearing.
+ * A controller that answers otherwise than its document says, or nothing about one of its axes: the real engine and driver
+ * in made-up time. What it answers is named with the bytes, and not called silent or hard of hearing; the axis is offline.
  */
 #include "codec/xyza.h"
 #include "drivebridge/transport.h"
@@ -31,6 +31,9 @@ struct story {
 	unsigned told[DB_EVENT_COUNT];
 	unsigned timing;
 	struct db_unusable heard;
+	bool y_is_silent;
+	unsigned reads_of[2]; /* of the axes x and y, that were answered */
+	unsigned stops;
 };
 
 static db_time send(void *context, const uint8_t *bytes, size_t length)
@@ -40,6 +43,7 @@ static db_time send(void *context, const uint8_t *bytes, size_t length)
 	struct xyza_request request;
 	struct xyza_reply reply;
 	uint8_t frame[XYZA_FRAME_MAX];
+	bool reads_axis;
 	int answered;
 
 	memcpy(story->asked, bytes, length);
@@ -53,6 +57,13 @@ static db_time send(void *context, const uint8_t *bytes, size_t length)
 	if (story->silent)
 		return story->bus->now;
 	assert_int_equal(xyza_decode_request(bytes, length, &request), XYZA_OK);
+	reads_axis = request.verb == XYZA_READ_MAGNITUDE || request.verb == XYZA_READ_SIGN ||
+	             request.verb == XYZA_READ_STANDING;
+	if (reads_axis && request.axis == XYZA_Y && story->y_is_silent)
+		return story->bus->now;
+	if (reads_axis)
+		story->reads_of[request.axis]++;
+	story->stops += request.verb == XYZA_MANUAL_STOP;
 	reply = (struct xyza_reply){ .kind = XYZA_REPLY_DONE,
 		                     .object = request.object,
 		                     .order = request.order };
@@ -103,9 +114,9 @@ static const struct db_engine_ops ops = {
 	.on_timing = tell_timing,
 };
 
-static void begin(struct story *story)
+static void begin(struct story *story, unsigned axes)
 {
-	story->bus = fake_bus_new(db_driver_find("xyza"), 1);
+	story->bus = fake_bus_new(db_driver_find("xyza"), axes);
 	story->bus->context = story;
 	story->bus->config.transport = &db_transport_serial;
 	story->bus->config.baud = 115200;
@@ -113,8 +124,11 @@ static void begin(struct story *story)
 	story->bus->config.drive_latency_ms = 20;
 	story->bus->config.retries = 2;
 	story->bus->config.adapt = true;
-	story->bus->drives[0].address = 3;
-	fake_bus_open(story->bus, 1, &ops);
+	for (unsigned i = 0; i < axes; i++) {
+		story->bus->drives[i].address = 3;
+		story->bus->drives[i].axis = i;
+	}
+	fake_bus_open(story->bus, axes, &ops);
 	fake_port(story->bus, 0);
 }
 
@@ -124,7 +138,7 @@ static void a_state_that_is_a_mask_is_named(void **state)
 	static const uint8_t head[] = { 0x5A, 0xA5, 0x0B, 0xF1, 0x00, 0x03, 0xE1, 0xA3, 0x0F };
 
 	(void)state;
-	begin(&story);
+	begin(&story, 1);
 	fake_pass(story.bus, 10000 * MS);
 	assert_false(fake_is_online(story.bus, 0));
 	assert_int_equal(story.told[DB_EVENT_DRIVE_HEARD], 1);
@@ -142,7 +156,7 @@ static void what_came_before_it_fell_silent_does_not_explain_that(void **state)
 	struct story story = { .standing = 1 };
 
 	(void)state;
-	begin(&story);
+	begin(&story, 1);
 	fake_pass(story.bus, 2000 * MS);
 	assert_true(fake_is_online(story.bus, 0));
 	story.standing = 0x0F;
@@ -161,7 +175,7 @@ static void an_echo_is_no_answer(void **state)
 	struct story story = { .silent = true, .echoes = true };
 
 	(void)state;
-	begin(&story);
+	begin(&story, 1);
 	fake_pass(story.bus, 10000 * MS);
 	assert_int_equal(story.told[DB_EVENT_DRIVE_HEARD], 0);
 	assert_int_equal(fake_snapshot(story.bus, 0).trouble.cause, DB_TROUBLE_NO_ANSWER);
@@ -174,7 +188,7 @@ static void an_answer_in_the_form_of_a_question_is_named(void **state)
 	struct story story = { .silent = true, .echoes = true, .changes = 1 };
 
 	(void)state;
-	begin(&story);
+	begin(&story, 1);
 	fake_pass(story.bus, 10000 * MS);
 	assert_int_equal(story.told[DB_EVENT_DRIVE_HEARD], 1);
 	assert_int_equal(fake_snapshot(story.bus, 0).trouble.cause, DB_TROUBLE_NOT_UNDERSTOOD);
@@ -200,7 +214,7 @@ static void what_another_host_says_does_not_explain_a_silence(void **state)
 	struct story story = { .standing = 1 };
 
 	(void)state;
-	begin(&story);
+	begin(&story, 1);
 	fake_pass(story.bus, 2000 * MS);
 	assert_true(fake_is_online(story.bus, 0));
 	story.silent = true;
@@ -225,7 +239,7 @@ static void an_answer_from_the_new_number_is_one(void **state)
 	enum db_result result = DB_RESULT_NONE;
 
 	(void)state;
-	begin(&story);
+	begin(&story, 1);
 	fake_pass(story.bus, 5000 * MS);
 	assert_true(fake_is_online(story.bus, 0));
 	fake_request(story.bus, 0, (struct db_request){ .settings = &number, .setting_count = 1 });
@@ -234,6 +248,52 @@ static void an_answer_from_the_new_number_is_one(void **state)
 		result = fake_result(story.bus);
 	}
 	assert_int_equal(result, DB_RESULT_UNPROVEN);
+	fake_bus_free(story.bus);
+}
+
+/* --- an axis that keeps silent ---------------------------------------------------------------------- */
+
+static void what_it_told_before_its_stop_is_no_stand(void **state)
+{
+	struct story story = { .standing = 1 };
+
+	(void)state;
+	begin(&story, 2);
+	fake_pass(story.bus, 2000 * MS);
+	assert_true(fake_is_online(story.bus, 1));
+	story.y_is_silent = true;
+	fake_pass(story.bus, 100 * MS);
+	story.reads_of[0] = 0;
+	fake_post(story.bus, 1, DB_CMD_STOP);
+	fake_pass(story.bus, 5000 * MS);
+	/* The other one is read, so that readings come to their end. */
+	assert_true(story.reads_of[0] > 10);
+	assert_true(story.stops > 1);
+	assert_int_not_equal(fake_result(story.bus), DB_RESULT_OK);
+	fake_bus_free(story.bus);
+}
+
+static void it_is_offline_until_it_answers_again(void **state)
+{
+	struct story story = { .standing = 1 };
+
+	(void)state;
+	begin(&story, 2);
+	fake_pass(story.bus, 2000 * MS);
+	assert_true(fake_is_online(story.bus, 1));
+	story.y_is_silent = true;
+	fake_pass(story.bus, 1000 * MS);
+	assert_true(fake_is_online(story.bus, 0));
+	assert_false(fake_is_online(story.bus, 1));
+	fake_post(story.bus, 1, DB_CMD_STOP);
+	fake_pass(story.bus, 80000 * MS);
+	assert_int_equal(fake_result(story.bus), DB_RESULT_RUNS_ON);
+	assert_true(fake_feedback(story.bus, 1).status & DB_STATUS_MUST_STAND);
+	/* However long it was silent: it is asked for every two seconds. */
+	story.y_is_silent = false;
+	fake_pass(story.bus, 2200 * MS);
+	assert_true(fake_is_online(story.bus, 1));
+	assert_false(fake_feedback(story.bus, 1).status & DB_STATUS_MUST_STAND);
 	fake_bus_free(story.bus);
 }
 
@@ -246,6 +306,8 @@ int main(void)
 		cmocka_unit_test(an_answer_in_the_form_of_a_question_is_named),
 		cmocka_unit_test(what_another_host_says_does_not_explain_a_silence),
 		cmocka_unit_test(an_answer_from_the_new_number_is_one),
+		cmocka_unit_test(what_it_told_before_its_stop_is_no_stand),
+		cmocka_unit_test(it_is_offline_until_it_answers_again),
 	};
 
 	return cmocka_run_group_tests_name("sched/misfit", tests, NULL, NULL);

@@ -57,13 +57,6 @@ static db_time frame_silence(const struct db_bus_config *bus)
 	return SILENCE;
 }
 
-static db_time answer_nothing(void *context, struct fake_frame *frame)
-{
-	(void)context;
-	(void)frame;
-	return 0;
-}
-
 static struct fake_bus *open_bus(struct db_driver *driver, enum db_medium medium)
 {
 	struct fake_bus *bus;
@@ -79,7 +72,7 @@ static struct fake_bus *open_bus(struct db_driver *driver, enum db_medium medium
 	fake_port(bus, 0);
 	fake_pass(bus, 300 * MS);
 	/* From now on it answers what the test says. */
-	bus->obey = answer_nothing;
+	bus->obey = fake_answer_nothing;
 	while (bus->engine->flights > 0)
 		fake_pass(bus, MS / 10);
 	fake_forget_sent(bus);

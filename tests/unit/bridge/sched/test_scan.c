@@ -23,16 +23,10 @@
 static bool inquire(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
                     struct db_exchange *exchange)
 {
-	const struct fake_frame frame = { .address = (uint8_t)inquiry->address,
-		                          .kind = FAKE_INQUIRY,
-		                          .target = (int32_t)inquiry->kind };
-
 	(void)bus;
 	if (inquiry->kind == DB_INQUIRY_IDENTITY)
 		return false;
-	memcpy(exchange->request, &frame, sizeof frame);
-	exchange->request_length = exchange->answer_length = sizeof frame;
-	exchange->extra_time = 0;
+	fake_write_inquiry(inquiry, exchange);
 	return true;
 }
 

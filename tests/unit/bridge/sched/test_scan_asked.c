@@ -46,13 +46,8 @@ static db_time take_time(const struct db_bus_config *bus, const uint8_t *request
 static bool inquire(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
                     struct db_exchange *exchange)
 {
-	const struct fake_frame frame = { .address = (uint8_t)inquiry->address,
-		                          .kind = FAKE_INQUIRY,
-		                          .target = (int32_t)inquiry->kind };
-
 	(void)bus;
-	memcpy(exchange->request, &frame, sizeof frame);
-	exchange->request_length = exchange->answer_length = sizeof frame;
+	fake_write_inquiry(inquiry, exchange);
 	exchange->extra_time = EXTRA;
 	return true;
 }
@@ -88,13 +83,6 @@ static void cut_nothing(const struct db_received *received, size_t *skip, size_t
 	*skip = *length = 0;
 }
 
-static db_time answer_nothing(void *context, struct fake_frame *frame)
-{
-	(void)context;
-	(void)frame;
-	return 0;
-}
-
 /* Two drives, which have nothing to do for ten seconds. */
 static void open_world(struct world *world, enum db_medium medium)
 {
@@ -112,14 +100,10 @@ static void open_world(struct world *world, enum db_medium medium)
 	fake_bus_open(world->bus, 2, NULL);
 	world->engine = world->bus->engine;
 	fake_port(world->bus, 0);
-	fake_pass(world->bus, 300 * MS);
-	while (world->engine->flights > 0 || world->engine->nodes_due > 0)
-		fake_pass(world->bus, MS / 10);
-	world->engine->cycle_at = world->bus->now + 10000 * MS;
-	fake_pass(world->bus, 100 * MS);
+	fake_settle(world->bus);
 	world->transport.wire_time = take_time;
 	world->bus->config.transport = &world->transport;
-	world->bus->obey = answer_nothing;
+	world->bus->obey = fake_answer_nothing;
 	fake_forget_sent(world->bus);
 }
 

@@ -585,7 +585,7 @@ static void check_waiters(struct model *model, size_t drive)
 	db_time since = later(later(truth->told, truth->reachable), model->came_up);
 	db_time now = model->world.bus->now;
 	/* Where the speed is computed, it is not known for the first two windows. */
-	db_time reaction = model->world.bus->engine->driver->computes_velocity ?
+	db_time reaction = fake_feedback(model->world.bus, drive).velocity_is_computed ?
 	                           STANDING_PATIENCE_COMPUTED + STANDING_PATIENCE_COMPUTED / 2 :
 	                           WORLD_REACTION;
 

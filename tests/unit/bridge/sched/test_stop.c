@@ -662,6 +662,33 @@ static void tell_moving(const struct db_device *device, struct db_feedback *feed
 	feedback->status |= DB_STATUS_MOVING;
 }
 
+static db_time taken_last; /* no later sample arrives; 0: all do */
+
+static void tell_late(const struct db_device *device, struct db_feedback *feedback)
+{
+	fake_family.feedback(device, feedback);
+	if (taken_last != 0)
+		feedback->taken = taken_last;
+}
+
+/* An axis may be passed over by the readings of its controller. */
+static void a_stop_is_not_judged_by_a_sample_from_before_it(void **state)
+{
+	struct world *world = open_world(true);
+
+	(void)state;
+	world->driver.feedback = tell_late;
+	taken_last = fake_feedback(world->bus, 0).taken;
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 5000 * MS);
+	assert_int_equal(fake_result(world->bus), DB_RESULT_RUNS_ON);
+	assert_true(fake_feedback(world->bus, 0).status & DB_STATUS_MUST_STAND);
+	taken_last = 0;
+	fake_pass(world->bus, 200 * MS);
+	assert_false(fake_feedback(world->bus, 0).status & DB_STATUS_MUST_STAND);
+	close_world(world);
+}
+
 static void moving_at_speed_0_runs_on_and_is_waited_for_no_longer(void **state)
 {
 	struct world *world = open_world(true);
@@ -704,6 +731,7 @@ static void tell_place(const struct db_device *device, struct db_feedback *feedb
 		place_read = (int32_t)place;
 	place_taken = feedback->taken;
 	feedback->position = place_read;
+	feedback->velocity_is_computed = true;
 }
 
 /* Where its speed is computed from positions it is read often enough for that, however long the cycle is. */
@@ -717,7 +745,6 @@ static void a_ramp_is_followed_on_a_long_cycle(void **state)
 			struct world *world = make_world(DB_MEDIUM_SERIAL, true);
 
 			world->driver.feedback = tell_place;
-			world->driver.computes_velocity = true;
 			world->bus->config.cycle_ms = 500;
 			world->bus->happen = move_on;
 			place = 0.0;
@@ -735,22 +762,21 @@ static void a_ramp_is_followed_on_a_long_cycle(void **state)
 	}
 }
 
-static void tell_computed(const struct db_device *device, struct db_feedback *feedback)
+/* One count more or less between two positions. */
+static void tell_trembling(const struct db_device *device, struct db_feedback *feedback)
 {
 	tell_place(device, feedback);
-	feedback->computed = true;
-	/* One count more or less between two positions. */
 	if (place_read % 2 != 0)
 		feedback->velocity *= 0.75f;
 }
 
-/* So it is where only some drives of a family have such a speed: they seem to slow down all the time. */
+/* The drive seems to slow down all the time. */
 static void a_computed_speed_that_trembles_is_no_ramp(void **state)
 {
 	struct world *world = make_world(DB_MEDIUM_CAN, true);
 
 	(void)state;
-	world->driver.feedback = tell_computed;
+	world->driver.feedback = tell_trembling;
 	world->bus->happen = move_on;
 	place = 0.0;
 	open_bus(world, 1000);
@@ -1070,6 +1096,7 @@ int main(void)
 		cmocka_unit_test(drives_that_do_not_answer_take_turns),
 		cmocka_unit_test(a_ramp_is_followed_on_a_long_cycle),
 		cmocka_unit_test(a_computed_speed_that_trembles_is_no_ramp),
+		cmocka_unit_test(a_stop_is_not_judged_by_a_sample_from_before_it),
 		cmocka_unit_test(moving_at_speed_0_runs_on_and_is_waited_for_no_longer),
 		cmocka_unit_test(a_report_right_behind_a_stop_proves_nothing),
 		cmocka_unit_test(a_stop_that_ends_unsent_keeps_its_pace),
