@@ -424,8 +424,8 @@ run_pytest() {
 phase_e2e() {
 	need_build asan || return 0
 	export ASAN_OPTIONS=detect_leaks=1 UBSAN_OPTIONS=print_stacktrace=1
-	# The first who reads the tests compiles them, 5 s of a processor: not every worker for itself. What is wrong with
-	# them is said below.
+	# Compiles the tests once, which takes 5 s of a processor, so that not each worker does it for itself. Errors are
+	# shown by the run below.
 	quietly collect "$VENV/bin/python" -m pytest -q --collect-only tests/e2e >/dev/null || true
 	run_pytest asan -- tests/e2e
 }

@@ -411,7 +411,7 @@ static void load_alarms(struct db_health *health, db_time now)
 	fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
 	bytes = fd < 0 ? NULL : malloc(ALARMS_BYTES_MAX);
 	error = fd < 0 ? -errno : bytes ? 0 : -ENOMEM;
-	/* Without a file `error` is not 0, which gcc's analyzer loses. */
+	/* gcc's analyzer does not see that without a file `error` is not 0. */
 	while (error == 0 && got > 0 && used < ALARMS_BYTES_MAX) {
 		got = read(fd, bytes + used, ALARMS_BYTES_MAX - used);
 		used += got > 0 ? (size_t)got : 0;

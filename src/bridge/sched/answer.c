@@ -83,8 +83,7 @@ static void publish_node(struct db_engine *engine, const struct node *node)
 }
 
 /* The node was read, by requests from `asked` on: drives with a stop before that show whether they
- * obey. An axis that the reading passed over, as it kept silent, shows nothing: what it told last
- * may be older than its stop. */
+ * obey. A reading may leave an axis out, whose last sample may be older than its stop. */
 static void judge_stops(struct db_engine *engine, const struct node *node, db_time asked,
                         db_time now)
 {
@@ -472,9 +471,9 @@ void answer_lost(struct db_engine *engine, struct node *node, db_time now)
 {
 	struct station *station = node->flight.station;
 	enum lane_kind kind = node->flight.lane;
-	/* What the other drives lose by it: the whole wait, or only the time on the wire. It is the
-	 * wait for this drive: a port that took nothing, or a busy computer, must not put off its
-	 * stops and probes. */
+	/* What the other drives lose by it: the whole wait, or only the time on the wire. The wait
+	 * that was planned, not the time that has passed: a full port or a busy computer must not
+	 * put off this drive's stops and probes. */
 	db_time cost = engine->driver->medium == DB_MEDIUM_CAN ?
 	                       node->flight.wire :
 	                       node->flight.wire + node->flight.patience +

@@ -481,7 +481,7 @@ db_time db_engine_run(struct db_engine *engine, db_time now)
 	}
 	if (engine->change)
 		change_carry_out(engine, now);
-	/* The first one begins with the first call: nothing was on the wire before. */
+	/* The first second begins with the first call: nothing was on the wire before. */
 	if (now >= engine->second_at) {
 		engine->stats.utilisation = (uint32_t)(engine->busy * 1000 /
 		                                       (now - engine->second_at + DB_NS_PER_S));

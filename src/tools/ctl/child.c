@@ -20,7 +20,7 @@ bool db_ctl_child_run(char *const words[], bool quiet)
 	if (child == 0) {
 		int nowhere = quiet ? open("/dev/null", O_WRONLY | O_CLOEXEC) : -1;
 
-		/* The program that is started does not have it: gcc's analyzer errs. */
+		/* It is closed when the program starts, which gcc's analyzer does not see. */
 		if (nowhere >= 0)
 			(void)dup2(nowhere, STDOUT_FILENO);
 		(void)execvp(words[0], words);

@@ -349,7 +349,7 @@ void vsmd_expect_change(struct vsmd_axis *axis)
 	axis->effect_until = axis->status_at + EFFECT_TIME + axis->reaction;
 }
 
-/* A drive that stood has no way yet that shows its direction: it is the one it was told. */
+/* After a standstill no motion has shown the direction yet: it is that of the command. */
 static void head_for(struct vsmd_axis *axis, double way)
 {
 	if (axis->watch.before.moving || !(fabs(way) > 0.0))
@@ -379,7 +379,7 @@ static void take_set_position(struct vsmd_axis *axis)
 	/* Its target is counted from the new origin, too, and the direction is not known. */
 	if (axis->goal.kind == VSMD_GOAL_POSITION)
 		axis->goal.kind = VSMD_GOAL_UNKNOWN;
-	/* No way has led there. */
+	/* Setting a position is no motion: the direction stays as it was. */
 	axis->back = axis->watch.before.back;
 	axis->farthest = axis->last.position;
 	axis->last.velocity = vsmd_with_sign(axis, axis->last.velocity);

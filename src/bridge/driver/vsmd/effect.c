@@ -105,8 +105,8 @@ static bool is_of_position(const struct vsmd_axis *axis, int32_t place, float ba
 	       !(fabsf(speed) > fabsf(base) && has_changed(base, speed));
 }
 
-/* True if the previous command turns the drive round, and its speed has no sign: until its way
- * shows that it has turned, one that grows the other way looks like one that grows as before. */
+/* True if the previous command reverses the drive, and its speed has no sign: until the positions
+ * show the new direction, a speed that grows may be in either. */
 static bool may_have_turned(const struct vsmd_axis *axis, float base)
 {
 	const struct vsmd_before *before = &axis->watch.before;
