@@ -655,6 +655,26 @@ static void drives_that_do_not_answer_take_turns(void **state)
 
 /* --- what drivers may say --------------------------------------------------------------------------- */
 
+/* The ramp of an earlier command looks like that of the stop. When it ends, and the drive goes on, this is told. */
+static void the_ramp_of_an_earlier_command_hides_nothing_for_long(void **state)
+{
+	struct world *world = moving(true);
+
+	(void)state;
+	fake_pass(world->bus, 100 * MS);
+	while (fake_result(world->bus) != DB_RESULT_NONE)
+		;
+	world->sim[0].target_speed = TOP_SPEED / 2;
+	world->sim[0].ramp = TOP_SPEED / 400;
+	world->sim[0].deaf = 100000;
+	fake_pass(world->bus, 50 * MS);
+	fake_post(world->bus, 0, DB_CMD_STOP);
+	fake_pass(world->bus, 1000 * MS);
+	assert_int_equal(world->bus->told[DB_EVENT_DRIVE_RUNS_ON], 1);
+	assert_int_equal(fake_feedback(world->bus, 0).error, DB_ERROR_RUNS_ON);
+	close_world(world);
+}
+
 /* Says that it moves, whatever its speed is. */
 static void tell_moving(const struct db_device *device, struct db_feedback *feedback)
 {
@@ -1096,6 +1116,7 @@ int main(void)
 		cmocka_unit_test(drives_that_do_not_answer_take_turns),
 		cmocka_unit_test(a_ramp_is_followed_on_a_long_cycle),
 		cmocka_unit_test(a_computed_speed_that_trembles_is_no_ramp),
+		cmocka_unit_test(the_ramp_of_an_earlier_command_hides_nothing_for_long),
 		cmocka_unit_test(a_stop_is_not_judged_by_a_sample_from_before_it),
 		cmocka_unit_test(moving_at_speed_0_runs_on_and_is_waited_for_no_longer),
 		cmocka_unit_test(a_report_right_behind_a_stop_proves_nothing),
