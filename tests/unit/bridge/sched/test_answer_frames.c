@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a frame is for the drive that sent it, whatever was awaited: an answer, a late one, a report, one of another drive, or
- * damage; and what a loss leaves behind. Made-up drives in made-up time.
+ * How the engine judges a received frame: an answer, a late answer, a report, a frame of another
+ * drive, or a damaged frame; and what it does when no answer arrives in time. The drives, the line
+ * and the time are simulated (fakes/bus.h).
  */
 #include "fakes/bus.h"
 #include "sched/sched_private.h"
@@ -21,16 +22,16 @@ struct world {
 	struct db_driver driver;
 	struct db_engine_ops ops;
 	struct db_engine *engine;
-	struct node *node; /* the first one */
+	struct node *node; /* of the first drive */
 };
 
-/* What was told last. */
+/* What the engine has reported since open_changed(): the latest timing, and numbers of calls. */
 static struct {
 	struct db_engine_timing timing;
 	unsigned timings;
 	unsigned unusable;
 	unsigned raw_sent;
-	unsigned raw_answers; /* with the bytes of one */
+	unsigned raw_answers; /* with the bytes of a frame */
 	unsigned raw_losses;
 } told;
 
@@ -62,8 +63,8 @@ static void note_raw_frame(void *context, const struct db_drive_config *drive, b
 	told.raw_answers += !sent && bytes && length == sizeof(struct fake_frame);
 }
 
-/* A bus on which nothing is under way or due for ten seconds, and whose drives answer nothing that is asked then. Its driver
- * can be changed before. */
+/* Opens a bus with world->driver, which the test may have changed before. Nothing is under way,
+ * nothing is due for ten seconds, and from now on the drives do not answer. */
 static void open_changed(struct world *world, size_t drives)
 {
 	memset(&told, 0, sizeof told);
@@ -101,7 +102,7 @@ static void receive(struct world *world, unsigned address, enum fake_kind kind)
 	fake_receive(world->bus, &frame, sizeof frame);
 }
 
-/* Lets the drive be read, and waits until it is asked. */
+/* Marks the drive for a status read, and waits until the request was sent. */
 static void ask_for_status(struct world *world, struct node *node)
 {
 	engine_mark_for_reading(world->engine, node);
@@ -119,7 +120,8 @@ static void wait_for_loss(struct world *world)
 		fake_pass(world->bus, MS / 10);
 }
 
-/* What the node was asked last should have been answered this long ago. */
+/* Pretends that the first drive's last exchange timed out: its answer was due `latency` ago, and
+ * two losses were counted. */
 static void lose(struct world *world, db_time latency)
 {
 	world->node->lost_due = world->bus->now - latency;
@@ -133,8 +135,9 @@ static void lose(struct world *world, db_time latency)
 
 /* --- late answers ----------------------------------------------------------------------------- */
 
-/* That it is late the drive is not blamed for losses, and that a moment longer would do is nothing to be told of. */
-static void an_answer_that_comes_late_is_no_loss(void **state)
+/* A late answer shows that the drive received the request, so the counted losses are cleared. A
+ * longer timeout may still cover this delay: nothing is reported. */
+static void a_late_answer_clears_the_counted_losses(void **state)
 {
 	struct world world;
 
@@ -152,8 +155,9 @@ static void an_answer_that_comes_late_is_no_loss(void **state)
 	close_world(&world);
 }
 
-/* How much longer it would have to be waited for, in whole milliseconds. */
-static void one_that_no_patience_waits_for_is_told(void **state)
+/* No timeout that may be learnt is long enough for this drive. The delay is reported, and kept
+ * in whole milliseconds, rounded up. */
+static void an_answer_later_than_any_timeout_is_reported(void **state)
 {
 	static const struct {
 		db_time latency;
@@ -175,7 +179,7 @@ static void one_that_no_patience_waits_for_is_told(void **state)
 			assert_int_equal(told.timing.time, lates[i].latency);
 			assert_int_equal(told.timing.learnt, 0);
 			assert_int_equal(world.node->late_ms, lates[i].ms);
-			/* Why one that is not there is not. */
+			/* Only an offline drive gets this as the cause of its silence. */
 			assert_int_equal(world.node->timing == DB_TROUBLE_LATE, !online);
 			assert_int_equal(world.node->unusable.count, 0);
 			world.node->online = true;
@@ -184,7 +188,7 @@ static void one_that_no_patience_waits_for_is_told(void **state)
 	}
 }
 
-static void what_is_waited_for_from_now_on_is_told(void **state)
+static void a_longer_timeout_is_learnt_and_reported(void **state)
 {
 	struct world world;
 
@@ -206,8 +210,9 @@ static void what_is_waited_for_from_now_on_is_told(void **state)
 	close_world(&world);
 }
 
-/* When it came is not known, because nobody looked. */
-static void a_late_answer_that_was_read_late_shows_no_time(void **state)
+/* The bus thread was late after the answer was due, so nobody knows when the answer arrived: no
+ * delay is reported. The counted losses are cleared all the same. */
+static void a_late_answer_that_was_read_late_shows_no_delay(void **state)
 {
 	(void)state;
 	for (unsigned late = 0; late < 2; late++) {
@@ -227,8 +232,9 @@ static void a_late_answer_that_was_read_late_shows_no_time(void **state)
 	}
 }
 
-/* It may be the answer to the probe before. */
-static void the_late_answer_to_a_probe_is_none_to_the_next(void **state)
+/* Drives answer in the order of the requests. So the first answer is taken for that of an
+ * earlier, lost probe, and only the second one ends the exchange. */
+static void the_late_answer_to_a_probe_does_not_answer_the_next(void **state)
 {
 	struct world world;
 
@@ -243,7 +249,7 @@ static void the_late_answer_to_a_probe_is_none_to_the_next(void **state)
 		fake_pass(world.bus, MS / 10);
 	assert_int_equal(world.node->flight.lane, LANE_PROBE);
 	lose(&world, 12 * MS);
-	/* What is none at all tells only that something is there. */
+	/* A status does not answer a probe: it is only kept as an unusable frame. */
 	receive(&world, 1, FAKE_POLL);
 	assert_int_equal(world.node->gap.lost, 2);
 	assert_int_equal(world.node->unusable.count, 1);
@@ -257,7 +263,8 @@ static void the_late_answer_to_a_probe_is_none_to_the_next(void **state)
 	close_world(&world);
 }
 
-/* It was said without being sure that it is heard: who answers may answer something else. */
+/* The drive is out of step, so its answer may belong to an earlier exchange. It frees the line,
+ * but does not confirm the stop. */
 static void the_answer_to_a_stop_out_of_step_proves_nothing(void **state)
 {
 	struct world world;
@@ -278,7 +285,7 @@ static void the_answer_to_a_stop_out_of_step_proves_nothing(void **state)
 	assert_false(node->first->lanes[LANE_STOP].active);
 	assert_false(node->in_step);
 	assert_int_equal(node->risky_until, world.bus->now + node->late_answer_time);
-	/* It switches from sending to receiving as after every answer. */
+	/* As after every answer, the drive gets time to switch from sending to receiving. */
 	assert_int_equal(world.engine->quiet_until, world.bus->now + 3 * MS);
 	assert_int_equal(fake_result(world.bus), DB_RESULT_NONE);
 	close_world(&world);
@@ -293,8 +300,9 @@ static bool take_report(struct db_device *device, const uint8_t *frame, size_t l
 	return fake_frame_at(frame, length).kind == FAKE_REPORT;
 }
 
-/* One that reports is there, and is looked for at once; unless it is asked already, or will be as soon. */
-static void a_drive_that_reports_is_looked_for(void **state)
+/* A drive that sends a report is connected: an offline one is probed at once, unless an exchange
+ * with it is under way or its next probe is soon due anyway. */
+static void an_offline_drive_that_reports_is_probed_at_once(void **state)
 {
 	static const struct {
 		bool online, flying;
@@ -332,7 +340,7 @@ static void a_drive_that_reports_is_looked_for(void **state)
 	}
 }
 
-/* --- whose frame it is ------------------------------------------------------------------------ */
+/* --- the sender of a frame -------------------------------------------------------------------- */
 
 static enum db_frame accept_as_told(const struct db_bus_config *bus, const uint8_t *bytes,
                                     size_t length, int *address)
@@ -340,12 +348,12 @@ static enum db_frame accept_as_told(const struct db_bus_config *bus, const uint8
 	struct fake_frame frame = fake_frame_at(bytes, length);
 
 	(void)bus;
-	/* Who sent it does not show. */
+	/* With `unused` set, the frame does not show its sender. */
 	*address = frame.unused ? -1 : frame.address;
 	return DB_FRAME_GOOD;
 }
 
-/* On a line with one drive it is that drive's, whatever is asked. */
+/* On a line with one drive no other can have sent it, even when no answer is awaited. */
 static void a_frame_without_a_sender_is_of_the_only_drive(void **state)
 {
 	const struct fake_frame frame = { .address = 1, .kind = FAKE_POLL, .unused = 1 };
@@ -377,8 +385,8 @@ static void a_frame_without_a_sender_is_of_the_drive_that_was_asked(void **state
 	close_world(&world);
 }
 
-/* No drive has the address 0, which may stand in any frame. */
-static void a_frame_from_address_0_is_nobodys(void **state)
+/* No drive has the address 0, but a frame may contain it. */
+static void a_frame_from_address_0_is_of_no_drive(void **state)
 {
 	const struct fake_frame frame = { .address = 0, .kind = FAKE_POLL, .speed = 7.0f };
 
@@ -400,8 +408,9 @@ static void a_frame_from_address_0_is_nobodys(void **state)
 	}
 }
 
-/* On CAN a damaged frame shows its sender, who may be none of ours; on a line it is the one who was asked. */
-static void a_damaged_frame_is_blamed_on_whom_it_names(void **state)
+/* On CAN a damaged frame shows its sender by its id; here this is no drive of the bus. On a
+ * serial line the frame is probably from the drive that was asked. */
+static void a_damaged_frame_counts_for_its_probable_sender(void **state)
 {
 	struct world world;
 
@@ -417,7 +426,8 @@ static void a_damaged_frame_is_blamed_on_whom_it_names(void **state)
 	}
 }
 
-/* A drive that is being given an address answers from there already, though another one has it. */
+/* A drive that is being given a new address may answer from that address already, even if
+ * another drive has it. */
 static void a_drive_may_answer_from_the_address_that_it_is_given(void **state)
 {
 	const struct fake_frame frame = { .address = 1, .kind = FAKE_POLL, .speed = 7.0f };
@@ -436,8 +446,9 @@ static void a_drive_may_answer_from_the_address_that_it_is_given(void **state)
 	close_world(&world);
 }
 
-/* Requests that it could take for its own wait a moment. */
-static void an_address_without_a_drive_that_answers_is_kept(void **state)
+/* The engine needs the address later: requests that an unknown drive there could take for its
+ * own must wait for a moment. */
+static void an_unknown_address_that_answers_is_remembered(void **state)
 {
 	struct world world;
 
@@ -446,13 +457,13 @@ static void an_address_without_a_drive_that_answers_is_kept(void **state)
 	receive(&world, 9, FAKE_POLL);
 	assert_int_equal(world.engine->foreign_address, 9);
 	assert_int_equal(world.engine->foreign_received_at, world.bus->now);
-	/* One of ours is none. */
+	/* A frame of a configured drive does not change it. */
 	receive(&world, 1, FAKE_POLL);
 	assert_int_equal(world.engine->foreign_address, 9);
 	close_world(&world);
 }
 
-static void address_1_without_a_drive_is_kept_too(void **state)
+static void the_unknown_address_1_is_remembered_too(void **state)
 {
 	struct world world = { .driver = fake_family };
 
@@ -472,8 +483,9 @@ static uint32_t name_part(const struct db_bus_config *bus, const uint8_t *frame,
 	return fake_frame_at(frame, length).kind == FAKE_POLL ? 1 : 0;
 }
 
-/* Unless an answer that timed out may still come in addition. */
-static void a_second_answer_is_another_drives(void **state)
+/* A second answer to one request, with other content, is from another drive with the same
+ * address; unless the late answer to an earlier request may still arrive. */
+static void a_second_answer_is_from_another_drive(void **state)
 {
 	const struct fake_frame own = { .address = 1, .kind = FAKE_POLL, .speed = 3.0f };
 	const struct fake_frame other = { .address = 1, .kind = FAKE_POLL, .speed = 7.0f };
@@ -489,11 +501,11 @@ static void a_second_answer_is_another_drives(void **state)
 		fake_receive(world.bus, &own, sizeof own);
 		stray = fake_stats(world.bus).stray_frames;
 		world.node->risky_until = world.bus->now + risky;
-		world.node->online = false; /* so that what nobody explains is kept */
+		world.node->online = false; /* so that an unexplained frame is kept */
 		fake_receive(world.bus, &other, sizeof other);
 		assert_int_equal(fake_stats(world.bus).stray_frames, stray + 1);
 		assert_int_equal(world.node->first->snapshot.stats.doubled_answers, !risky);
-		/* The other drive's explains nothing about this one. */
+		/* A frame of the other drive is not kept as an unusable frame of this one. */
 		assert_int_equal(world.node->unusable.count, risky);
 		world.node->online = true;
 		close_world(&world);
@@ -509,8 +521,9 @@ static db_time kept_answer(void *context, struct fake_frame *frame)
 	return FAKE_ANSWER_TIME;
 }
 
-/* The first drive's parameters: from then on they are read again, one drive at a time. */
-static void refreshing_begins_after_the_first_parameters(void **state)
+/* The pause until parameters are read again begins when the first drive has reported all of its
+ * parameters. The second drive, which does so later, does not change it. */
+static void refreshing_begins_after_the_first_drives_parameters(void **state)
 {
 	struct world world = { .driver = fake_family };
 	db_time first = 0;
@@ -532,8 +545,9 @@ static void refreshing_begins_after_the_first_parameters(void **state)
 	close_world(&world);
 }
 
-/* Nothing becomes possible by a part of a status; a command may go on. */
-static void a_part_of_an_answer_is_news_for_a_command_only(void **state)
+/* After a part of a status the engine has nothing new to do, and stays idle. After a part of a
+ * command's answer it must check again what can be sent. */
+static void a_part_of_an_answer_matters_for_a_command_only(void **state)
 {
 	struct fake_frame part = { .address = 1, .kind = FAKE_POLL, .part = 1, .parts = 2 };
 	struct world world;
@@ -579,8 +593,9 @@ static enum db_step answer_unchanged(struct db_conversation *talk, const uint8_t
 	return step;
 }
 
-/* A status of several answers shows with each one that changes something, and with the last. */
-static void an_answer_that_changes_nothing_is_not_shown(void **state)
+/* A status takes two exchanges here. The first answer is published only if it changed something,
+ * the last one always. */
+static void an_answer_that_changes_nothing_is_not_published(void **state)
 {
 	(void)state;
 	for (unsigned unchanged = 0; unchanged < 2; unchanged++) {
@@ -605,7 +620,7 @@ static void an_answer_that_changes_nothing_is_not_shown(void **state)
 	}
 }
 
-/* Of a command that goes on, too. */
+/* A command of two exchanges. The first answer already shows the drive's new speed. */
 static enum db_step begin_in_two(struct db_conversation *talk, const uint8_t *bytes, size_t length)
 {
 	const struct fake_frame frame = fake_frame_at(bytes, length);
@@ -617,7 +632,7 @@ static enum db_step begin_in_two(struct db_conversation *talk, const uint8_t *by
 	return DB_STEP_SEND;
 }
 
-static void every_answer_to_a_command_is_shown(void **state)
+static void every_answer_to_a_command_is_published(void **state)
 {
 	const struct fake_frame frame = { .address = 1, .kind = FAKE_COMMAND, .speed = 7.0f };
 	struct world world = { .driver = fake_family };
@@ -633,7 +648,7 @@ static void every_answer_to_a_command_is_shown(void **state)
 	world.node->first->round_trips = 5;
 	world.node->first->lanes[LANE_COMMAND].exchange.again = true;
 	world.node->first->lanes[LANE_COMMAND].exchange.begins = true;
-	/* A parameter write of the same drive is no part of it. */
+	/* A parameter write of the same drive waits, and must not join the command. */
 	fake_request(
 		world.bus, 0,
 		(struct db_request){ .setting_count = 1, .settings = &(struct db_setting){ 0 } });
@@ -642,16 +657,17 @@ static void every_answer_to_a_command_is_shown(void **state)
 	fake_receive(world.bus, &frame, sizeof frame);
 	assert_int_equal(world.engine->waiting_count, 1);
 	assert_true(fake_feedback(world.bus, 0).velocity == 7.0f);
-	/* It was there, and was read in time. */
+	/* The drive has answered, and the answer was read in time: its round trip counts. */
 	assert_int_equal(world.node->losses, 0);
 	assert_int_equal(world.node->first->round_trips, 6);
-	/* What the driver does not say again about the next question is not so. */
+	/* The flags of one request do not apply to the next one, unless the driver sets them
+	 * again. */
 	assert_false(world.node->first->lanes[LANE_COMMAND].exchange.again);
 	assert_false(world.node->first->lanes[LANE_COMMAND].exchange.begins);
 	close_world(&world);
 }
 
-/* Its answer tells what the drive does then. */
+/* The answer to the stop also contains the drive's status. */
 static enum db_step answer_with_reading(struct db_conversation *talk, const uint8_t *bytes,
                                         size_t length)
 {
@@ -659,8 +675,9 @@ static enum db_step answer_with_reading(struct db_conversation *talk, const uint
 	return fake_family.answer(talk, bytes, length);
 }
 
-/* Without another reading, where its own conversation has read that the drive stands. */
-static void a_stop_whose_effect_was_read_has_ended(void **state)
+/* If the answer to the stop shows that the drive stands, the stop ends without another status
+ * read. */
+static void a_stop_ends_when_its_own_answer_shows_the_effect(void **state)
 {
 	(void)state;
 	for (unsigned reads = 0; reads < 2; reads++) {
@@ -690,8 +707,9 @@ static void watch_feedback(const struct db_device *device, struct db_feedback *f
 	fake_family.feedback(device, feedback);
 }
 
-/* Who reads the drive right after the response finds it, on whatever thread. */
-static void what_a_command_has_done_shows_before_it_ends(void **state)
+/* A client may read the drive right after the response, from another thread, and must find the
+ * effect of its command. */
+static void the_effect_of_a_command_is_published_before_it_ends(void **state)
 {
 	struct world world = { .driver = fake_family };
 
@@ -721,7 +739,8 @@ static enum db_step settle(struct db_conversation *talk)
 	return DB_STEP_DONE;
 }
 
-/* The driver knows which parts of a write the drive has, whether the last of its lines was answered or not. */
+/* Only the driver knows which parts of a write the drive has acknowledged. So its lost() is
+ * called once, whether the last request was answered or timed out. */
 static void a_write_that_is_cancelled_is_settled_by_its_driver(void **state)
 {
 	const struct fake_frame frame = { .address = 1, .kind = FAKE_COMMAND };
@@ -756,7 +775,7 @@ static void a_write_that_is_cancelled_is_settled_by_its_driver(void **state)
 	}
 }
 
-static void raw_frames_and_their_answers_are_told(void **state)
+static void raw_frames_and_their_answers_are_reported(void **state)
 {
 	struct world world;
 
@@ -777,7 +796,7 @@ static void raw_frames_and_their_answers_are_told(void **state)
 	close_world(&world);
 }
 
-/* While its command waits for something else. */
+/* A raw frame's command is still open, but the answer belongs to a status read. */
 static void the_answer_to_a_status_is_no_raw_frame(void **state)
 {
 	struct world world;
@@ -824,14 +843,16 @@ static void a_lost_command_is_repeated_or_asked_about(void **state)
 		assert_int_equal(lane->tries, repeatable);
 		assert_int_equal(fake_stats(world.bus).retries, repeatable);
 		assert_int_equal(world.node->first->snapshot.stats.retries, repeatable);
-		/* Another question is not what the former one was. */
+		/* A repeat keeps the flags of the request; another request of the driver begins
+		 * without them. */
 		assert_int_equal(lane->exchange.again, repeatable);
 		assert_int_equal(lane->exchange.begins, repeatable);
 		close_world(&world);
 	}
 }
 
-/* Its answer can be that of no later one then. */
+/* The loss counts as a retry. The late answer may still arrive, as that of an exchange other
+ * than a probe. */
 static void a_lost_status_is_read_again_and_may_be_answered_late(void **state)
 {
 	struct world world;
@@ -851,7 +872,8 @@ static void a_lost_status_is_read_again_and_may_be_answered_late(void **state)
 	close_world(&world);
 }
 
-/* What is known of it then is no more than before. */
+/* A stop cancelled the motion while its request was on the wire. After the timeout the motion is
+ * not repeated: it ends as cancelled. */
 static void a_motion_that_was_cancelled_ends_when_its_answer_is_lost(void **state)
 {
 	struct world world;
@@ -873,8 +895,9 @@ static void a_motion_that_was_cancelled_ends_when_its_answer_is_lost(void **stat
 	close_world(&world);
 }
 
-/* A drive that sends only what cannot be used, five times since its last status. */
-static void often_heard_and_never_understood_is_told(void **state)
+/* The drive answers, but never with a valid status. This is reported at a timeout, from the
+ * fifth unusable frame since the last status on. */
+static void five_unusable_frames_without_a_status_are_reported(void **state)
 {
 	(void)state;
 	for (unsigned heard = 4; heard <= 5; heard++) {
@@ -890,8 +913,9 @@ static void often_heard_and_never_understood_is_told(void **state)
 	}
 }
 
-/* A probe of one that is gone for long is lost: what is heard since it was reported is told then. */
-static void what_is_heard_of_one_that_is_gone_is_told_later_too(void **state)
+/* The drive was already reported as missing, without any received frame. An unusable frame that
+ * arrives later is reported when the next probe times out. */
+static void an_unusable_frame_of_a_missing_drive_is_reported_later(void **state)
 {
 	struct world world;
 	struct node *node;
@@ -914,8 +938,9 @@ static void what_is_heard_of_one_that_is_gone_is_told_later_too(void **state)
 	close_world(&world);
 }
 
-/* A question after a stop that was said out of step does not put off the probes of others. */
-static void a_question_about_a_stop_is_no_probe_of_the_others_share(void **state)
+/* A probe after a stop that was sent out of step uses the share of stops, not the share of
+ * probes: it does not delay the probes of other drives. */
+static void a_probe_after_a_stop_does_not_delay_other_probes(void **state)
 {
 	(void)state;
 	for (unsigned stopped = 0; stopped < 2; stopped++) {
@@ -944,36 +969,36 @@ static void a_question_about_a_stop_is_no_probe_of_the_others_share(void **state
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(an_answer_that_comes_late_is_no_loss),
-		cmocka_unit_test(one_that_no_patience_waits_for_is_told),
-		cmocka_unit_test(what_is_waited_for_from_now_on_is_told),
-		cmocka_unit_test(a_late_answer_that_was_read_late_shows_no_time),
-		cmocka_unit_test(the_late_answer_to_a_probe_is_none_to_the_next),
+		cmocka_unit_test(a_late_answer_clears_the_counted_losses),
+		cmocka_unit_test(an_answer_later_than_any_timeout_is_reported),
+		cmocka_unit_test(a_longer_timeout_is_learnt_and_reported),
+		cmocka_unit_test(a_late_answer_that_was_read_late_shows_no_delay),
+		cmocka_unit_test(the_late_answer_to_a_probe_does_not_answer_the_next),
 		cmocka_unit_test(the_answer_to_a_stop_out_of_step_proves_nothing),
-		cmocka_unit_test(a_drive_that_reports_is_looked_for),
+		cmocka_unit_test(an_offline_drive_that_reports_is_probed_at_once),
 		cmocka_unit_test(a_frame_without_a_sender_is_of_the_only_drive),
 		cmocka_unit_test(a_frame_without_a_sender_is_of_the_drive_that_was_asked),
-		cmocka_unit_test(a_frame_from_address_0_is_nobodys),
-		cmocka_unit_test(a_damaged_frame_is_blamed_on_whom_it_names),
+		cmocka_unit_test(a_frame_from_address_0_is_of_no_drive),
+		cmocka_unit_test(a_damaged_frame_counts_for_its_probable_sender),
 		cmocka_unit_test(a_drive_may_answer_from_the_address_that_it_is_given),
-		cmocka_unit_test(an_address_without_a_drive_that_answers_is_kept),
-		cmocka_unit_test(address_1_without_a_drive_is_kept_too),
-		cmocka_unit_test(a_second_answer_is_another_drives),
-		cmocka_unit_test(refreshing_begins_after_the_first_parameters),
-		cmocka_unit_test(a_part_of_an_answer_is_news_for_a_command_only),
-		cmocka_unit_test(an_answer_that_changes_nothing_is_not_shown),
-		cmocka_unit_test(every_answer_to_a_command_is_shown),
-		cmocka_unit_test(a_stop_whose_effect_was_read_has_ended),
-		cmocka_unit_test(what_a_command_has_done_shows_before_it_ends),
+		cmocka_unit_test(an_unknown_address_that_answers_is_remembered),
+		cmocka_unit_test(the_unknown_address_1_is_remembered_too),
+		cmocka_unit_test(a_second_answer_is_from_another_drive),
+		cmocka_unit_test(refreshing_begins_after_the_first_drives_parameters),
+		cmocka_unit_test(a_part_of_an_answer_matters_for_a_command_only),
+		cmocka_unit_test(an_answer_that_changes_nothing_is_not_published),
+		cmocka_unit_test(every_answer_to_a_command_is_published),
+		cmocka_unit_test(a_stop_ends_when_its_own_answer_shows_the_effect),
+		cmocka_unit_test(the_effect_of_a_command_is_published_before_it_ends),
 		cmocka_unit_test(a_write_that_is_cancelled_is_settled_by_its_driver),
-		cmocka_unit_test(raw_frames_and_their_answers_are_told),
+		cmocka_unit_test(raw_frames_and_their_answers_are_reported),
 		cmocka_unit_test(the_answer_to_a_status_is_no_raw_frame),
 		cmocka_unit_test(a_lost_command_is_repeated_or_asked_about),
 		cmocka_unit_test(a_lost_status_is_read_again_and_may_be_answered_late),
 		cmocka_unit_test(a_motion_that_was_cancelled_ends_when_its_answer_is_lost),
-		cmocka_unit_test(often_heard_and_never_understood_is_told),
-		cmocka_unit_test(what_is_heard_of_one_that_is_gone_is_told_later_too),
-		cmocka_unit_test(a_question_about_a_stop_is_no_probe_of_the_others_share),
+		cmocka_unit_test(five_unusable_frames_without_a_status_are_reported),
+		cmocka_unit_test(an_unusable_frame_of_a_missing_drive_is_reported_later),
+		cmocka_unit_test(a_probe_after_a_stop_does_not_delay_other_probes),
 	};
 
 	return cmocka_run_group_tests_name("sched/answer_frames", tests, NULL, NULL);

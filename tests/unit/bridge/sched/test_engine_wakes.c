@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * When the schedule wants to be called again: as soon as something can be sent, and not before. And what it makes of a
- * thread that comes late. Made-up drives in made-up time.
+ * When the engine asks to be called again: as soon as something can be sent, and not before. And
+ * how it treats delays of its thread. The drives, the line and the time are simulated
+ * (fakes/bus.h).
  */
 #include "fakes/bus.h"
 #include "sched/sched_private.h"
@@ -15,7 +16,7 @@
 #define MS DB_NS_PER_MS
 #define GAP (5 * MS)
 
-/* A bus on which nothing is under way or due for ten seconds. */
+/* Opens a bus on which nothing is under way, and nothing is due for ten seconds. */
 static struct fake_bus *open_idle_bus(struct db_driver *driver, size_t drives)
 {
 	struct fake_bus *bus = fake_bus_new(driver, drives);
@@ -27,7 +28,7 @@ static struct fake_bus *open_idle_bus(struct db_driver *driver, size_t drives)
 	return bus;
 }
 
-/* It has just sent something, and is deaf for a while. */
+/* The first drive has just answered, and cannot receive for the time GAP. */
 static void make_deaf(struct fake_bus *bus)
 {
 	struct node *node = bus->engine->nodes[0];
@@ -36,7 +37,7 @@ static void make_deaf(struct fake_bus *bus)
 	node->answered_at = bus->now;
 }
 
-static void a_request_is_sent_as_soon_as_its_drive_hears(void **state)
+static void a_request_is_sent_as_soon_as_its_drive_can_receive(void **state)
 {
 	struct db_driver driver = fake_family;
 	struct fake_bus *bus = open_idle_bus(&driver, 1);
@@ -52,7 +53,7 @@ static void a_request_is_sent_as_soon_as_its_drive_hears(void **state)
 	fake_bus_free(bus);
 }
 
-static void a_drive_is_read_as_soon_as_it_hears(void **state)
+static void a_drive_is_read_as_soon_as_it_can_receive(void **state)
 {
 	struct db_driver driver = fake_family;
 	struct fake_bus *bus = open_idle_bus(&driver, 1);
@@ -69,8 +70,9 @@ static void a_drive_is_read_as_soon_as_it_hears(void **state)
 	fake_bus_free(bus);
 }
 
-/* While another one is looked for now and then. */
-static void nobody_wakes_up_for_a_drive_that_only_hears_again(void **state)
+/* Nothing is to be sent to the first drive. The next event is the probe of the other one, which
+ * is offline. */
+static void a_drive_that_can_receive_again_does_not_wake_the_thread(void **state)
 {
 	struct db_driver driver = fake_family;
 	struct fake_bus *bus = open_idle_bus(&driver, 2);
@@ -86,8 +88,9 @@ static void nobody_wakes_up_for_a_drive_that_only_hears_again(void **state)
 	fake_bus_free(bus);
 }
 
-/* Whether it has come back may show as soon as it hears. */
-static void a_drive_is_looked_for_as_soon_as_it_hears(void **state)
+/* The port was lost and is open again: whether the drive is still there is checked as soon as it
+ * can receive. */
+static void a_drive_is_probed_as_soon_as_it_can_receive(void **state)
 {
 	struct db_driver driver = fake_family;
 	struct fake_bus *bus = open_idle_bus(&driver, 1);
@@ -113,7 +116,7 @@ static enum db_step look_again(struct db_conversation *talk, const uint8_t *byte
 	return DB_STEP_SEND;
 }
 
-/* Without something else to do. */
+/* Nothing else is to be sent, so the pause is the shortest one. */
 static void a_question_is_repeated_after_a_pause(void **state)
 {
 	struct db_driver driver = fake_family;
@@ -142,8 +145,9 @@ static enum db_step end_at_once(struct db_conversation *talk)
 	return DB_STEP_DONE;
 }
 
-/* Jobs of a driver that send nothing do not keep the thread: a stop may have come in meanwhile. */
-static void what_is_begun_in_vain_ends_a_turn(void **state)
+/* If the driver's jobs end without sending anything, the engine must return soon: a stop may
+ * have arrived in the meantime. */
+static void jobs_that_send_nothing_do_not_keep_the_thread(void **state)
 {
 	struct db_driver driver = fake_family;
 	struct fake_bus *bus = open_idle_bus(&driver, 1);
@@ -161,10 +165,10 @@ static void what_is_begun_in_vain_ends_a_turn(void **state)
 	fake_bus_free(bus);
 }
 
-/* --- a thread that comes late ----------------------------------------------------------------- */
+/* --- delays of the thread --------------------------------------------------------------------- */
 
-/* A delay is counted once, however many calls it delays, from 2 ms on. */
-static void what_was_overslept_is_counted_once(void **state)
+/* A delay counts from 2 ms on, and only once, even if several calls follow it. */
+static void a_delay_of_the_thread_is_counted_once(void **state)
 {
 	struct db_driver driver = fake_family;
 	struct fake_bus *bus = open_idle_bus(&driver, 1);
@@ -192,7 +196,8 @@ static db_time take_time(const struct db_bus_config *bus, const uint8_t *request
 	return (db_time)(request_length + answer_length) * MS;
 }
 
-/* The rest of it is awaited as long as a whole one takes, once; when it should have come stays the same. */
+/* The first byte arrives just at the timeout. The rest is awaited once, for the time of a whole
+ * answer; the time at which the answer was due stays the same. */
 static void the_rest_of_an_answer_is_awaited(void **state)
 {
 	struct db_transport transport = fake_wire;
@@ -217,7 +222,7 @@ static void the_rest_of_an_answer_is_awaited(void **state)
 		fake_pass(bus, MS / 10);
 	sent = bus->sent[0].at;
 	node = bus->engine->nodes[0];
-	/* Its last moment. */
+	/* The last moment before the timeout. */
 	fake_pass(bus, sent + wire + node->patience.now - bus->now);
 	fake_receive(bus, "", 1);
 	fake_pass(bus, wire / 2 - 1);
@@ -232,13 +237,13 @@ static void the_rest_of_an_answer_is_awaited(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(a_request_is_sent_as_soon_as_its_drive_hears),
-		cmocka_unit_test(a_drive_is_read_as_soon_as_it_hears),
-		cmocka_unit_test(nobody_wakes_up_for_a_drive_that_only_hears_again),
-		cmocka_unit_test(a_drive_is_looked_for_as_soon_as_it_hears),
+		cmocka_unit_test(a_request_is_sent_as_soon_as_its_drive_can_receive),
+		cmocka_unit_test(a_drive_is_read_as_soon_as_it_can_receive),
+		cmocka_unit_test(a_drive_that_can_receive_again_does_not_wake_the_thread),
+		cmocka_unit_test(a_drive_is_probed_as_soon_as_it_can_receive),
 		cmocka_unit_test(a_question_is_repeated_after_a_pause),
-		cmocka_unit_test(what_is_begun_in_vain_ends_a_turn),
-		cmocka_unit_test(what_was_overslept_is_counted_once),
+		cmocka_unit_test(jobs_that_send_nothing_do_not_keep_the_thread),
+		cmocka_unit_test(a_delay_of_the_thread_is_counted_once),
 		cmocka_unit_test(the_rest_of_an_answer_is_awaited),
 	};
 

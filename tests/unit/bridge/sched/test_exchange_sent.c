@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One exchange as it is prepared, kept back, sent and ended: what it leaves in the books of its lane, its node and its line.
- * Made-up drives in made-up time.
+ * One exchange: how it is prepared, delayed, sent and ended, and what its lane, its node and the
+ * engine record about it. The drives, the line and the time are simulated (fakes/bus.h).
  */
 #include "fakes/bus.h"
 #include "sched/sched_private.h"
@@ -21,9 +21,9 @@ struct world {
 	struct db_driver driver;
 	struct db_transport transport;
 	struct db_engine *engine;
-	struct station *station; /* the first one */
+	struct station *station; /* of the first drive */
 	struct station *other;
-	struct node *node; /* of the first one */
+	struct node *node; /* of the first drive */
 };
 
 static unsigned counted; /* calls of wire_time() */
@@ -36,7 +36,7 @@ static db_time count_wire_time(const struct db_bus_config *bus, const uint8_t *r
 	return (db_time)(request[0] + request_length + answer_length) * (MS / 100);
 }
 
-/* Two drives with nothing to do. */
+/* Opens a bus with two drives that have nothing to do and do not answer. */
 static void open_world(struct world *world, enum db_medium medium)
 {
 	memset(world, 0, sizeof *world);
@@ -60,7 +60,7 @@ static void close_world(struct world *world)
 	fake_bus_free(world->bus);
 }
 
-/* Takes a request out of the queue, as the schedule does before it begins. */
+/* Posts a motion and takes it out of the queue, as the schedule does before a command begins. */
 static struct db_request *take_command(struct world *world, uint32_t group)
 {
 	struct db_request *request;
@@ -81,7 +81,7 @@ static void finish_command(struct world *world)
 	station_finish_command(world->station, DB_RESULT_CANCELLED, world->bus->now);
 }
 
-/* Prepares the next exchange of the lane. */
+/* Begins a job in this lane, and so prepares its first exchange. */
 static struct lane *prepare(struct world *world, struct station *station, enum lane_kind kind)
 {
 	static const enum db_job_kind jobs[] = { [LANE_POLL] = DB_JOB_POLL,
@@ -98,7 +98,7 @@ static struct lane *prepare(struct world *world, struct station *station, enum l
 
 /* --- preparing -------------------------------------------------------------------------------- */
 
-static void a_job_begins_anew(void **state)
+static void a_job_begins_without_the_state_of_the_last_one(void **state)
 {
 	struct world world;
 	struct lane *lane;
@@ -120,8 +120,8 @@ static void a_job_begins_anew(void **state)
 	close_world(&world);
 }
 
-/* A reading makes no drive one that must be looked at in every turn. */
-static void who_stops_is_looked_at(void **state)
+/* While drives_active is set, every turn looks at all drives. A status read does not set it. */
+static void a_stop_makes_the_drives_active(void **state)
 {
 	struct world world;
 	enum db_result result;
@@ -138,10 +138,11 @@ static void who_stops_is_looked_at(void **state)
 	close_world(&world);
 }
 
-/* --- keeping the line ------------------------------------------------------------------------- */
+/* --- reserving the line ----------------------------------------------------------------------- */
 
-/* Since when counts for as long as it is for the same frame. */
-static void a_line_is_kept_for_one(void **state)
+/* `since` stays while the line is reserved for the same drive and lane; for another one it
+ * begins again. */
+static void a_reservation_is_for_one_drive_and_lane(void **state)
 {
 	struct world world;
 	struct db_engine *engine;
@@ -163,7 +164,7 @@ static void a_line_is_kept_for_one(void **state)
 	close_world(&world);
 }
 
-static void a_stop_that_is_prepared_waits_while_stops_have_the_line(void **state)
+static void a_prepared_stop_waits_while_the_line_is_reserved_for_stops(void **state)
 {
 	struct world world;
 	struct lane *lane;
@@ -193,8 +194,8 @@ static bool mishear(unsigned address, const uint8_t *request, size_t length)
 	return true;
 }
 
-/* However much somebody else sends, a frame is kept back for no longer than this. */
-static void a_frame_is_kept_back_for_so_long_only(void **state)
+/* Another drive that sends all the time can delay a frame for RESERVED_MOST only. */
+static void a_frame_is_delayed_for_a_limited_time(void **state)
 {
 	(void)state;
 	for (unsigned waited = 0; waited < 3; waited++) {
@@ -219,7 +220,7 @@ static void a_frame_is_kept_back_for_so_long_only(void **state)
 	}
 }
 
-/* Whether a frame of this lane, for which the line was kept until then, is sent. */
+/* Prepares an exchange in this lane and reserves the line for it. True if it is sent now. */
 static bool sends_kept(struct world *world, enum lane_kind kind, db_time until)
 {
 	size_t before = world->bus->sent_count;
@@ -235,7 +236,7 @@ static bool sends_kept(struct world *world, enum lane_kind kind, db_time until)
 	return sent;
 }
 
-static void what_a_line_was_kept_for_is_sent_at_its_time(void **state)
+static void a_reserved_exchange_is_sent_at_its_time(void **state)
 {
 	struct world world;
 
@@ -247,14 +248,15 @@ static void what_a_line_was_kept_for_is_sent_at_its_time(void **state)
 	open_world(&world, DB_MEDIUM_SERIAL);
 	assert_false(sends_kept(&world, LANE_POLL, world.bus->now + 1));
 	close_world(&world);
-	/* It is not kept any more. */
+	/* With 0 the line is not reserved any more. */
 	open_world(&world, DB_MEDIUM_SERIAL);
 	assert_false(sends_kept(&world, LANE_POLL, 0));
 	close_world(&world);
 }
 
-/* A command waits for what comes of a stop; a reading shows it. */
-static void no_command_is_sent_before_a_stop_has_shown(void **state)
+/* A command waits until the effect of the stop was seen. A status read does not wait: it is what
+ * shows the effect. */
+static void no_command_is_sent_before_a_stop_has_an_effect(void **state)
 {
 	(void)state;
 	for (unsigned reads = 0; reads < 2; reads++) {
@@ -274,7 +276,7 @@ static void no_command_is_sent_before_a_stop_has_shown(void **state)
 	}
 }
 
-/* Out of step only what gets it back in step. */
+/* The drive is out of step, and only a probe can change that. */
 static void out_of_step_only_a_probe_is_sent(void **state)
 {
 	(void)state;
@@ -293,7 +295,7 @@ static void out_of_step_only_a_probe_is_sent(void **state)
 
 /* --- sending ---------------------------------------------------------------------------------- */
 
-static void what_is_sent_is_written_down(void **state)
+static void an_exchange_that_is_sent_is_recorded(void **state)
 {
 	struct world world;
 	struct lane *lane;
@@ -315,7 +317,7 @@ static void what_is_sent_is_written_down(void **state)
 	close_world(&world);
 }
 
-/* A reading's time on the wire, and whether it was counted bit by bit. */
+/* Sends a status read. Returns its time on the wire; *counts: wire_time() was called for it. */
 static db_time send_reading(struct world *world, bool *counts)
 {
 	db_time wire;
@@ -331,8 +333,9 @@ static db_time send_reading(struct world *world, bool *counts)
 	return wire;
 }
 
-/* On CAN the same frame, with an answer of the same length, is counted once. */
-static void a_reading_is_counted_once(void **state)
+/* On CAN wire_time() counts a frame's stuff bits, which is slow. So the result is kept for the
+ * next status read with the same request and the same length of the answer. */
+static void on_can_the_wire_time_of_a_status_read_is_kept(void **state)
 {
 	struct world world;
 	struct db_exchange *exchange;
@@ -363,7 +366,7 @@ static void a_reading_is_counted_once(void **state)
 	assert_int_equal(send_reading(&world, &counts), wire + 5 * (MS / 100));
 	assert_false(counts);
 	exchange->request[0] = 1;
-	/* A command is none of them. */
+	/* A command does not use the kept time, and does not change it. */
 	(void)take_command(&world, 0);
 	(void)prepare(&world, world.station, LANE_COMMAND);
 	counted = 0;
@@ -375,8 +378,8 @@ static void a_reading_is_counted_once(void **state)
 	close_world(&world);
 }
 
-/* A frame of a serial line has no bits that depend on it. */
-static void on_a_line_each_reading_is_counted(void **state)
+/* A serial line has no stuff bits, so wire_time() is called each time and nothing is kept. */
+static void on_a_line_the_wire_time_is_not_kept(void **state)
 {
 	struct world world;
 	bool counts;
@@ -394,7 +397,7 @@ static void on_a_line_each_reading_is_counted(void **state)
 	close_world(&world);
 }
 
-/* What comes before the frame that begins the motions of a group has no effect yet. */
+/* In a common start, the frames before the one that begins the motions have no effect yet. */
 static void a_command_counts_as_sent_when_it_may_have_an_effect(void **state)
 {
 	static const struct {
@@ -423,7 +426,8 @@ static void a_command_counts_as_sent_when_it_may_have_an_effect(void **state)
 
 /* --- ending ----------------------------------------------------------------------------------- */
 
-/* What a drive is late by is not its whole class's loss: its next turns come as if it had been in time, but for a few. */
+/* The drive with the least use of the line is read next. A very late answer counts at most as
+ * much as DB_SHARE_LATE_TURNS usual exchanges, so the drive waits for some turns only. */
 static void a_late_drive_loses_some_turns_only(void **state)
 {
 	struct world world;
@@ -441,8 +445,9 @@ static void a_late_drive_loses_some_turns_only(void **state)
 	close_world(&world);
 }
 
-/* A reading leaves no parameters to be read. */
-static void other_exchanges_may_leave_parameters_to_be_read(void **state)
+/* After a probe the engine checks whether parameters are to be read. A status read gives no
+ * reason to. */
+static void after_a_probe_parameters_may_have_to_be_read(void **state)
 {
 	(void)state;
 	for (unsigned reads = 0; reads < 2; reads++) {
@@ -462,20 +467,20 @@ static void other_exchanges_may_leave_parameters_to_be_read(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(a_job_begins_anew),
-		cmocka_unit_test(who_stops_is_looked_at),
-		cmocka_unit_test(a_line_is_kept_for_one),
-		cmocka_unit_test(a_stop_that_is_prepared_waits_while_stops_have_the_line),
-		cmocka_unit_test(a_frame_is_kept_back_for_so_long_only),
-		cmocka_unit_test(what_a_line_was_kept_for_is_sent_at_its_time),
-		cmocka_unit_test(no_command_is_sent_before_a_stop_has_shown),
+		cmocka_unit_test(a_job_begins_without_the_state_of_the_last_one),
+		cmocka_unit_test(a_stop_makes_the_drives_active),
+		cmocka_unit_test(a_reservation_is_for_one_drive_and_lane),
+		cmocka_unit_test(a_prepared_stop_waits_while_the_line_is_reserved_for_stops),
+		cmocka_unit_test(a_frame_is_delayed_for_a_limited_time),
+		cmocka_unit_test(a_reserved_exchange_is_sent_at_its_time),
+		cmocka_unit_test(no_command_is_sent_before_a_stop_has_an_effect),
 		cmocka_unit_test(out_of_step_only_a_probe_is_sent),
-		cmocka_unit_test(what_is_sent_is_written_down),
-		cmocka_unit_test(a_reading_is_counted_once),
-		cmocka_unit_test(on_a_line_each_reading_is_counted),
+		cmocka_unit_test(an_exchange_that_is_sent_is_recorded),
+		cmocka_unit_test(on_can_the_wire_time_of_a_status_read_is_kept),
+		cmocka_unit_test(on_a_line_the_wire_time_is_not_kept),
 		cmocka_unit_test(a_command_counts_as_sent_when_it_may_have_an_effect),
 		cmocka_unit_test(a_late_drive_loses_some_turns_only),
-		cmocka_unit_test(other_exchanges_may_leave_parameters_to_be_read),
+		cmocka_unit_test(after_a_probe_parameters_may_have_to_be_read),
 	};
 
 	return cmocka_run_group_tests_name("sched/exchange_sent", tests, NULL, NULL);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * One question of a scan: when it is asked, how long it is waited for, and what follows from the bytes that come. Made-up
- * drives on a made-up line on which a byte takes 100 us.
+ * One question of a scan: when it is sent, how long the scan waits for the answer, and how it
+ * judges the received bytes. The drives, the time and the line are simulated (fakes/bus.h). On that
+ * line a byte takes 100 us.
  */
 #include "fakes/bus.h"
 #include "sched/scan.h"
@@ -21,11 +22,11 @@
 #define LATENCY (8 * MS)
 #define EXTRA (3 * MS)
 #define TURNAROUND (2 * MS)
-#define QUIET (1 * MS) /* as in scan.c, like this one */
+#define QUIET (1 * MS) /* this one and the next two as in scan.c */
 #define MARGIN (1 * MS)
 #define WAIT_MIN (5 * MS)
 #define GARBAGE 0xEE
-#define STRANGER 5 /* an address of no drive */
+#define STRANGER 5 /* an address without a drive */
 
 struct world {
 	struct fake_bus *bus;
@@ -52,7 +53,7 @@ static bool inquire(const struct db_bus_config *bus, const struct db_inquiry *in
 	return true;
 }
 
-/* The number in a frame says what it is. */
+/* The target of an answer is the result: one of enum db_recognised. */
 static enum db_recognised recognise(const struct db_bus_config *bus,
                                     const struct db_inquiry *inquiry, const uint8_t *bytes,
                                     size_t length, struct db_inquired *said)
@@ -66,7 +67,7 @@ static enum db_recognised recognise(const struct db_bus_config *bus,
 	return (enum db_recognised)frame.target;
 }
 
-/* Lines that echo need it: what is no frame is thrown away. */
+/* Skips garbage. The bytes after it are a frame as soon as there are enough of them. */
 static void cut(const struct db_received *received, size_t *skip, size_t *length)
 {
 	*skip = 0;
@@ -83,7 +84,7 @@ static void cut_nothing(const struct db_received *received, size_t *skip, size_t
 	*skip = *length = 0;
 }
 
-/* Two drives, which have nothing to do for ten seconds. */
+/* Opens a bus with two drives that have nothing to do for ten seconds and do not answer. */
 static void open_world(struct world *world, enum db_medium medium)
 {
 	memset(world, 0, sizeof *world);
@@ -115,7 +116,7 @@ static void begin_plan(struct world *world, struct db_scan_plan plan)
 	scan_begin(world->engine, world->scan, world->bus->now);
 }
 
-/* Asks the first question of a scan from this address on. */
+/* Begins a scan of this address and the next one, and sends its first question. */
 static void ask(struct world *world, enum db_medium medium, unsigned address)
 {
 	open_world(world, medium);
@@ -124,7 +125,7 @@ static void ask(struct world *world, enum db_medium medium, unsigned address)
 	assert_true(world->scan->question.flying);
 }
 
-/* The same, where the first visit goes on. */
+/* Sends the next question of the same scan. */
 static void ask_next(struct world *world)
 {
 	world->bus->now = db_time_max(world->bus->now, world->engine->quiet_until);
@@ -156,7 +157,7 @@ static struct db_scan_progress progress_of(const struct world *world)
 	return progress;
 }
 
-/* Whether the question is over at that time. */
+/* True if the question has ended at this time. */
 static bool is_over(struct world *world, db_time now)
 {
 	world->bus->now = now;
@@ -188,13 +189,13 @@ static void a_question_takes_its_time_on_the_wire(void **state)
 	assert_int_equal(world.scan->progress.address, STRANGER);
 	assert_int_equal(fake_stats(world.bus).transactions, before + 1);
 	assert_int_equal(world.engine->flights, 1);
-	/* What came before is no answer. */
+	/* Bytes that were received before the question do not answer it. */
 	assert_int_equal(world.engine->received_length, 0);
 	assert_int_equal(fake_stats(world.bus).garbage_bytes, 3);
 	close_world(&world);
 }
 
-/* On CAN it takes its turn on the wire behind what was sent before. */
+/* On CAN the question takes its turn on the wire after the frames that were sent before it. */
 static void a_question_on_can_waits_for_the_wire(void **state)
 {
 	(void)state;
@@ -205,7 +206,7 @@ static void a_question_on_can_waits_for_the_wire(void **state)
 		open_world(&world, DB_MEDIUM_CAN);
 		free_at = world.bus->now + (busy ? 4 * MS : 0);
 		world.engine->wire_free = busy ? free_at : 0;
-		/* Cycles do not use this line. */
+		/* On CAN a question need not end before the next cycle. */
 		world.engine->cycle_at = world.bus->now + MS;
 		begin_plan(&world, (struct db_scan_plan){ .first = STRANGER, .last = STRANGER });
 		assert_true(scan_send_next(world.engine, world.bus->now));
@@ -217,7 +218,7 @@ static void a_question_on_can_waits_for_the_wire(void **state)
 	}
 }
 
-/* Whether one is asked with so much time for the drive before the next cycle. */
+/* True if a question is sent when the drive has `room` to respond before the next cycle. */
 static bool asks_with_room(struct world *world, db_time room)
 {
 	open_world(world, DB_MEDIUM_SERIAL);
@@ -239,7 +240,7 @@ static void a_question_ends_before_the_next_cycle(void **state)
 	close_world(&world);
 	assert_true(asks_with_room(&world, WAIT_MIN));
 	assert_int_equal(world.scan->question.silent_by, world.bus->now + FRAME + EXTRA + WAIT_MIN);
-	/* A drive that takes longer will not be found. */
+	/* The progress shows the shortest wait: a drive that responds later is not found. */
 	assert_int_equal(world.scan->progress.wait_us, WAIT_MIN / DB_NS_PER_US);
 	close_world(&world);
 	assert_true(asks_with_room(&world, LATENCY + MS));
@@ -248,7 +249,7 @@ static void a_question_ends_before_the_next_cycle(void **state)
 	close_world(&world);
 }
 
-/* The second one in a cycle only if it gets as long as the first. */
+/* A second question in one cycle is sent only if the drive has the full latency to respond. */
 static void each_address_gets_the_same_wait(void **state)
 {
 	for (unsigned more = 0; more < 2; more++) {
@@ -267,8 +268,9 @@ static void each_address_gets_the_same_wait(void **state)
 	}
 }
 
-/* As long as the drive that was heard may take: the times are known, and tell nothing of others. */
-static void one_that_has_answered_needs_less_time(void **state)
+/* Once a drive has answered, its response time is known, and a question needs room for twice
+ * that time and a margin. The wait that is shown for other drives stays as it was. */
+static void a_drive_that_has_answered_needs_less_time(void **state)
 {
 	struct world world;
 
@@ -288,7 +290,8 @@ static void one_that_has_answered_needs_less_time(void **state)
 	                 (2 * FRAME + EXTRA + 3 * MS + MARGIN + QUIET + TURNAROUND) / DB_NS_PER_US);
 	assert_int_equal(world.scan->question.silent_by, world.bus->now + FRAME + EXTRA + 3 * MS);
 	assert_int_equal(world.scan->progress.wait_us, LATENCY / DB_NS_PER_US);
-	/* One answer that comes later makes it no slower, a sooner one quicker. */
+	/* The shortest response time counts: a slower answer does not change it, a faster one
+	 * does. */
 	world.bus->now += 2 * FRAME + 2 * MS;
 	receive_inquired(&world, STRANGER, DB_RECOGNISED_ANSWER);
 	assert_true(is_over(&world, world.scan->question.deadline + QUIET));
@@ -299,7 +302,7 @@ static void one_that_has_answered_needs_less_time(void **state)
 	receive_inquired(&world, STRANGER, DB_RECOGNISED_ANSWER);
 	assert_true(is_over(&world, world.scan->question.deadline));
 	assert_int_equal(world.scan->response_time, 0);
-	/* Answers to other questions have other lengths. */
+	/* Answers to other kinds of questions have other lengths, so their time does not count. */
 	ask_next(&world);
 	world.scan->response_time = 2 * MS;
 	world.scan->question.inquiry.kind = DB_INQUIRY_IDENTITY;
@@ -310,7 +313,7 @@ static void one_that_has_answered_needs_less_time(void **state)
 	close_world(&world);
 }
 
-static void what_is_known_of_one_address_says_nothing_of_the_next(void **state)
+static void at_the_next_address_the_response_time_is_unknown_again(void **state)
 {
 	struct world world;
 
@@ -328,7 +331,7 @@ static void what_is_known_of_one_address_says_nothing_of_the_next(void **state)
 	close_world(&world);
 }
 
-/* As commands do. */
+/* A question that changes a setting is sent at once, like a command. */
 static void a_setting_may_take_longer_than_a_cycle(void **state)
 {
 	struct world world;
@@ -348,7 +351,8 @@ static void a_setting_may_take_longer_than_a_cycle(void **state)
 	close_world(&world);
 }
 
-/* Each of the line's drives, also the first. */
+/* A save may delay a stop. So it waits until each drive of the line was read after its last
+ * command, also the first drive. */
 static void nothing_is_saved_before_each_drive_was_read(void **state)
 {
 	(void)state;
@@ -394,8 +398,9 @@ static bool mishear(unsigned address, const uint8_t *request, size_t length)
 	return true;
 }
 
-/* Until whoever sent last is sure to hear whom it is for. */
-static void a_question_waits_until_nobody_mishears_it(void **state)
+/* A drive that has just sent may miss the beginning of the question and take the rest for a
+ * request to itself. The scan waits until this drive is sure to receive. */
+static void a_question_waits_until_no_drive_can_mishear_it(void **state)
 {
 	struct world world;
 	struct node *node;
@@ -417,9 +422,10 @@ static void a_question_waits_until_nobody_mishears_it(void **state)
 	close_world(&world);
 }
 
-/* --- what comes ------------------------------------------------------------------------------- */
+/* --- received bytes --------------------------------------------------------------------------- */
 
-/* The line was this drive's for that time, and the next question waits for it to turn around. */
+/* The wait is charged to the background's share of the line, and the next question waits for the
+ * turnaround time. */
 static void silence_ends_a_question(void **state)
 {
 	struct world world;
@@ -440,13 +446,13 @@ static void silence_ends_a_question(void **state)
 	assert_int_equal(world.engine->quiet_until, world.bus->now + TURNAROUND);
 	assert_int_equal(world.scan->idle_since, world.bus->now);
 	assert_memory_equal(&world.engine->shares, &shares, sizeof shares);
-	/* Nothing more is to come. */
+	/* Nothing was received, so no late answer is awaited. */
 	assert_int_equal(world.scan->not_before, 0);
 	close_world(&world);
 }
 
-/* On CAN others have the wire meanwhile. */
-static void on_can_a_question_takes_no_time_of_others(void **state)
+/* On CAN other exchanges use the wire while the scan waits for its answer. */
+static void on_can_the_wait_for_an_answer_is_not_busy_time(void **state)
 {
 	struct world world;
 	db_time busy;
@@ -461,7 +467,7 @@ static void on_can_a_question_takes_no_time_of_others(void **state)
 	assert_int_equal(world.engine->busy, busy);
 	assert_int_equal(world.engine->flights, 1);
 	world.engine->flights = 0;
-	/* What is left in the buffer is not the answer. */
+	/* On CAN bytes that are left in the buffer are no damaged answer. */
 	ask_next(&world);
 	world.engine->received_length = 2 * sizeof(struct fake_frame);
 	assert_true(is_over(&world, world.scan->question.silent_by));
@@ -470,7 +476,8 @@ static void on_can_a_question_takes_no_time_of_others(void **state)
 	close_world(&world);
 }
 
-/* One that was heard may go on answering what is over: what comes next is another answer. */
+/* If anything was received from this address, its answer to this question may still arrive, and
+ * would be taken for the answer to the next one. So the scan waits for it first. */
 static void late_answers_are_waited_for(void **state)
 {
 	static const struct {
@@ -489,14 +496,15 @@ static void late_answers_are_waited_for(void **state)
 		assert_int_equal(world.scan->not_before,
 		                 cases[i].waits ? world.bus->now + LATE_ANSWER_LATENCIES * LATENCY :
 		                                  0);
-		/* What may be the beginning of one is no damage. */
+		/* Fewer bytes than an answer has may be the beginning of a late one: they are no
+		 * damage. */
 		assert_int_equal(world.scan->visit.find.garbled, 0);
 		close_world(&world);
 	}
 }
 
-/* While bytes come it goes on, but not for ever. */
-static void a_question_ends_when_nothing_comes_any_more(void **state)
+/* The question goes on while bytes arrive, but at most for twice its time. */
+static void a_question_ends_when_no_more_bytes_arrive(void **state)
 {
 	struct world world;
 	db_time sent;
@@ -530,7 +538,8 @@ static void a_question_ends_when_nothing_comes_any_more(void **state)
 	close_world(&world);
 }
 
-/* How many bytes of the question come back, of as many bytes as it has, and then others. Whether they are damage. */
+/* The line returns the first `echoed` bytes of the question, followed by `others` bytes of
+ * garbage. True if the scan counts this as damage. With `cuts` the driver skips garbage. */
 static bool is_damage(size_t echoed, size_t others, bool cuts)
 {
 	const struct fake_frame frame = { .address = STRANGER, .kind = FAKE_INQUIRY };
@@ -541,7 +550,7 @@ static bool is_damage(size_t echoed, size_t others, bool cuts)
 	ask(&world, DB_MEDIUM_SERIAL, STRANGER);
 	world.driver.cut = cuts ? cut : cut_nothing;
 	memset(bytes, GARBAGE, sizeof bytes);
-	/* The question itself may be garbage to the family. */
+	/* Here the driver takes the question itself for garbage. */
 	if (cuts)
 		memset(world.scan->request, GARBAGE, sizeof frame);
 	else
@@ -562,15 +571,15 @@ static void an_echo_of_the_question_is_no_damage(void **state)
 	(void)state;
 	assert_false(is_damage(length, 0, false));
 	assert_false(is_damage(length, 0, true));
-	/* What comes behind it is, */
+	/* Bytes after a whole echo are damage. */
 	assert_true(is_damage(length, 1, true));
 	assert_true(is_damage(length, length, false));
-	/* and as many bytes as an answer has. */
+	/* Without a whole echo, as many bytes as an answer has are damage. */
 	assert_true(is_damage(1, length - 1, false));
 	assert_false(is_damage(1, length - 2, false));
 }
 
-/* An echo is followed by the answer, or by nothing. */
+/* When only the echo arrives, the question ends as early as without any bytes. */
 static void an_echo_is_no_answer(void **state)
 {
 	struct world world;
@@ -586,9 +595,9 @@ static void an_echo_is_no_answer(void **state)
 	assert_int_equal(scan_run_at(world.engine, world.bus->now), silent_by);
 	assert_false(is_over(&world, silent_by - 1));
 	assert_true(is_over(&world, silent_by));
-	/* Nothing was heard of a drive. */
+	/* No drive was heard, so no late answer is awaited. */
 	assert_int_equal(world.scan->not_before, 0);
-	/* It is no longer than the question, whatever comes behind it. */
+	/* The echo is not longer than the question: the byte after it is no part of it. */
 	ask_next(&world);
 	fake_receive(world.bus, world.scan->request, sizeof(struct fake_frame) + 1);
 	assert_int_equal(world.scan->question.received, sizeof(struct fake_frame) + 1);
@@ -604,14 +613,14 @@ static void damaged_frames_are_damage(void **state)
 	ask(&world, DB_MEDIUM_SERIAL, STRANGER);
 	receive_inquired(&world, 0, DB_RECOGNISED_ANSWER);
 	assert_int_equal(world.scan->question.garbage, sizeof(struct fake_frame));
-	/* Of no drive of ours. */
+	/* It is not counted as a damaged frame of the bus's own exchanges. */
 	assert_int_equal(fake_stats(world.bus).bad_frames, 0);
 	assert_true(is_over(&world, world.scan->question.deadline));
 	assert_int_equal(world.scan->visit.find.garbled, 1);
 	close_world(&world);
 }
 
-/* A single byte is enough. */
+/* A single byte of garbage is enough. */
 static void garbage_is_damage(void **state)
 {
 	struct world world;
@@ -650,7 +659,8 @@ static void answers_are_counted(void **state)
 			assert_int_equal(question->outcome.answered, cases[i].answered);
 			assert_int_equal(question->outcome.doubled, cases[i].doubled);
 			assert_int_equal(question->outcome.time_us, cases[i].answered ? 5000 : 0);
-			/* Once, whoever counts them. */
+			/* Counted once: by scan_receive() on a line, by scan_receive_frame() on
+			 * CAN. */
 			assert_int_equal(question->received, sizeof(struct fake_frame));
 			assert_int_equal(question->received_at, world.bus->now);
 			close_world(&world);
@@ -658,8 +668,8 @@ static void answers_are_counted(void **state)
 	}
 }
 
-/* A frame that is no answer is for whom it is for otherwise. */
-static void other_frames_are_not_the_scans(void **state)
+/* A frame that does not answer the question is left to the engine, as without a scan. */
+static void frames_that_are_no_answer_are_left_to_the_engine(void **state)
 {
 	const struct fake_frame poll = { .address = 1, .kind = FAKE_POLL };
 	const struct fake_frame foreign = { .address = STRANGER,
@@ -673,7 +683,7 @@ static void other_frames_are_not_the_scans(void **state)
 	                                sizeof poll, world.bus->now));
 	assert_false(scan_receive_frame(world.engine, DB_FRAME_FOREIGN, (const uint8_t *)&foreign,
 	                                sizeof foreign, world.bus->now));
-	/* On CAN it may be any other node's. */
+	/* On CAN a damaged frame may be from any other node. */
 	assert_false(scan_receive_frame(world.engine, DB_FRAME_BAD, (const uint8_t *)&foreign,
 	                                sizeof foreign, world.bus->now));
 	assert_int_equal(world.scan->question.garbage, 0);
@@ -681,14 +691,14 @@ static void other_frames_are_not_the_scans(void **state)
 	assert_true(scan_receive_frame(world.engine, DB_FRAME_GOOD, (const uint8_t *)&foreign,
 	                               sizeof foreign, world.bus->now));
 	assert_true(is_over(&world, world.scan->question.deadline + QUIET));
-	/* None is asked. */
+	/* The question has ended. */
 	assert_false(scan_receive_frame(world.engine, DB_FRAME_GOOD, (const uint8_t *)&foreign,
 	                                sizeof foreign, world.bus->now));
 	close_world(&world);
 }
 
-/* Where one drive is asked at a time, bytes of a question that is over count for nothing. */
-static void bytes_without_a_question_count_for_nothing(void **state)
+/* Bytes that arrive after the question has ended, or after the scan, are not counted. */
+static void bytes_without_a_question_are_not_counted(void **state)
 {
 	struct world world;
 
@@ -706,7 +716,8 @@ static void bytes_without_a_question_count_for_nothing(void **state)
 	close_world(&world);
 }
 
-/* There is no one question on CAN with which a frame could be cut. */
+/* The question that cut() was given last. On CAN there is none, because several drives may be
+ * asked at once. */
 static const uint8_t *cut_with;
 
 static void cut_can(const struct db_received *received, size_t *skip, size_t *length)
@@ -733,9 +744,10 @@ static void frames_are_cut_with_the_scans_question_on_a_line_only(void **state)
 	}
 }
 
-/* --- drives that are known -------------------------------------------------------------------- */
+/* --- configured drives ------------------------------------------------------------------------ */
 
-/* What one that did not answer still sends may be taken for an answer to something else. */
+/* The drive's late answer to the scan could be taken for the answer to its next request, so the
+ * drive must be probed first. */
 static void a_drive_that_did_not_answer_is_out_of_step(void **state)
 {
 	(void)state;
@@ -757,7 +769,7 @@ static void a_drive_that_did_not_answer_is_out_of_step(void **state)
 	}
 }
 
-static void who_is_asked_is_known(void **state)
+static void a_question_gives_way_to_requests_to_its_drive(void **state)
 {
 	struct world world;
 
@@ -765,13 +777,14 @@ static void who_is_asked_is_known(void **state)
 	ask(&world, DB_MEDIUM_SERIAL, 2);
 	assert_false(scan_is_asking(world.engine, world.engine->nodes[0]));
 	assert_true(scan_is_asking(world.engine, world.engine->nodes[1]));
-	/* Set aside it is not as a drive of ours. */
+	/* While the bus is out of service, the address does not stand for a configured drive. */
 	world.scan->plan.aside = true;
 	assert_false(scan_is_asking(world.engine, world.engine->nodes[1]));
 	world.scan->plan.aside = false;
 	world.scan->visit.standings = 2;
 	world.scan->visit.standing_tries = 2;
-	/* What is sent to another drive leaves it as it is. */
+	/* A request to another drive does not end the question; one to its own drive does. After
+	 * a command the scan also asks again whether the drive stands. */
 	scan_give_way(world.engine, world.engine->nodes[0], true);
 	assert_true(world.scan->question.flying);
 	assert_int_equal(world.scan->visit.standings, 2);
@@ -785,11 +798,12 @@ static void who_is_asked_is_known(void **state)
 	close_world(&world);
 }
 
-/* --- ends ------------------------------------------------------------------------------------- */
+/* --- the end of a scan ------------------------------------------------------------------------ */
 
-static void the_end_frees_the_line_of_its_question(void **state)
+static void the_end_of_a_scan_ends_its_question(void **state)
 {
-	/* Another exchange is under way, or all were forgotten with the port. */
+	/* On a line the question is an exchange under way, unless the lost port has ended it
+	 * already. On CAN the one exchange is another drive's. */
 	static const struct {
 		enum db_medium medium;
 		unsigned flights, left;
@@ -815,7 +829,7 @@ static void the_end_frees_the_line_of_its_question(void **state)
 	}
 }
 
-static void the_end_leaves_the_line_to_others(void **state)
+static void the_end_of_a_scan_leaves_other_exchanges(void **state)
 {
 	struct world world;
 
@@ -829,8 +843,8 @@ static void the_end_leaves_the_line_to_others(void **state)
 	close_world(&world);
 }
 
-/* Whatever else the thread was woken for. */
-static void a_client_that_cancels_is_heard_at_once(void **state)
+/* The scan ends at the engine's next call, although its next question is not due yet. */
+static void a_scan_that_is_cancelled_ends_at_once(void **state)
 {
 	struct world world;
 
@@ -866,7 +880,7 @@ static void a_scan_gives_up_when_there_is_no_time_for_it(void **state)
 	}
 }
 
-static void what_cannot_be_kept_is_counted(void **state)
+static void an_address_counts_even_if_its_find_has_no_room(void **state)
 {
 	struct world world;
 
@@ -894,7 +908,8 @@ static const struct db_scan_plan aside = {
 	.first = 1, .last = 4, .aside = true, .speed_count = 3, .speeds = { 9600, 19200, 38400 }
 };
 
-/* The speed of the line, and who is asked at it. */
+/* The port is opened at each speed of the plan, and there all addresses are asked, from the
+ * first on. */
 static void a_line_is_opened_at_each_speed(void **state)
 {
 	struct world world;
@@ -923,7 +938,7 @@ static void a_line_is_opened_at_each_speed(void **state)
 	assert_int_equal(scan_run_at(world.engine, now), now + 1);
 	assert_true(scan_send_next(world.engine, now));
 	assert_int_equal(world.scan->question.silent_by, now + FRAME + EXTRA + LATENCY);
-	/* The second speed is none that this port has. */
+	/* The port does not support this speed: its other addresses count as asked. */
 	world.scan->progress.asked = 3;
 	scan_port(world.engine, false, EINVAL, now);
 	assert_false(world.scan->question.flying);
@@ -945,7 +960,7 @@ static void a_line_is_opened_at_each_speed(void **state)
 	close_world(&world);
 }
 
-static void a_bus_on_can_has_a_bit_rate(void **state)
+static void on_can_a_scan_changes_the_bit_rate(void **state)
 {
 	struct world world;
 
@@ -973,7 +988,7 @@ static void no_bus_is_set_aside_while_one_of_its_drives_moves(void **state)
 	}
 }
 
-/* --- frames of others on CAN ------------------------------------------------------------------ */
+/* --- frames of other senders on CAN ----------------------------------------------------------- */
 
 static void receive_from(struct world *world, uint32_t id, size_t length)
 {
@@ -1021,33 +1036,33 @@ int main(void)
 		cmocka_unit_test(a_question_on_can_waits_for_the_wire),
 		cmocka_unit_test(a_question_ends_before_the_next_cycle),
 		cmocka_unit_test(each_address_gets_the_same_wait),
-		cmocka_unit_test(one_that_has_answered_needs_less_time),
-		cmocka_unit_test(what_is_known_of_one_address_says_nothing_of_the_next),
+		cmocka_unit_test(a_drive_that_has_answered_needs_less_time),
+		cmocka_unit_test(at_the_next_address_the_response_time_is_unknown_again),
 		cmocka_unit_test(a_setting_may_take_longer_than_a_cycle),
 		cmocka_unit_test(nothing_is_saved_before_each_drive_was_read),
 		cmocka_unit_test(a_question_is_asked_as_soon_as_it_may_be),
-		cmocka_unit_test(a_question_waits_until_nobody_mishears_it),
+		cmocka_unit_test(a_question_waits_until_no_drive_can_mishear_it),
 		cmocka_unit_test(silence_ends_a_question),
-		cmocka_unit_test(on_can_a_question_takes_no_time_of_others),
+		cmocka_unit_test(on_can_the_wait_for_an_answer_is_not_busy_time),
 		cmocka_unit_test(late_answers_are_waited_for),
-		cmocka_unit_test(a_question_ends_when_nothing_comes_any_more),
+		cmocka_unit_test(a_question_ends_when_no_more_bytes_arrive),
 		cmocka_unit_test(an_echo_of_the_question_is_no_damage),
 		cmocka_unit_test(an_echo_is_no_answer),
 		cmocka_unit_test(damaged_frames_are_damage),
 		cmocka_unit_test(garbage_is_damage),
 		cmocka_unit_test(answers_are_counted),
-		cmocka_unit_test(other_frames_are_not_the_scans),
-		cmocka_unit_test(bytes_without_a_question_count_for_nothing),
+		cmocka_unit_test(frames_that_are_no_answer_are_left_to_the_engine),
+		cmocka_unit_test(bytes_without_a_question_are_not_counted),
 		cmocka_unit_test(frames_are_cut_with_the_scans_question_on_a_line_only),
 		cmocka_unit_test(a_drive_that_did_not_answer_is_out_of_step),
-		cmocka_unit_test(who_is_asked_is_known),
-		cmocka_unit_test(the_end_frees_the_line_of_its_question),
-		cmocka_unit_test(the_end_leaves_the_line_to_others),
-		cmocka_unit_test(a_client_that_cancels_is_heard_at_once),
+		cmocka_unit_test(a_question_gives_way_to_requests_to_its_drive),
+		cmocka_unit_test(the_end_of_a_scan_ends_its_question),
+		cmocka_unit_test(the_end_of_a_scan_leaves_other_exchanges),
+		cmocka_unit_test(a_scan_that_is_cancelled_ends_at_once),
 		cmocka_unit_test(a_scan_gives_up_when_there_is_no_time_for_it),
-		cmocka_unit_test(what_cannot_be_kept_is_counted),
+		cmocka_unit_test(an_address_counts_even_if_its_find_has_no_room),
 		cmocka_unit_test(a_line_is_opened_at_each_speed),
-		cmocka_unit_test(a_bus_on_can_has_a_bit_rate),
+		cmocka_unit_test(on_can_a_scan_changes_the_bit_rate),
 		cmocka_unit_test(no_bus_is_set_aside_while_one_of_its_drives_moves),
 		cmocka_unit_test(frames_of_others_are_counted_by_their_ids),
 	};
