@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* When the filters of a CAN port are open, and what is told of the port: the line with a port that takes notes, in made-up
- * time. */
+/*
+ * The line of a bus: when the filters of a CAN port are open, a port that is lost, busy, full or
+ * broken, and scans that have the line to themselves. The real line and engine with a port that
+ * records what is done to it, in made-up time.
+ */
 #include "sched/bus_line.h"
 
 #include "codec/vsmd_can.h"
@@ -403,7 +406,7 @@ static void a_port_that_was_lost_is_closed_and_opened_again(void **state)
 	end(&story);
 }
 
-/* It has been there in between. */
+/* The port was open again in between, so its second loss is news. */
 static void a_port_that_is_lost_again_is_told_of_again(void **state)
 {
 	struct story story = { .answers = true };
@@ -423,7 +426,7 @@ static void a_port_that_is_lost_again_is_told_of_again(void **state)
 	assert_string_equal(told.lines[3], told.lines[1]);
 }
 
-static void who_has_a_port_is_named_while_it_is_busy(void **state)
+static void the_holder_of_a_port_is_known_only_while_the_port_is_busy(void **state)
 {
 	struct story story = { .answers = true };
 
@@ -536,7 +539,7 @@ static void what_a_port_does_not_take_is_sent_later_in_its_order(void **state)
 	(void)bus_line_send(&story.line, bytes, 20);
 	assert_int_equal(story.taken_length, 10);
 	assert_true(is_held(&story));
-	/* What comes behind it stays behind it. */
+	/* Bytes of a later frame wait until the rest is sent, or they would overtake it. */
 	(void)bus_line_send(&story.line, bytes + 20, 6);
 	assert_int_equal(story.taken_length, 10);
 	(void)bus_line_poll(&story.line, &poll);
@@ -554,7 +557,7 @@ static void what_a_port_does_not_take_is_sent_later_in_its_order(void **state)
 	end(&story);
 }
 
-static void the_last_byte_is_sent_as_all_before_it(void **state)
+static void a_single_byte_that_waits_is_sent(void **state)
 {
 	struct story story = { .answers = true };
 	struct pollfd poll;
@@ -571,7 +574,7 @@ static void the_last_byte_is_sent_as_all_before_it(void **state)
 	end(&story);
 }
 
-static void a_port_is_given_up_when_no_more_can_be_kept_for_it(void **state)
+static void a_port_is_given_up_when_too_many_bytes_wait_for_it(void **state)
 {
 	static const uint8_t bytes[sizeof(((struct bus_line *)NULL)->unsent)];
 	struct story story = { .answers = true };
@@ -595,7 +598,7 @@ static db_time run_soon(struct db_port *port, db_time now, int *error)
 	return now + MS;
 }
 
-static void a_port_that_is_full_has_its_own_turns_all_the_same(void **state)
+static void a_full_port_runs_as_soon_as_its_transport_wants(void **state)
 {
 	struct story story = { .answers = true };
 
@@ -700,8 +703,9 @@ static void all_that_has_arrived_is_read(void **state)
 	end(&story);
 }
 
-/* The last byte of one that hung up is read before it is given up, and what has a pending error is read. */
-static void what_arrived_last_is_read_before_a_port_is_given_up(void **state)
+/* A port that hung up is read until it has no more bytes, and only then given up. A port with a
+ * pending error (POLLERR) is read, and stays open. */
+static void the_last_bytes_are_read_before_a_port_is_given_up(void **state)
 {
 	struct story story = { .answers = true };
 
@@ -1089,15 +1093,15 @@ int main(void)
 		cmocka_unit_test(a_port_that_is_busy_names_nobody_who_is_not_known),
 		cmocka_unit_test(a_port_that_was_lost_is_closed_and_opened_again),
 		cmocka_unit_test(a_port_that_is_lost_again_is_told_of_again),
-		cmocka_unit_test(who_has_a_port_is_named_while_it_is_busy),
+		cmocka_unit_test(the_holder_of_a_port_is_known_only_while_the_port_is_busy),
 		cmocka_unit_test(the_trace_has_when_the_port_came_and_went),
 		cmocka_unit_test(what_a_port_does_not_take_is_sent_later_in_its_order),
-		cmocka_unit_test(the_last_byte_is_sent_as_all_before_it),
-		cmocka_unit_test(a_port_is_given_up_when_no_more_can_be_kept_for_it),
-		cmocka_unit_test(a_port_that_is_full_has_its_own_turns_all_the_same),
+		cmocka_unit_test(a_single_byte_that_waits_is_sent),
+		cmocka_unit_test(a_port_is_given_up_when_too_many_bytes_wait_for_it),
+		cmocka_unit_test(a_full_port_runs_as_soon_as_its_transport_wants),
 		cmocka_unit_test(a_port_that_takes_nothing_is_given_up),
 		cmocka_unit_test(all_that_has_arrived_is_read),
-		cmocka_unit_test(what_arrived_last_is_read_before_a_port_is_given_up),
+		cmocka_unit_test(the_last_bytes_are_read_before_a_port_is_given_up),
 		cmocka_unit_test(a_port_that_breaks_is_given_up),
 		cmocka_unit_test(a_port_that_finds_itself_broken_is_given_up),
 		cmocka_unit_test(a_controller_that_is_off_the_bus_is_waited_for),

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What people read of a bus and its drives: that every event has its words, and each cause its advice. */
+/*
+ * The lines that users read of a bus and its drives: every event has its text, and every cause of a
+ * lost port its advice. A log that keeps its lines in memory.
+ */
 #include "codec/can.h"
 #include "driver/list.h"
 #include "log/log_private.h"
@@ -135,7 +138,7 @@ static void events_of_others_are_not_told_of_a_drive(void **state)
 	assert_int_equal(reader.count, 0);
 }
 
-/* The line that `tell` logs of a drive at address 7, without whose it is. */
+/* The one line that `tell` logs, without the names of the bus and the drive at its beginning. */
 static const char *line_of(void (*tell)(const struct db_log_source *source,
                                         const struct db_drive_config *drive, const void *what),
                            const struct db_drive_config *drive, const void *what)
@@ -175,8 +178,9 @@ static void tell_runs_on(const struct db_log_source *source, const struct db_dri
 	bus_log_event(source, &driver, drive, DB_EVENT_DRIVE_RUNS_ON, &running->feedback, NULL, 1);
 }
 
-/* An axis that stands is no danger; the other one may be. */
-static void a_drive_that_runs_on_is_told_from_one_beside_it(void **state)
+/* A stop is for all axes of a controller. Where this axis stands, the line must not call it a
+ * danger: another axis may still move. */
+static void an_axis_that_stands_is_not_said_to_run_on(void **state)
 {
 	static const char *const runs = "does not slow down: 1.5 mm/s after 400 ms (status "
 					"0000002A); the stop is repeated; switch the drive off";
@@ -191,7 +195,7 @@ static void a_drive_that_runs_on_is_told_from_one_beside_it(void **state)
 	                       "others"));
 	running.feedback.status |= DB_STATUS_MOVING;
 	assert_non_null(strstr(line_of(tell_runs_on, &feeder, &running), runs));
-	/* The only one it can be. */
+	/* Without other axes it is this drive that runs on, whatever its status says. */
 	for (running.axes = 0; running.axes < 2; running.axes++) {
 		running.feedback.status = DB_STATUS_ENABLED;
 		assert_non_null(strstr(line_of(tell_runs_on, &feeder, &running), runs));
@@ -232,13 +236,13 @@ static void parameters_that_are_missing_are_named(void **state)
 	for (missing.set[0] = 1; missing.set[0] < 8; missing.set[0]++)
 		assert_non_null(
 			strstr(line_of(tell_missing, &feeder, &missing), lines[missing.set[0]]));
-	/* Only those that it has. */
+	/* A bit beyond the family's parameters is ignored. */
 	missing.set[0] = 9;
 	assert_non_null(strstr(line_of(tell_missing, &feeder, &missing), lines[1]));
 }
 
-/* Of more names than a line has room for, the beginning. */
-static void many_missing_parameters_fill_a_line(void **state)
+/* The list of names is cut at the end of its buffer. */
+static void a_long_list_of_missing_parameters_is_cut(void **state)
 {
 	static struct db_param many[64];
 	struct missing missing = { .driver = { .params = many, .param_count = 64 },
@@ -248,7 +252,7 @@ static void many_missing_parameters_fill_a_line(void **state)
 
 	(void)state;
 	for (size_t i = 0; i < 64; i++)
-		many[i].name = i == 0 ? "ABCD" : "ABC"; /* a comma is the last that fits */
+		many[i].name = i == 0 ? "ABCD" : "ABC"; /* the last byte that fits is a comma */
 	text = line_of(tell_missing, &feeder, &missing);
 	first = strstr(text, "ABC");
 	assert_non_null(first);
@@ -291,7 +295,7 @@ static struct heard heard_on_can(uint32_t id, uint8_t length)
 	return heard;
 }
 
-static void what_is_heard_on_can_is_written_as_others_write_it(void **state)
+static void an_unusable_can_frame_is_written_as_id_and_data(void **state)
 {
 	struct heard heard = heard_on_can(0x165, 2);
 
@@ -303,20 +307,20 @@ static void what_is_heard_on_can_is_written_as_others_write_it(void **state)
 	heard = heard_on_can(0x5 | DB_CAN_EXTENDED, 8);
 	assert_non_null(
 		strstr(line_of(tell_heard, &feeder, &heard), ": 00000005#0A1B2C3D4E5F6071 is no"));
-	/* A length that a frame cannot have. */
+	/* A frame has 8 bytes at most: a larger length shows no more. */
 	heard = heard_on_can(0x7FF, 15);
 	assert_non_null(
 		strstr(line_of(tell_heard, &feeder, &heard), ": 7FF#0A1B2C3D4E5F6071 is no"));
 	heard = heard_on_can(0x7FF, 0);
 	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard), ": 7FF# is no"));
-	/* What is no whole frame is written as it came. */
+	/* Bytes that are no whole CAN frame are written byte by byte. */
 	heard.unusable.length = 4;
 	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard), ": FF070000 is no"));
 	heard.unusable.length = sizeof heard.unusable.bytes;
 	assert_null(strstr(line_of(tell_heard, &feeder, &heard), "... is no"));
 }
 
-static void what_is_heard_on_a_line_is_written_byte_by_byte(void **state)
+static void an_unusable_serial_answer_is_written_byte_by_byte(void **state)
 {
 	struct heard heard = { .medium = DB_MEDIUM_SERIAL };
 
@@ -325,13 +329,13 @@ static void what_is_heard_on_a_line_is_written_byte_by_byte(void **state)
 		heard.unusable.bytes[i] = (uint8_t)(0xA0 + i);
 	heard.unusable.length = 3;
 	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard), ": A0A1A2 is no"));
-	/* As long as a frame on CAN. */
+	/* 16 bytes are the size of a CAN frame in memory, but these are serial. */
 	heard.unusable.length = 16;
 	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard),
 	                       ": A0A1A2A3A4A5A6A7A8A9AAABACADAEAF is no"));
 	heard.unusable.length = 23;
 	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard), "B4B5B6 is no"));
-	/* There may have been more of it. */
+	/* All bytes that are kept: the answer may have been longer, as the dots say. */
 	heard.unusable.length = 24;
 	assert_non_null(strstr(line_of(tell_heard, &feeder, &heard), "B5B6B7... is no"));
 }
@@ -342,7 +346,7 @@ static void tell_long_raw(const struct db_log_source *source, const struct db_dr
 	bus_log_raw_frame(source, drive, DB_MEDIUM_SERIAL, true, what, 40, 1);
 }
 
-static void raw_frames_are_told(void **state)
+static void raw_frames_are_logged(void **state)
 {
 	const uint8_t bytes[40] = { 0x12, 0x34 };
 	struct heard heard = heard_on_can(0x165, 2);
@@ -437,7 +441,7 @@ static void a_late_answer_on_a_busy_computer_may_not_be_the_drives(void **state)
 			       .told = { .event = DB_EVENT_DRIVE_LATE, .time = 49 * DB_NS_PER_MS },
 			       .seconds = 20 }),
 	               "answers 49 ms after a request, but"));
-	/* What has begun counts. */
+	/* A millisecond that has begun counts as a whole one. */
 	assert_non_null(strstr(tell_late(63 * DB_NS_PER_MS + 1, 0),
 	                       "waits 64 ms for it; set drive-latency-ms = 64 to keep that"));
 	assert_non_null(strstr(tell_late(0, 900 * DB_NS_PER_MS),
@@ -509,12 +513,12 @@ int main(void)
 		cmocka_unit_test(a_fault_is_told_with_what_to_check),
 		cmocka_unit_test(every_event_of_a_drive_has_its_words),
 		cmocka_unit_test(events_of_others_are_not_told_of_a_drive),
-		cmocka_unit_test(a_drive_that_runs_on_is_told_from_one_beside_it),
+		cmocka_unit_test(an_axis_that_stands_is_not_said_to_run_on),
 		cmocka_unit_test(parameters_that_are_missing_are_named),
-		cmocka_unit_test(many_missing_parameters_fill_a_line),
-		cmocka_unit_test(what_is_heard_on_can_is_written_as_others_write_it),
-		cmocka_unit_test(what_is_heard_on_a_line_is_written_byte_by_byte),
-		cmocka_unit_test(raw_frames_are_told),
+		cmocka_unit_test(a_long_list_of_missing_parameters_is_cut),
+		cmocka_unit_test(an_unusable_can_frame_is_written_as_id_and_data),
+		cmocka_unit_test(an_unusable_serial_answer_is_written_byte_by_byte),
+		cmocka_unit_test(raw_frames_are_logged),
 		cmocka_unit_test(a_busy_computer_is_not_blamed_on_the_bus),
 		cmocka_unit_test(a_late_answer_on_a_busy_computer_may_not_be_the_drives),
 		cmocka_unit_test(who_does_not_receive_is_said),

@@ -1,5 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The thread of a bus with made-up drives at the other end of a socket, in real time: what reaches them and comes back. */
+/*
+ * The thread of a bus, in real time: commands and results, its end, added and removed drives,
+ * scans, the thread's own settings. A thread that plays the drives answers at the other end of a
+ * socket.
+ */
 #include "drivebridge/bus.h"
 #include "drivebridge/clock.h"
 #include "drivebridge/scan.h"
@@ -32,7 +36,7 @@
 #define PATIENCE (20 * DB_NS_PER_S)
 #define NAME "a bus with a long name"
 
-/* --- the drives' end --------------------------------------------------------------------------- */
+/* --- the drives' end -------------------------------------------------------------------------- */
 
 static struct wire {
 	int ends[2];
@@ -125,7 +129,7 @@ static const struct db_transport transport = {
 	.wire_time = wire_time,
 };
 
-/* Whoever asks an address finds a drive there if it answers. */
+/* This family can only be asked whether a drive answers at an address. */
 static bool inquire(const struct db_bus_config *bus, const struct db_inquiry *inquiry,
                     struct db_exchange *exchange)
 {
@@ -149,7 +153,7 @@ static enum db_recognised recognise(const struct db_bus_config *bus,
 	               DB_RECOGNISED_NOTHING;
 }
 
-/* --- the bridge's end --------------------------------------------------------------------------- */
+/* --- the bridge's end ------------------------------------------------------------------------- */
 
 struct world {
 	struct db_driver driver;
@@ -167,7 +171,7 @@ static void take_line(void *context, const struct db_log_record *record)
 	atomic_fetch_add(&((struct world *)context)->told[record->event], 1);
 }
 
-/* Its configuration may still be changed. */
+/* The bus is not made yet: the test may still change its configuration. */
 static struct world *new_world(void)
 {
 	struct world *world = calloc(1, sizeof *world);
@@ -210,7 +214,7 @@ static struct world *new_world(void)
 	return world;
 }
 
-/* The first drives are on the bus, the others are not. */
+/* Makes the bus with the first `drives` of the drives. */
 static void make_bus(struct world *world, size_t drives)
 {
 	assert_int_equal(db_bus_new(&world->config, world->list, drives, world->log, &world->bus),
@@ -273,7 +277,7 @@ static bool has_news(const struct world *world)
 	return poll(&news, 1, 0) > 0;
 }
 
-/* The network thread is woken for it. */
+/* Waits as the network thread does: until the bus signals that there is something to fetch. */
 static void wait_for_news(const struct world *world)
 {
 	struct pollfd news = { .fd = db_bus_completion_fd(world->bus), .events = POLLIN };
@@ -308,7 +312,7 @@ static unsigned count_open_files(void)
 	return count;
 }
 
-/* --- what comes back ----------------------------------------------------------------------------- */
+/* --- readings and results --------------------------------------------------------------------- */
 
 static void a_drive_is_read_and_commanded(void **state)
 {
@@ -329,13 +333,13 @@ static void a_drive_is_read_and_commanded(void **state)
 	assert_int_equal(stats.online, 1);
 	assert_true(stats.transactions > 0);
 	WAIT_UNTIL(has_told(world, DB_EVENT_BUS_UP) && has_told(world, DB_EVENT_DRIVE_ONLINE));
-	/* Nothing was asked for that could be refused. */
+	/* Neither a processor nor a priority is configured, so the kernel can refuse neither. */
 	assert_false(has_told(world, DB_EVENT_CPUS_REFUSED));
 	assert_false(has_told(world, DB_EVENT_PRIORITY_REFUSED));
 	close_world(world);
 }
 
-/* There is a record of this event in the trace. */
+/* True if the trace has a record of this event. */
 static bool is_traced(const struct world *world, enum db_event event)
 {
 	struct db_trace_place place = { .at = 0 };
@@ -350,7 +354,7 @@ static bool is_traced(const struct world *world, enum db_event event)
 	return false;
 }
 
-static void what_happens_is_in_the_log_and_in_the_trace(void **state)
+static void events_are_in_the_log_and_in_the_trace(void **state)
 {
 	static const enum db_event events[] = { DB_EVENT_BUS_UP, DB_EVENT_DRIVE_ONLINE,
 		                                DB_EVENT_DRIVE_LOST };
@@ -360,11 +364,11 @@ static void what_happens_is_in_the_log_and_in_the_trace(void **state)
 	(void)state;
 	atomic_store(&wire.silent, true);
 	WAIT_UNTIL(!is_online(world, 0));
-	/* The network thread is told of trouble. */
+	/* The lost drive is signalled to the network thread. */
 	wait_for_news(world);
 	while (!is_traced(world, DB_EVENT_DRIVE_LOST))
 		wait_for_news(world);
-	/* Once. */
+	/* There is one signal only: several turns of the bus thread later there is no other. */
 	assert_null(db_bus_completion(world->bus));
 	beats = db_bus_heartbeat(world->bus);
 	WAIT_UNTIL(db_bus_heartbeat(world->bus) - beats > 3);
@@ -374,8 +378,8 @@ static void what_happens_is_in_the_log_and_in_the_trace(void **state)
 	close_world(world);
 }
 
-/* Also where nothing is to be done, and then not all the time. */
-static void the_thread_shows_that_it_lives(void **state)
+/* A bus without drives has nothing to do: its thread still turns, but only a few times a second. */
+static void the_heartbeat_of_an_idle_bus_goes_on(void **state)
 {
 	const struct db_request nobody = { .drive = 99, .command = DB_CMD_ENABLE };
 	struct world *world = new_world();
@@ -387,7 +391,7 @@ static void the_thread_shows_that_it_lives(void **state)
 	assert_int_equal(db_bus_new(&world->config, NULL, 0, world->log, &world->bus), 0);
 	assert_int_equal(db_bus_start(world->bus), 0);
 	WAIT_UNTIL(db_bus_heartbeat(world->bus) > 0);
-	/* Somebody has woken it. */
+	/* A request for an unknown drive wakes the thread, which then must not keep turning. */
 	assert_non_null(db_bus_submit(world->bus, &nobody));
 	wait_for_news(world);
 	db_bus_release(db_bus_completion(world->bus));
@@ -398,8 +402,8 @@ static void the_thread_shows_that_it_lives(void **state)
 	close_world(world);
 }
 
-/* Whoever looks does not wait. */
-static void before_it_starts_there_is_nothing_but_its_figures(void **state)
+/* Reading the completions and the figures of the bus does not block. */
+static void a_bus_that_was_not_started_has_only_figures(void **state)
 {
 	struct world *world = new_world();
 	struct db_bus_stats stats;
@@ -415,8 +419,8 @@ static void before_it_starts_there_is_nothing_but_its_figures(void **state)
 	close_world(world);
 }
 
-/* One that is left is not enough. */
-static void without_files_there_is_no_bus(void **state)
+/* The bus needs two file descriptors: with none or one left it reports EMFILE. */
+static void without_file_descriptors_no_bus_is_made(void **state)
 {
 	struct world *world = new_world();
 	struct rlimit before;
@@ -439,14 +443,15 @@ static void without_files_there_is_no_bus(void **state)
 	close_world(world);
 }
 
-/* --- its end --------------------------------------------------------------------------------------- */
+/* --- the end of the bus ----------------------------------------------------------------------- */
 
-static void at_its_end_drives_are_stopped_and_all_is_closed(void **state)
+static void the_end_stops_the_drives_and_closes_all_files(void **state)
 {
 	unsigned files = 0;
 
 	(void)state;
-	/* The first time opens what stays open. */
+	/* The first bus may open files that the process keeps; the second one must leave no
+	 * more. */
 	for (unsigned i = 0; i < 2; i++) {
 		struct world *world = open_world();
 
@@ -466,7 +471,7 @@ static void at_its_end_drives_are_stopped_and_all_is_closed(void **state)
 	}
 }
 
-static void a_drive_that_does_not_confirm_its_end_is_told_of(void **state)
+static void a_drive_that_does_not_confirm_its_last_stop_is_logged(void **state)
 {
 	struct world *world = open_world();
 	db_time begun;
@@ -482,7 +487,7 @@ static void a_drive_that_does_not_confirm_its_end_is_told_of(void **state)
 	close_world(world);
 }
 
-/* --- changes ------------------------------------------------------------------------------------- */
+/* --- changes ---------------------------------------------------------------------------------- */
 
 static void drives_come_and_go(void **state)
 {
@@ -525,12 +530,12 @@ static void one_more_drive_comes_to_several(void **state)
 	db_bus_change(world->bus, change);
 	for (size_t i = 0; i < DRIVES; i++)
 		WAIT_UNTIL(is_online(world, i));
-	/* Nobody fetches the change. */
+	/* The change is not fetched: it is freed with the bus. */
 	close_world(world);
 }
 
-/* Or one that was made and never given to it. */
-static void a_change_that_it_did_not_carry_out_is_freed_with_it(void **state)
+/* A change that was never handed over to the bus is freed by its maker. */
+static void a_change_that_was_not_carried_out_is_freed_with_the_bus(void **state)
 {
 	struct world *world = new_world();
 	struct db_change *change = NULL;
@@ -544,9 +549,9 @@ static void a_change_that_it_did_not_carry_out_is_freed_with_it(void **state)
 	close_world(world);
 }
 
-/* --- scans --------------------------------------------------------------------------------------- */
+/* --- scans ------------------------------------------------------------------------------------ */
 
-/* A cycle that leaves time for questions, however busy the machine is. */
+/* Milliseconds: a cycle long enough for the questions of a scan, on a busy machine, too. */
 #define ROOMY 1000
 
 static int try_plan(enum db_line line, struct db_scan_plan plan)
@@ -580,7 +585,7 @@ static void a_plan_has_addresses_and_speeds_that_drives_can_have(void **state)
 	assert_int_equal(try_addresses(DB_LINE_RS485, 1, 10), -EINVAL);
 	assert_int_equal(try_addresses(DB_LINE_RS485, 5, 5), 0);
 	assert_int_equal(try_addresses(DB_LINE_RS485, 5, 4), -EINVAL);
-	/* A drive alone has no address. */
+	/* An RS-232 line has one drive, which has no address: only 0 is valid. */
 	assert_int_equal(try_addresses(DB_LINE_RS232, 0, 0), 0);
 	assert_int_equal(try_addresses(DB_LINE_RS232, 0, 1), -EINVAL);
 	assert_int_equal(try_plan(DB_LINE_RS485, many), 0);
@@ -612,7 +617,7 @@ static void one_scan_at_a_time_is_carried_out(void **state)
 	WAIT_UNTIL(progress(world, first).end != DB_SCAN_RUNS);
 	assert_int_equal(progress(world, first).end, DB_SCAN_DONE);
 	assert_int_equal(progress(world, first).total, DRIVES + 1);
-	/* One is known, others are there, and the last one is not. */
+	/* Address 1 is configured, 2 to DRIVES answer the scan, and the last address is silent. */
 	assert_int_equal(progress(world, first).asked, DRIVES + 1);
 	assert_int_equal(db_bus_scan_find(world->bus, progress(world, first).finds - 1)->address,
 	                 DRIVES);
@@ -622,7 +627,7 @@ static void one_scan_at_a_time_is_carried_out(void **state)
 	close_world(world);
 }
 
-static void only_the_scan_that_is_meant_is_cancelled(void **state)
+static void a_scan_is_cancelled_only_by_its_own_number(void **state)
 {
 	const struct db_scan_plan plan = { .first = 1, .last = 9 };
 
@@ -645,7 +650,7 @@ static void only_the_scan_that_is_meant_is_cancelled(void **state)
 	}
 }
 
-static void its_end_cancels_a_scan(void **state)
+static void the_end_of_the_bus_cancels_its_scan(void **state)
 {
 	const struct db_scan_plan plan = { .first = 3, .last = 9 };
 	struct world *world = open_world_with(ROOMY);
@@ -658,9 +663,9 @@ static void its_end_cancels_a_scan(void **state)
 	close_world(world);
 }
 
-/* --- the thread itself ----------------------------------------------------------------------------- */
+/* --- the thread itself ------------------------------------------------------------------------ */
 
-/* The number of the thread of this name, or 0. */
+/* The kernel's number of the thread whose name begins like this, or 0. */
 static pid_t find_thread(const char *wanted)
 {
 	DIR *folder = opendir("/proc/self/task");
@@ -707,7 +712,7 @@ static void the_thread_has_the_name_and_the_processor_of_its_bus(void **state)
 	close_world(world);
 }
 
-static void a_processor_that_is_not_there_is_told_of(void **state)
+static void a_processor_that_does_not_exist_is_logged(void **state)
 {
 	struct world *world = new_world();
 
@@ -720,7 +725,7 @@ static void a_processor_that_is_not_there_is_told_of(void **state)
 	close_world(world);
 }
 
-static void a_priority_that_is_not_there_is_told_of(void **state)
+static void a_priority_that_does_not_exist_is_logged(void **state)
 {
 	struct world *world = new_world();
 
@@ -737,22 +742,22 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_drive_is_read_and_commanded),
-		cmocka_unit_test(what_happens_is_in_the_log_and_in_the_trace),
-		cmocka_unit_test(the_thread_shows_that_it_lives),
-		cmocka_unit_test(before_it_starts_there_is_nothing_but_its_figures),
-		cmocka_unit_test(without_files_there_is_no_bus),
-		cmocka_unit_test(at_its_end_drives_are_stopped_and_all_is_closed),
-		cmocka_unit_test(a_drive_that_does_not_confirm_its_end_is_told_of),
+		cmocka_unit_test(events_are_in_the_log_and_in_the_trace),
+		cmocka_unit_test(the_heartbeat_of_an_idle_bus_goes_on),
+		cmocka_unit_test(a_bus_that_was_not_started_has_only_figures),
+		cmocka_unit_test(without_file_descriptors_no_bus_is_made),
+		cmocka_unit_test(the_end_stops_the_drives_and_closes_all_files),
+		cmocka_unit_test(a_drive_that_does_not_confirm_its_last_stop_is_logged),
 		cmocka_unit_test(drives_come_and_go),
 		cmocka_unit_test(one_more_drive_comes_to_several),
-		cmocka_unit_test(a_change_that_it_did_not_carry_out_is_freed_with_it),
+		cmocka_unit_test(a_change_that_was_not_carried_out_is_freed_with_the_bus),
 		cmocka_unit_test(a_plan_has_addresses_and_speeds_that_drives_can_have),
 		cmocka_unit_test(one_scan_at_a_time_is_carried_out),
-		cmocka_unit_test(only_the_scan_that_is_meant_is_cancelled),
-		cmocka_unit_test(its_end_cancels_a_scan),
+		cmocka_unit_test(a_scan_is_cancelled_only_by_its_own_number),
+		cmocka_unit_test(the_end_of_the_bus_cancels_its_scan),
 		cmocka_unit_test(the_thread_has_the_name_and_the_processor_of_its_bus),
-		cmocka_unit_test(a_processor_that_is_not_there_is_told_of),
-		cmocka_unit_test(a_priority_that_is_not_there_is_told_of),
+		cmocka_unit_test(a_processor_that_does_not_exist_is_logged),
+		cmocka_unit_test(a_priority_that_does_not_exist_is_logged),
 	};
 
 	return cmocka_run_group_tests_name("the thread of a bus", tests, NULL, NULL);

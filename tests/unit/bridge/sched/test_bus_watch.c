@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* When a bus is said to be too slow, and how much of that was the processor's. */
+/*
+ * When a bus is reported as too slow, and how long its thread waited for a processor. Figures and
+ * times are made up.
+ */
 #include "sched/bus_watch.h"
 
 #include <setjmp.h>
@@ -28,7 +31,7 @@ static void it_is_judged_every_ten_seconds(void **state)
 	assert_true(bus_watch_is_due(&watch, &stats, BEGIN + 10 * S));
 }
 
-/* In this many cycles more, so many more of them overran. */
+/* Judges an interval of ten seconds with this many cycles, of which so many overran. */
 static bool judge(uint32_t cycles, uint32_t overruns, struct bus_slowness *slow)
 {
 	struct db_bus_stats stats = {
@@ -60,8 +63,9 @@ static void it_is_too_slow_if_more_than_every_tenth_cycle_overruns(void **state)
 	assert_false(slow.has_priority);
 }
 
-/* What was before has no beginning: all since the start, or what a scan has changed. */
-static void the_first_figures_are_only_compared_with(void **state)
+/* The first figures since the start, or since a scan had the bus to itself, have none before them
+ * to be compared with. */
+static void the_first_figures_are_not_judged(void **state)
 {
 	struct db_bus_stats stats = { .cycles = 100, .overruns = 90 };
 	struct bus_watch watch = { .judge_at = 0 };
@@ -81,8 +85,9 @@ static void the_first_figures_are_only_compared_with(void **state)
 	assert_int_equal(slow.overruns, 50);
 }
 
-/* Of what the kernel counts and what the thread has measured the larger one, of two intervals. */
-static void time_without_a_processor_is_of_this_interval_and_the_last(void **state)
+/* The kernel counts this time, and the thread measures how late it woke: the larger figure of each
+ * interval is taken. */
+static void time_without_a_processor_is_summed_over_two_intervals(void **state)
 {
 	struct db_bus_stats stats = { .overslept_us = 4000 };
 	struct bus_watch watch = { .judge_at = 0 };
@@ -104,8 +109,8 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(it_is_judged_every_ten_seconds),
 		cmocka_unit_test(it_is_too_slow_if_more_than_every_tenth_cycle_overruns),
-		cmocka_unit_test(the_first_figures_are_only_compared_with),
-		cmocka_unit_test(time_without_a_processor_is_of_this_interval_and_the_last),
+		cmocka_unit_test(the_first_figures_are_not_judged),
+		cmocka_unit_test(time_without_a_processor_is_summed_over_two_intervals),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Drives that leave a bus and drives that come to it while it runs: in made-up time, on a made-up
- * serial line with a made-up family of controllers. What is looked at is the wire: who is asked what,
- * and when to the microsecond.
+ * Drives that leave a running bus and drives that are added to it: on a made-up serial line with a
+ * made-up family of controllers, in made-up time. The tests look at the wire: which drive is asked
+ * what, and when, to the microsecond.
  */
 #include "fakes/bus.h"
 #include "sched/change.h"
@@ -97,7 +97,7 @@ static void expect_same_schedule(const struct fake_bus *a, const struct fake_bus
 	assert_true(i == a->sent_count && j == b->sent_count);
 }
 
-/* What it removed goes with the bus; the sanitizers look for what stays. */
+/* The drive that left is freed as well: the leak sanitizer would report it. */
 static void a_change_that_nobody_fetches_is_freed_with_the_bus(void **state)
 {
 	struct fake_bus *bus = open_bus_of(3, DRIVES, 1);
@@ -109,7 +109,7 @@ static void a_change_that_nobody_fetches_is_freed_with_the_bus(void **state)
 	fake_bus_free(bus);
 }
 
-/* One of its drives has left by then, and another one is still waited for. */
+/* The change removes two drives. One has left when the bus ends, the other is still waited for. */
 static void a_bus_may_end_while_its_drives_leave(void **state)
 {
 	struct fake_bus *bus = open_bus(3, DRIVES);
@@ -203,8 +203,9 @@ static bool was_last_to_answer(const struct fake_bus *bus, const struct node *no
 	return bus->engine->last_to_answer == node;
 }
 
-/* Whoever has left has not answered last; whoever stays may have. */
-static void of_the_last_answer_nothing_is_left_but_who_is_there(void **state)
+/* The engine points to the drive that answered last. The pointer is cleared when that drive leaves,
+ * and kept when another one does. */
+static void the_last_drive_to_answer_is_forgotten_when_it_leaves(void **state)
 {
 	(void)state;
 	for (size_t leaves = 0; leaves < 2; leaves++) {
@@ -223,8 +224,9 @@ static void of_the_last_answer_nothing_is_left_but_who_is_there(void **state)
 	}
 }
 
-/* It was to be asked again at once, to prove that it hears. */
-static void one_that_has_left_is_not_asked_to_prove_anything(void **state)
+/* A gap test was planned: the drive was to be asked again right after its answer, to learn how soon
+ * it can receive. */
+static void a_drive_that_has_left_gets_no_gap_test(void **state)
 {
 	struct fake_bus *bus = fake_bus_new(&fake_family, 2);
 
@@ -251,8 +253,8 @@ static void one_that_has_left_is_not_asked_to_prove_anything(void **state)
 	fake_bus_free(bus);
 }
 
-/* It did not stop while there was time. */
-static void one_that_leaves_without_stopping_is_told_of(void **state)
+/* The drive did not stop within the time limit of its removal. */
+static void a_drive_that_leaves_without_stopping_is_reported(void **state)
 {
 	struct fake_bus *bus = open_bus_of(3, DRIVES, 1);
 
@@ -266,7 +268,7 @@ static void one_that_leaves_without_stopping_is_told_of(void **state)
 	fake_bus_free(bus);
 }
 
-/* And no other, were it the one with the first number. */
+/* No other drive leaves, not even drive number 0. */
 static void several_leave_and_several_come(void **state)
 {
 	const uint16_t leaving[] = { 12, 11 };
@@ -289,13 +291,13 @@ static void several_leave_and_several_come(void **state)
 	for (size_t i = 3; i < DRIVES; i++)
 		assert_true(fake_is_online(bus, i));
 	assert_int_equal(fake_count(bus, 1, FAKE_STOP), 0);
-	/* One that was made for several and is not wanted any more. */
+	/* A change of several drives is freed without being carried out. */
 	change_free(change_new(&bus->config, 4, leaving, 2, &bus->list[1], 2));
 	fake_bus_free(bus);
 }
 
-/* It need not have left for that. */
-static void what_waits_for_one_that_leaves_ends_at_once(void **state)
+/* A request that waits is cancelled when the removal begins, not when the drive has left. */
+static void requests_that_wait_for_a_leaving_drive_end_at_once(void **state)
 {
 	struct fake_bus *bus = open_bus(2, DRIVES);
 
@@ -308,7 +310,7 @@ static void what_waits_for_one_that_leaves_ends_at_once(void **state)
 	change_drives(bus, 2, 1, -1);
 	assert_int_equal(result_of(bus, 1, DB_CMD_ENABLE), DB_RESULT_CANCELLED);
 	assert_int_equal(fake_result(bus), DB_RESULT_NONE);
-	/* What is on the wire has its own answer. */
+	/* The command on the wire ends with its own answer. */
 	assert_true(bus->engine->stations[1]->command_cancelled);
 	fake_pass(bus, 200 * MS);
 	assert_true(fetch_change(bus));
@@ -724,11 +726,11 @@ int main(void)
 		cmocka_unit_test(the_others_stay_on_schedule_when_one_leaves),
 		cmocka_unit_test(whoever_leaves_the_others_are_polled_in_every_cycle),
 		cmocka_unit_test(one_that_leaves_unread_leaves_the_cycle_whole),
-		cmocka_unit_test(of_the_last_answer_nothing_is_left_but_who_is_there),
-		cmocka_unit_test(one_that_has_left_is_not_asked_to_prove_anything),
-		cmocka_unit_test(one_that_leaves_without_stopping_is_told_of),
+		cmocka_unit_test(the_last_drive_to_answer_is_forgotten_when_it_leaves),
+		cmocka_unit_test(a_drive_that_has_left_gets_no_gap_test),
+		cmocka_unit_test(a_drive_that_leaves_without_stopping_is_reported),
 		cmocka_unit_test(several_leave_and_several_come),
-		cmocka_unit_test(what_waits_for_one_that_leaves_ends_at_once),
+		cmocka_unit_test(requests_that_wait_for_a_leaving_drive_end_at_once),
 		cmocka_unit_test(whenever_it_happens_no_cycle_is_missed),
 		cmocka_unit_test(what_waits_for_it_ends_once),
 		cmocka_unit_test(a_stop_that_is_under_way_is_confirmed),

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What a stop of one axis is for the others, and when a bus is quiet enough for the service to end or for a scan to have it.
- * Made-up drives in made-up time.
+ * The engine of a bus: a stop of one of several axes, requests, figures, a port that is opened
+ * again, the end of the service, and when a bus is quiet enough for that end or for a scan. Made-up
+ * drives in made-up time.
  */
 #include "fakes/bus.h"
 #include "sched/sched_private.h"
@@ -201,7 +202,7 @@ static void how_late_a_cycle_began_shows(void **state)
 	close_world(world);
 }
 
-/* In thousandths of the second that is over, which is shown as soon as it is. */
+/* The figure is in thousandths of a second. It changes when the second that it covers is over. */
 static void how_busy_the_wire_was_shows_each_second(void **state)
 {
 	struct world *world = open_world(1, 1);
@@ -219,7 +220,7 @@ static void how_busy_the_wire_was_shows_each_second(void **state)
 	(void)db_engine_run(engine, ++world->bus->now);
 	assert_int_equal(fake_stats(world->bus).utilisation, 1000);
 	assert_int_equal(engine->busy, 0);
-	/* A second of which half is known only later. */
+	/* The engine runs again only after two seconds: the wire was busy for half of that time. */
 	engine->busy = DB_NS_PER_S;
 	world->bus->now += 2 * DB_NS_PER_S;
 	engine->idle_until = 0;
@@ -228,7 +229,7 @@ static void how_busy_the_wire_was_shows_each_second(void **state)
 	close_world(world);
 }
 
-/* A reading takes an address its time, and each further axis there its own, or none. */
+/* The time that each further axis at an address adds to a reading. */
 static db_time take_long_per_axis(const struct db_bus_config *bus)
 {
 	(void)bus;
@@ -254,7 +255,7 @@ static void the_times_of_readings_are_known_from_the_beginning(void **state)
 	fake_bus_free(bus);
 }
 
-/* CAN carries more in the time that a trace is to hold. */
+/* CAN carries more frames in the same time, so its trace is four times as large. */
 static void a_trace_of_can_holds_more(void **state)
 {
 	uint64_t kept[2] = { 0, 0 };
@@ -283,8 +284,9 @@ static void a_trace_of_can_holds_more(void **state)
 
 /* --- the port --------------------------------------------------------------------------------- */
 
-/* Whatever was awaited, received or reserved before concerns a line that is no more. */
-static void nothing_of_before_is_left_when_the_port_is_back(void **state)
+/* An awaited answer, received bytes, a reserved turn and a gap test belong to the port that was
+ * lost: none of them is left when the port is open again. */
+static void a_port_that_is_opened_again_begins_afresh(void **state)
 {
 	struct world *world = open_world(2, 1);
 	struct db_engine *engine = world->bus->engine;
@@ -315,8 +317,9 @@ static void nothing_of_before_is_left_when_the_port_is_back(void **state)
 
 /* --- the end ---------------------------------------------------------------------------------- */
 
-/* Nor does a client's motion begin any more, also of a drive that is left as it is. */
-static void nothing_that_waits_is_begun_at_the_end(void **state)
+/* Commands that wait are cancelled, and so is a command that is posted later; also where on-exit
+ * leaves the drive as it is. */
+static void commands_that_wait_are_cancelled_at_the_end(void **state)
 {
 	(void)state;
 	for (unsigned leaves = 0; leaves < 2; leaves++) {
@@ -342,8 +345,8 @@ static void nothing_that_waits_is_begun_at_the_end(void **state)
 	}
 }
 
-/* A motion that was only prepared is not begun. */
-static void what_is_prepared_is_not_begun_at_the_end(void **state)
+/* Only the first frame of the motion was sent: the second one, which begins it, is not sent. */
+static void a_motion_that_is_only_prepared_does_not_begin_at_the_end(void **state)
 {
 	struct world *world = open_world(1, 1);
 
@@ -359,8 +362,8 @@ static void what_is_prepared_is_not_begun_at_the_end(void **state)
 	close_world(world);
 }
 
-/* It was told to stand when it began to leave, and gets nothing else. */
-static void a_drive_that_leaves_is_told_nothing_at_the_end(void **state)
+/* A drive that is being removed was sent its stop before: the end of the service sends no other. */
+static void a_drive_that_leaves_is_sent_nothing_at_the_end(void **state)
 {
 	struct world *world = open_world(1, 1);
 	struct db_engine *engine = world->bus->engine;
@@ -394,7 +397,7 @@ static void drives_that_are_left_for_a_scan_need_not_stand_afterwards(void **sta
 		assert_true(fake_feedback(world->bus, i).status & DB_STATUS_MUST_STAND);
 	assert_int_equal(world->bus->told[DB_EVENT_DRIVE_UNCONFIRMED], 0);
 	db_engine_set_aside(engine, world->bus->now);
-	/* What is not known of them is told. */
+	/* All three are reported: they have not confirmed their stops. */
 	assert_int_equal(world->bus->told[DB_EVENT_DRIVE_UNCONFIRMED], 3);
 	for (unsigned i = 0; i < 3; i++)
 		assert_int_equal(!!(fake_feedback(world->bus, i).status & DB_STATUS_MUST_STAND),
@@ -565,10 +568,10 @@ int main(void)
 		cmocka_unit_test(how_busy_the_wire_was_shows_each_second),
 		cmocka_unit_test(the_times_of_readings_are_known_from_the_beginning),
 		cmocka_unit_test(a_trace_of_can_holds_more),
-		cmocka_unit_test(nothing_of_before_is_left_when_the_port_is_back),
-		cmocka_unit_test(nothing_that_waits_is_begun_at_the_end),
-		cmocka_unit_test(what_is_prepared_is_not_begun_at_the_end),
-		cmocka_unit_test(a_drive_that_leaves_is_told_nothing_at_the_end),
+		cmocka_unit_test(a_port_that_is_opened_again_begins_afresh),
+		cmocka_unit_test(commands_that_wait_are_cancelled_at_the_end),
+		cmocka_unit_test(a_motion_that_is_only_prepared_does_not_begin_at_the_end),
+		cmocka_unit_test(a_drive_that_leaves_is_sent_nothing_at_the_end),
 		cmocka_unit_test(drives_that_are_left_for_a_scan_need_not_stand_afterwards),
 		cmocka_unit_test(a_bus_is_quiet_when_all_of_its_drives_are),
 		cmocka_unit_test(all_frames_are_wanted_while_one_that_is_gone_is_asked),

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * A controller that answers otherwise than its document says, or nothing about one of its axes: the real engine and driver
- * in made-up time. What it answers is named with the bytes, and not called silent or hard of hearing; the axis is offline.
+ * A controller whose answers differ from its document, or that keeps silent about one of its axes.
+ * The answers are reported with their bytes, and not as silence or as lost requests; the silent
+ * axis is offline. The real engine and the real driver (xyza) in made-up time.
  */
 #include "codec/xyza.h"
 #include "drivebridge/transport.h"
@@ -32,7 +33,7 @@ struct story {
 	unsigned timing;
 	struct db_unusable heard;
 	bool y_is_silent;
-	unsigned reads_of[2]; /* of the axes x and y, that were answered */
+	unsigned reads_of[2]; /* answered readings of the axes x and y */
 	unsigned stops;
 };
 
@@ -251,9 +252,9 @@ static void an_answer_from_the_new_number_is_one(void **state)
 	fake_bus_free(story.bus);
 }
 
-/* --- an axis that keeps silent ---------------------------------------------------------------------- */
+/* --- an axis that keeps silent ---------------------------------------------------------------- */
 
-static void what_it_told_before_its_stop_is_no_stand(void **state)
+static void a_reading_from_before_a_stop_does_not_confirm_it(void **state)
 {
 	struct story story = { .standing = 1 };
 
@@ -266,14 +267,14 @@ static void what_it_told_before_its_stop_is_no_stand(void **state)
 	story.reads_of[0] = 0;
 	fake_post(story.bus, 1, DB_CMD_STOP);
 	fake_pass(story.bus, 5000 * MS);
-	/* The other one is read, so that readings come to their end. */
+	/* Axis x is still read: readings of the controller go on without axis y. */
 	assert_true(story.reads_of[0] > 10);
 	assert_true(story.stops > 1);
 	assert_int_not_equal(fake_result(story.bus), DB_RESULT_OK);
 	fake_bus_free(story.bus);
 }
 
-static void it_is_offline_until_it_answers_again(void **state)
+static void a_silent_axis_is_offline_until_it_answers_again(void **state)
 {
 	struct story story = { .standing = 1 };
 
@@ -289,7 +290,7 @@ static void it_is_offline_until_it_answers_again(void **state)
 	fake_pass(story.bus, 80000 * MS);
 	assert_int_equal(fake_result(story.bus), DB_RESULT_RUNS_ON);
 	assert_true(fake_feedback(story.bus, 1).status & DB_STATUS_MUST_STAND);
-	/* However long it was silent: it is asked for every two seconds. */
+	/* Also after a long silence the axis is asked every two seconds. */
 	story.y_is_silent = false;
 	fake_pass(story.bus, 2200 * MS);
 	assert_true(fake_is_online(story.bus, 1));
@@ -306,8 +307,8 @@ int main(void)
 		cmocka_unit_test(an_answer_in_the_form_of_a_question_is_named),
 		cmocka_unit_test(what_another_host_says_does_not_explain_a_silence),
 		cmocka_unit_test(an_answer_from_the_new_number_is_one),
-		cmocka_unit_test(what_it_told_before_its_stop_is_no_stand),
-		cmocka_unit_test(it_is_offline_until_it_answers_again),
+		cmocka_unit_test(a_reading_from_before_a_stop_does_not_confirm_it),
+		cmocka_unit_test(a_silent_axis_is_offline_until_it_answers_again),
 	};
 
 	return cmocka_run_group_tests_name("sched/misfit", tests, NULL, NULL);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Bytes that arrive, and the frames that are cut out of them: in lumps, in parts and among garbage. A made-up family whose
- * garbage is one byte, in made-up time.
+ * How the engine finds frames in the bytes that arrive: several at once, in parts and among
+ * garbage; and how long it awaits an answer. A made-up family in made-up time; every garbage byte
+ * is GARBAGE.
  */
 #include "fakes/bus.h"
 #include "sched/sched_private.h"
@@ -83,7 +84,7 @@ static struct fake_bus *open_bus(struct db_driver *driver, enum db_medium medium
 
 static const struct fake_frame answer = { .address = 1, .kind = FAKE_POLL, .speed = 7.0f };
 
-/* What was thrown away since is told in the trace as it came. */
+/* From `place` on the trace has `count` bytes of garbage, as they arrived. */
 static void expect_garbage_in_trace(const struct fake_bus *bus, struct db_trace_place place,
                                     size_t count)
 {
@@ -142,7 +143,7 @@ static void an_answer_that_comes_in_parts_is_found(void **state)
 	fake_bus_free(bus);
 }
 
-/* Behind garbage, wherever the first part ends. */
+/* A byte of garbage, then an answer that arrives in two parts, divided at each byte in turn. */
 static void an_answer_whose_beginning_comes_with_garbage_is_found(void **state)
 {
 	(void)state;
@@ -160,8 +161,9 @@ static void an_answer_whose_beginning_comes_with_garbage_is_found(void **state)
 	}
 }
 
-/* Nobody knows a frame that is longer: it is thrown away, and what follows is looked at anew. */
-static void what_fills_the_buffer_without_an_end_is_thrown_away(void **state)
+/* No frame is as long as the buffer: its bytes are dropped, and the search goes on with the next
+ * byte. */
+static void a_full_buffer_without_a_frame_is_dropped(void **state)
 {
 	static uint8_t bytes[2 * RECEIVE_MAX + 100];
 	struct db_driver driver = fake_family;
@@ -247,7 +249,7 @@ static void the_end_of_what_is_too_short_shows_by_silence(void **state)
 	assert_int_equal(bus->engine->silent_at, 0);
 	fake_pass(bus, 2 * SILENCE);
 	assert_int_equal(given.silences, 1);
-	/* A single byte does, and to the moment. */
+	/* A single byte does: the silence after it is seen to the nanosecond. */
 	fake_receive(bus, &answer, 1);
 	fake_pass(bus, SILENCE - 1);
 	(void)db_engine_run(bus->engine, bus->now);
@@ -306,7 +308,8 @@ static db_time answer_as_first(void *context, struct fake_frame *frame)
 	return frame->address == 1 ? FAKE_ANSWER_TIME : 0;
 }
 
-/* How long it is waited for from the second drive, where so many bytes of it come after 90 ms, and another one every 50 ms. */
+/* How long the second drive's answer is awaited: so many bytes of it arrive after 90 ms, and where
+ * it goes on, another byte every 50 ms. */
 static db_time wait_for(bool open_ended, size_t bytes, bool goes_on)
 {
 	const uint8_t part[DB_ANSWER_MAX] = { 0 };
@@ -361,7 +364,7 @@ int main(void)
 		cmocka_unit_test(an_answer_is_found_among_garbage),
 		cmocka_unit_test(an_answer_that_comes_in_parts_is_found),
 		cmocka_unit_test(an_answer_whose_beginning_comes_with_garbage_is_found),
-		cmocka_unit_test(what_fills_the_buffer_without_an_end_is_thrown_away),
+		cmocka_unit_test(a_full_buffer_without_a_frame_is_dropped),
 		cmocka_unit_test(frames_that_come_together_are_all_taken),
 		cmocka_unit_test(a_frame_is_cut_with_the_question_that_it_may_answer),
 		cmocka_unit_test(the_end_of_what_is_too_short_shows_by_silence),

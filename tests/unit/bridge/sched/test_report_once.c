@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What is told of a drive: each thing once, and again when it comes back. One made-up drive; what it does is what the test
- * says.
+ * What the engine reports of a drive: each event once, and again after the drive was offline. One
+ * made-up drive, whose state the test sets, and callbacks that count the reports.
  */
 #include "fakes/bus.h"
 #include "sched/sched_private.h"
@@ -14,7 +14,7 @@
 #include <cmocka.h>
 
 #define MS DB_NS_PER_MS
-#define PARAMS 70 /* more than one word of a set */
+#define PARAMS 70 /* more bits than one word of a parameter set has */
 
 struct world {
 	struct fake_bus *bus;
@@ -26,11 +26,11 @@ struct world {
 
 static struct db_nameplate plate;
 static DB_NAMEPLATE_ROOM(PARAMS) room;
-static uint16_t error;         /* as the drive shows it */
-static unsigned told_unusable; /* frames */
-static unsigned told_missing;  /* parameters */
-static unsigned told_raw;
-static bool outage; /* was told with the last event */
+static uint16_t error;         /* the error that the drive shows */
+static unsigned told_unusable; /* calls of on_unusable() */
+static unsigned told_missing;  /* calls of on_missing_params() */
+static unsigned told_raw;      /* calls of on_raw_frame() */
+static bool outage;            /* the last event came with an outage */
 
 static const struct db_nameplate *show_nameplate(const struct db_device *device)
 {
@@ -143,8 +143,8 @@ static void each_outage_is_told(void **state)
 	close_world(&world);
 }
 
-/* What comes from there says more than that it does not answer. */
-static void what_is_heard_instead_of_an_answer_is_told(void **state)
+/* A frame that could not be used says more than DRIVE_LOST, and is reported in its place. */
+static void an_unusable_frame_is_reported_instead_of_the_loss(void **state)
 {
 	struct world world;
 
@@ -162,8 +162,9 @@ static void what_is_heard_instead_of_an_answer_is_told(void **state)
 	close_world(&world);
 }
 
-/* A fault that is still there is told again. */
-static void a_fault_is_told_of_each_time_online(void **state)
+/* A fault that is still there after an outage is reported again. The outage alone does not report
+ * it as gone. */
+static void a_fault_is_reported_after_each_outage(void **state)
 {
 	struct world world;
 
@@ -180,8 +181,9 @@ static void a_fault_is_told_of_each_time_online(void **state)
 	close_world(&world);
 }
 
-/* While its late answers keep it from coming online it is not told as lost, too. */
-static void late_answers_of_one_that_is_not_there_are_no_loss(void **state)
+/* Where late answers keep a drive from coming online, DRIVE_LATE is reported: DRIVE_LOST must not
+ * be reported as well. */
+static void late_answers_of_an_offline_drive_are_no_loss(void **state)
 {
 	static const struct {
 		enum db_event event;
@@ -209,7 +211,8 @@ static void late_answers_of_one_that_is_not_there_are_no_loss(void **state)
 
 /* --- parameters ------------------------------------------------------------------------------- */
 
-/* Those of the second word, too; when all were asked for; and again when it comes back. */
+/* Parameters of each word of the set; only after the drive was asked for all; again after an
+ * outage. */
 static void missing_parameters_are_told_once(void **state)
 {
 	static const size_t params[] = { 0, 63, 64, PARAMS - 1 };
@@ -229,7 +232,7 @@ static void missing_parameters_are_told_once(void **state)
 		show(&world, true);
 		show(&world, true);
 		assert_int_equal(told_missing, 1);
-		/* One more. */
+		/* One more parameter is missing: a new report. */
 		db_params_add(plate.missing, 8);
 		show(&world, true);
 		show(&world, true);
@@ -243,8 +246,9 @@ static void missing_parameters_are_told_once(void **state)
 
 /* --- the end ---------------------------------------------------------------------------------- */
 
-/* Only what must stand because it is released, does not do so, and may have been started by us. */
-static void what_does_not_confirm_its_end_is_told(void **state)
+/* Reported only if the drive has answered before (or the bridge cannot have started it), must stand
+ * because the service ends, and has not confirmed the stop. */
+static void a_drive_that_does_not_confirm_its_last_stop_is_reported(void **state)
 {
 	static const struct {
 		bool taken, end, open, told;
@@ -275,7 +279,7 @@ static void what_does_not_confirm_its_end_is_told(void **state)
 
 /* --- raw frames ------------------------------------------------------------------------------- */
 
-static void only_raw_frames_are_told_as_such(void **state)
+static void only_raw_frames_are_reported_as_raw(void **state)
 {
 	static const enum db_command commands[] = { DB_CMD_ENABLE, DB_CMD_RAW_FRAME };
 	struct world world;
@@ -286,10 +290,10 @@ static void only_raw_frames_are_told_as_such(void **state)
 		fake_post(world.bus, 0, commands[i]);
 		fake_pass(world.bus, 50 * MS);
 		assert_int_equal(fake_result(world.bus), DB_RESULT_OK);
-		/* It was sent, and answered. */
+		/* Once for the frame that was sent, and once for its answer. */
 		assert_int_equal(told_raw, 2 * i);
 	}
-	/* Nobody wants to know. */
+	/* Without a callback the frame is sent all the same. */
 	world.ops.on_raw_frame = NULL;
 	fake_post(world.bus, 0, DB_CMD_RAW_FRAME);
 	fake_pass(world.bus, 50 * MS);
@@ -297,8 +301,8 @@ static void only_raw_frames_are_told_as_such(void **state)
 	close_world(&world);
 }
 
-/* An engine may have nobody to tell. */
-static void nothing_is_told_where_nobody_listens(void **state)
+/* All callbacks but send() may be null. */
+static void an_engine_without_callbacks_reports_nothing(void **state)
 {
 	struct world world;
 
@@ -321,13 +325,13 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(each_outage_is_told),
-		cmocka_unit_test(what_is_heard_instead_of_an_answer_is_told),
-		cmocka_unit_test(a_fault_is_told_of_each_time_online),
-		cmocka_unit_test(late_answers_of_one_that_is_not_there_are_no_loss),
+		cmocka_unit_test(an_unusable_frame_is_reported_instead_of_the_loss),
+		cmocka_unit_test(a_fault_is_reported_after_each_outage),
+		cmocka_unit_test(late_answers_of_an_offline_drive_are_no_loss),
 		cmocka_unit_test(missing_parameters_are_told_once),
-		cmocka_unit_test(what_does_not_confirm_its_end_is_told),
-		cmocka_unit_test(only_raw_frames_are_told_as_such),
-		cmocka_unit_test(nothing_is_told_where_nobody_listens),
+		cmocka_unit_test(a_drive_that_does_not_confirm_its_last_stop_is_reported),
+		cmocka_unit_test(only_raw_frames_are_reported_as_raw),
+		cmocka_unit_test(an_engine_without_callbacks_reports_nothing),
 	};
 
 	return cmocka_run_group_tests_name("sched/report_once", tests, NULL, NULL);

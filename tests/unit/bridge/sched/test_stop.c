@@ -171,8 +171,8 @@ static void a_drive_that_stands_is_stopped_at_once(void **state)
 	close_world(world);
 }
 
-/* Who has the result sees that it is free again. */
-static void what_is_confirmed_shows_with_the_result(void **state)
+/* A client that has the result of its stop must see in the same moment that the drive is free. */
+static void a_confirmed_stop_frees_the_drive_with_its_result(void **state)
 {
 	struct world *world = open_world(true);
 	enum db_result result = DB_RESULT_NONE;
@@ -188,7 +188,8 @@ static void what_is_confirmed_shows_with_the_result(void **state)
 	close_world(world);
 }
 
-/* The first one is on the wire. Its answer shows nothing of the second one. */
+/* The first disable is on the wire when the second one is posted: its answer proves nothing about
+ * the second one, which is sent, too. */
 static void a_disable_is_not_done_by_the_answer_to_an_earlier_one(void **state)
 {
 	struct world *world = moving(true);
@@ -384,8 +385,8 @@ static void a_slow_drive_is_read_between_two_stops(void **state)
 	close_world(world);
 }
 
-/* Three move, and all but one do not obey their stops, which are said again and again: with the readings that follow them
- * they could fill the line. */
+/* Three drives move. All but `one` ignore their stops, which are sent again and again: together
+ * with the readings after them they could fill the line. */
 static struct world *all_that_do_not_stop_but(unsigned one)
 {
 	struct world *world = open_world(true);
@@ -449,7 +450,7 @@ static void stops_without_effect_are_said_as_often_where_all_are_read_evenly(voi
 	close_world(world);
 }
 
-/* However many there are, and whatever time the line has. */
+/* All three ignore their stops: each is sent its stop equally often. */
 static void drives_that_do_not_obey_take_turns(void **state)
 {
 	struct world *world = all_that_do_not_stop_but(DRIVES);
@@ -682,7 +683,7 @@ static void tell_moving(const struct db_device *device, struct db_feedback *feed
 	feedback->status |= DB_STATUS_MOVING;
 }
 
-static db_time taken_last; /* no later sample arrives; 0: all do */
+static db_time taken_last; /* time of the last sample that arrives; 0: all samples arrive */
 
 static void tell_late(const struct db_device *device, struct db_feedback *feedback)
 {
@@ -691,7 +692,7 @@ static void tell_late(const struct db_device *device, struct db_feedback *feedba
 		feedback->taken = taken_last;
 }
 
-/* An axis may be passed over by the readings of its controller. */
+/* A silent axis is passed over when its controller is read: its last sample stays as it was. */
 static void a_stop_is_not_judged_by_a_sample_from_before_it(void **state)
 {
 	struct world *world = open_world(true);
@@ -782,7 +783,8 @@ static void a_ramp_is_followed_on_a_long_cycle(void **state)
 	}
 }
 
-/* One count more or less between two positions. */
+/* Imitates a speed that is computed from rounded positions: at odd positions it is a quarter too
+ * low. */
 static void tell_trembling(const struct db_device *device, struct db_feedback *feedback)
 {
 	tell_place(device, feedback);
@@ -790,7 +792,8 @@ static void tell_trembling(const struct db_device *device, struct db_feedback *f
 		feedback->velocity *= 0.75f;
 }
 
-/* The drive seems to slow down all the time. */
+/* The computed speed falls again and again, as if the drive slowed down. The drive ignores its
+ * stop, and must be reported as running on. */
 static void a_computed_speed_that_trembles_is_no_ramp(void **state)
 {
 	struct world *world = make_world(DB_MEDIUM_CAN, true);
@@ -1092,7 +1095,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(a_drive_that_stands_is_stopped_at_once),
-		cmocka_unit_test(what_is_confirmed_shows_with_the_result),
+		cmocka_unit_test(a_confirmed_stop_frees_the_drive_with_its_result),
 		cmocka_unit_test(a_disable_is_not_done_by_the_answer_to_an_earlier_one),
 		cmocka_unit_test(a_stop_that_is_lost_is_said_again_and_not_confirmed),
 		cmocka_unit_test(a_drive_that_runs_on_is_told_of_and_told_on),

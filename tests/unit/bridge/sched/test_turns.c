@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * Whose turn it is on a bus, and what is said of those who miss theirs: commands of many exchanges, readings of parameters,
- * drives that are gone, reports, damaged frames, a port that is down or full. Made-up drives in made-up time.
+ * How the drives of a bus take turns: long commands, readings of parameters, cycles, repeated stops
+ * and probes of offline drives; also drives that report by themselves, damaged frames, and a port
+ * that is down or full. Made-up drives in made-up time.
  */
 #include "fakes/bus.h"
 #include "sched/sched_private.h"
@@ -147,7 +148,8 @@ static void new_commands_and_long_ones_take_turns(void **state)
 	close_world(world);
 }
 
-/* A question of a command until it is told to end, as some look for an effect. */
+/* While true, a command of drive 1 repeats its question after each answer, as commands do that wait
+ * for their effect. */
 static bool goes_on;
 
 static enum db_step answer_again(struct db_conversation *talk, const uint8_t *bytes, size_t length)
@@ -161,7 +163,7 @@ static enum db_step answer_again(struct db_conversation *talk, const uint8_t *by
 	return fake_say(talk, FAKE_COMMAND);
 }
 
-/* Every 2 ms on a free line, and once in a cycle on a full one. */
+/* The question is repeated every 2 ms on a free line, and once in a cycle on a full one. */
 static void a_question_is_not_repeated_all_the_time(void **state)
 {
 	static const unsigned cycles[] = { 100, 6 };
@@ -181,7 +183,7 @@ static void a_question_is_not_repeated_all_the_time(void **state)
 			const struct flight *flight = &world->bus->engine->nodes[0]->flight;
 
 			fake_pass(world->bus, MS / 10);
-			/* Somebody pays for it. */
+			/* The repeated question is charged to a share of the line. */
 			assert_false(flight->station && flight->share == DB_SHARE_NONE);
 		}
 		assert_in_range(fake_count(world->bus, 1, FAKE_COMMAND), most * 3 / 4, most + 2);
@@ -192,7 +194,7 @@ static void a_question_is_not_repeated_all_the_time(void **state)
 	}
 }
 
-static void what_waits_for_one_drive_delays_no_other(void **state)
+static void commands_that_wait_for_one_drive_delay_no_other(void **state)
 {
 	struct world *world = new_world(2);
 
@@ -213,7 +215,7 @@ static void what_waits_for_one_drive_delays_no_other(void **state)
 	close_world(world);
 }
 
-/* Where the family does not say that it can be otherwise. */
+/* This family does not set `joins_settings`: two writes that wait together are not joined. */
 static void each_write_has_an_exchange_of_its_own(void **state)
 {
 	const struct db_setting settings[2] = { { .param = 0 }, { .param = 1 } };
@@ -292,7 +294,7 @@ static void what_is_not_answered_is_asked_for_ever_less_often(void **state)
 	close_world(world);
 }
 
-/* Not only as the next cycle begins. */
+/* The next cycle begins only after a second: the drive is asked before that. */
 static void what_becomes_unknown_is_asked_for_at_once_on_a_free_line(void **state)
 {
 	(void)state;
@@ -316,8 +318,8 @@ static void what_becomes_unknown_is_asked_for_at_once_on_a_free_line(void **stat
 	}
 }
 
-/* Whichever it is. */
-static void the_only_one_that_is_there_is_asked(void **state)
+/* At whichever of the three addresses the drive is. */
+static void the_only_drive_that_answers_is_asked_for_its_parameters(void **state)
 {
 	(void)state;
 	for (unsigned there = 1; there <= 3; there++) {
@@ -381,8 +383,8 @@ static void known_parameters_are_read_again_in_turn(void **state)
 	close_world(world);
 }
 
-/* One that is gone has no turn, nor one of which not all is known. */
-static void known_parameters_are_read_again_of_those_that_answer(void **state)
+/* A drive that is offline is left out, and so is a drive whose parameters are not all known. */
+static void known_parameters_of_drives_that_answer_are_read_again(void **state)
 {
 	struct world *world = open_refreshing(100 * MS);
 
@@ -410,8 +412,8 @@ static enum db_step answer_refresh_or_again(struct db_conversation *talk, const 
 	                                           answer_again(talk, bytes, length);
 }
 
-/* It may be changing one of them. */
-static void they_are_not_read_again_while_the_drive_has_a_command(void **state)
+/* The command may be changing one of the parameters. */
+static void known_parameters_are_not_read_again_during_a_command(void **state)
 {
 	struct world *world = open_refreshing(100 * MS);
 
@@ -428,7 +430,8 @@ static void they_are_not_read_again_while_the_drive_has_a_command(void **state)
 	goes_on = false;
 	fake_pass(world->bus, 1000 * MS);
 	assert_true(fake_count(world->bus, 1, FAKE_LOOK) > 0);
-	/* It counts as commanded for a while from its end on. */
+	/* The engine keeps the time at which the command ended: for a while after it the drive is
+	 * read more often. */
 	assert_true(world->bus->engine->stations[0]->command_ended > world->bus->now - 1000 * MS);
 	close_world(world);
 }
@@ -486,9 +489,10 @@ static void a_cycle_that_is_too_short_counts_where_it_had_to_be_enough(void **st
 	/* One in which so many that stand cannot all be read need not be. */
 	assert_int_equal(count_overruns(1, FAKE_ANSWER_TIME, false, 0.0f), 0);
 	assert_in_range(count_overruns(1, FAKE_ANSWER_TIME, true, 0.0f), 400, 1000);
-	/* It has just room for them, if they answered as fast as they do. */
+	/* 2 ms are just enough for four drives that answer in FAKE_ANSWER_TIME. These take longer,
+	 * and that counts. */
 	assert_in_range(count_overruns(2, 10 * MS, false, 0.0f), 400, 500);
-	/* Those that move are to be read in each. */
+	/* Drives that move must be read in every cycle. */
 	assert_in_range(count_overruns(1, FAKE_ANSWER_TIME, false, 1.0f), 900, 1000);
 }
 
@@ -498,7 +502,8 @@ static db_time tell_axis_time(const struct db_bus_config *bus)
 	return FAKE_ANSWER_TIME;
 }
 
-/* It takes the time of one drive, and some for each further axis. */
+/* A reading of the controller takes the time of one drive, and axis_time() for each further axis:
+ * 2 ms are enough for four axes, so a cycle that is missed counts. */
 static void a_cycle_with_room_for_all_axes_counts_if_it_is_too_short(void **state)
 {
 	struct world *world = new_world(4);
@@ -516,8 +521,9 @@ static void a_cycle_with_room_for_all_axes_counts_if_it_is_too_short(void **stat
 	close_world(world);
 }
 
-/* Where several are asked at the same time, their frames take less of the wire than each its time. */
-static void the_interval_is_at_least_what_a_reading_takes(void **state)
+/* Drives on CAN are asked at the same time: their frames take little time of the wire, but each
+ * drive takes 30 ms to answer, and is not read more often than that. */
+static void the_poll_interval_is_at_least_the_time_of_a_reading(void **state)
 {
 	struct world *world = new_world(2);
 
@@ -534,7 +540,8 @@ static void the_interval_is_at_least_what_a_reading_takes(void **state)
 
 /* --- stops ------------------------------------------------------------------------------------ */
 
-/* One of three that move does not obey. */
+/* All three drives move, and one of them ignores its stop, which is sent again and again: the other
+ * two are still read in turn. */
 static void a_stop_that_is_repeated_leaves_turns_to_the_others(void **state)
 {
 	struct world *world = new_world(3);
@@ -581,7 +588,7 @@ static void drives_that_are_gone_are_looked_for_with_their_share(void **state)
 	close_world(world);
 }
 
-/* It is below all else that is sent. */
+/* The probes of an offline drive belong to the share with the lowest precedence. */
 static void a_drive_that_is_gone_is_looked_for_in_the_background(void **state)
 {
 	struct world *world = new_world(2);
@@ -899,20 +906,20 @@ int main(void)
 		cmocka_unit_test(long_commands_take_turns),
 		cmocka_unit_test(new_commands_and_long_ones_take_turns),
 		cmocka_unit_test(a_question_is_not_repeated_all_the_time),
-		cmocka_unit_test(what_waits_for_one_drive_delays_no_other),
+		cmocka_unit_test(commands_that_wait_for_one_drive_delay_no_other),
 		cmocka_unit_test(each_write_has_an_exchange_of_its_own),
 		cmocka_unit_test(what_stays_unknown_is_asked_for_twice_a_second),
 		cmocka_unit_test(what_becomes_unknown_is_asked_for_on_a_full_line),
 		cmocka_unit_test(what_becomes_unknown_is_asked_for_at_once_on_a_free_line),
-		cmocka_unit_test(the_only_one_that_is_there_is_asked),
+		cmocka_unit_test(the_only_drive_that_answers_is_asked_for_its_parameters),
 		cmocka_unit_test(what_is_not_answered_is_asked_for_ever_less_often),
 		cmocka_unit_test(known_parameters_are_read_again_in_turn),
-		cmocka_unit_test(known_parameters_are_read_again_of_those_that_answer),
-		cmocka_unit_test(they_are_not_read_again_while_the_drive_has_a_command),
+		cmocka_unit_test(known_parameters_of_drives_that_answer_are_read_again),
+		cmocka_unit_test(known_parameters_are_not_read_again_during_a_command),
 		cmocka_unit_test(known_parameters_are_not_read_again_while_a_drive_moves),
 		cmocka_unit_test(a_cycle_that_is_too_short_counts_where_it_had_to_be_enough),
 		cmocka_unit_test(a_cycle_with_room_for_all_axes_counts_if_it_is_too_short),
-		cmocka_unit_test(the_interval_is_at_least_what_a_reading_takes),
+		cmocka_unit_test(the_poll_interval_is_at_least_the_time_of_a_reading),
 		cmocka_unit_test(a_stop_that_is_repeated_leaves_turns_to_the_others),
 		cmocka_unit_test(drives_that_are_gone_are_looked_for_with_their_share),
 		cmocka_unit_test(a_drive_that_is_gone_is_looked_for_in_the_background),
