@@ -1790,7 +1790,8 @@ static void a_speed_has_the_sign_of_its_way(void **state)
 	drop(f);
 }
 
-/* A drive that tells no sign and runs backwards runs as it should when it is told to run faster. */
+/* A drive that tells its speed without a sign runs backwards. When it is told to run faster, its
+ * speed shows that it obeys. */
 static struct fixture *run_backwards_without_a_sign(void)
 {
 	struct fixture *f = make(0, 0);
@@ -1811,7 +1812,8 @@ static struct fixture *run_backwards_without_a_sign(void)
 	return f;
 }
 
-/* It has turned round when its place shows that, without waiting for the next cycle. */
+/* The drive is told to turn round. Its position shows when it has, without waiting for the next
+ * poll; as long as the position goes on as before, the command is not obeyed. */
 static void a_speed_without_a_sign_has_that_of_the_way(void **state)
 {
 	struct fixture *f = run_backwards_without_a_sign();
@@ -1837,7 +1839,8 @@ static void a_speed_without_a_sign_has_that_of_the_way(void **state)
 	drop(f);
 }
 
-/* A way that takes several readings is one, too. */
+/* The position moves by less than the in-position window from one reading to the next; all these
+ * steps together show the direction. */
 static void a_slow_way_has_a_direction(void **state)
 {
 	struct fixture *f = make(0, 0);
@@ -1851,7 +1854,7 @@ static void a_slow_way_has_a_direction(void **state)
 		assert_float_equal(feedback(f).velocity, position < 990 ? -80.0f : 80.0f, 0.0f);
 	}
 	drop(f);
-	/* A drive that stood goes where it was told to. */
+	/* A drive that stood moves in the direction of its command. */
 	f = run_backwards_without_a_sign();
 	poll(f, 900, STANDS);
 	command(f, DB_CMD_MOVE_ABSOLUTE, (struct db_args){ .target_position = 1000 });
@@ -1866,7 +1869,8 @@ static void a_slow_way_has_a_direction(void **state)
 	drop(f);
 }
 
-/* What became of a command that the drive does not follow: it runs on from there. */
+/* The result of the command while the drive runs at this velocity, and its position changes by
+ * `step` from each reading to the next. */
 static const char *run_on(struct fixture *f, float velocity, int32_t position, int32_t step)
 {
 	while (f->said[0] != '=') {
@@ -1879,8 +1883,8 @@ static const char *run_on(struct fixture *f, float velocity, int32_t position, i
 	return f->said;
 }
 
-/* No way has led to a position that was set. */
-static void a_position_that_was_set_is_no_way(void **state)
+/* A position that jumps because it was set does not show a direction. */
+static void a_position_that_was_set_shows_no_direction(void **state)
 {
 	struct fixture *f = run_backwards_without_a_sign();
 
@@ -1893,8 +1897,9 @@ static void a_position_that_was_set_is_no_way(void **state)
 	drop(f);
 }
 
-/* A counter that overflows has not turned the drive round; with a sign or without. */
-static void a_counter_that_overflows_goes_on(void **state)
+/* An overflow of the position counter does not look as if the drive had turned round, neither with
+ * the sign of the speed nor without it. */
+static void a_counter_that_overflows_does_not_look_like_a_turn(void **state)
 {
 	(void)state;
 	for (unsigned without_sign = 0; without_sign < 2; without_sign++) {
@@ -1914,8 +1919,9 @@ static void a_counter_that_overflows_goes_on(void **state)
 	}
 }
 
-/* A drive that its last command turns round becomes faster the other way, which without a sign looks as
- * if it did so for a command that it never took. */
+/* The drive still turns round for its last command when it gets the next one. Without a sign its
+ * speed falls and grows again, as if it had taken the next command, too, which it may never have
+ * received. */
 static void a_speed_that_turns_round_proves_nothing(void **state)
 {
 	static const float speeds[] = { 300.0f, 100.0f, 200.0f, 500.0f, 900.0f, 1000.0f };
@@ -2458,8 +2464,8 @@ static void a_short_read_shows_nothing_of_long_ones(void **state)
 	drop(f);
 }
 
-/* Nor do short ones that are lost, however long ago, show that it does not; and one long read that was
- * answered shows that it does. */
+/* Lost short reads do not show that the drive leaves long reads unanswered, no matter how many were
+ * lost; and one answered long read shows that it answers long reads. */
 static void a_lost_short_read_shows_nothing_of_long_ones(void **state)
 {
 	(void)state;
@@ -2488,8 +2494,9 @@ static void a_lost_short_read_shows_nothing_of_long_ones(void **state)
 	}
 }
 
-/* Nor do those of stops that are sent to a drive that is gone. */
-static void stops_that_nobody_takes_show_nothing_of_long_reads(void **state)
+/* Lost reads that were to confirm stops do not show that the drive leaves long reads unanswered: it
+ * may be gone. */
+static void lost_stops_show_nothing_of_long_reads(void **state)
 {
 	struct fixture *f = make_reporting(0, 50, 1);
 
@@ -2505,8 +2512,9 @@ static void stops_that_nobody_takes_show_nothing_of_long_reads(void **state)
 	drop(f);
 }
 
-/* The first long read of a drive whose cyclic ones are short is that of its identity. */
-static void an_identity_that_is_not_told_is_asked_for_in_parts(void **state)
+/* If the cyclic reads are short, the read of the identity is the first long one: after two losses
+ * the identity is asked for in parts. */
+static void a_lost_identity_is_asked_for_in_parts(void **state)
 {
 	struct fixture *f = make_reporting(0, 50, 1);
 
@@ -2522,8 +2530,8 @@ static void an_identity_that_is_not_told_is_asked_for_in_parts(void **state)
 	drop(f);
 }
 
-/* Commands ask for two where the cyclic read asks for three: that a drive does not answer them shows
- * nothing, either. */
+/* A command is confirmed by a read of two registers, and the cyclic read has three. Lost reads of
+ * two do not show that the drive leaves those of three unanswered. */
 static void a_lost_confirmation_shows_nothing_of_long_reads(void **state)
 {
 	struct fixture *f = make(0, 0);
@@ -2801,7 +2809,8 @@ static void reports_take_the_place_of_polls(void **state)
 	drop(f);
 }
 
-/* A velocity that is computed from them trembles by a count, which is no change of speed. */
+/* A velocity that is computed from reported positions varies by a count, which is no change of
+ * speed. */
 static void reports_of_the_position_prove_no_speed(void **state)
 {
 	struct fixture *f = make_reporting(0, 50, 2);
@@ -3615,8 +3624,8 @@ int main(void)
 		cmocka_unit_test(a_drive_that_tells_two_registers_at_once),
 		cmocka_unit_test(a_short_read_shows_nothing_of_long_ones),
 		cmocka_unit_test(a_lost_short_read_shows_nothing_of_long_ones),
-		cmocka_unit_test(stops_that_nobody_takes_show_nothing_of_long_reads),
-		cmocka_unit_test(an_identity_that_is_not_told_is_asked_for_in_parts),
+		cmocka_unit_test(lost_stops_show_nothing_of_long_reads),
+		cmocka_unit_test(a_lost_identity_is_asked_for_in_parts),
 		cmocka_unit_test(a_lost_confirmation_shows_nothing_of_long_reads),
 		cmocka_unit_test(probes_are_tried_in_turn),
 		cmocka_unit_test(a_late_answer_to_the_first_probe_counts),
@@ -3670,8 +3679,8 @@ int main(void)
 		cmocka_unit_test(a_speed_has_the_sign_of_its_way),
 		cmocka_unit_test(a_speed_without_a_sign_has_that_of_the_way),
 		cmocka_unit_test(a_slow_way_has_a_direction),
-		cmocka_unit_test(a_position_that_was_set_is_no_way),
-		cmocka_unit_test(a_counter_that_overflows_goes_on),
+		cmocka_unit_test(a_position_that_was_set_shows_no_direction),
+		cmocka_unit_test(a_counter_that_overflows_does_not_look_like_a_turn),
 		cmocka_unit_test(a_speed_that_turns_round_proves_nothing),
 		cmocka_unit_test(a_lost_look_begins_anew),
 		cmocka_unit_test(what_stays_open_ends_soon),

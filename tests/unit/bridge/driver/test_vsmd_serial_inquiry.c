@@ -225,8 +225,8 @@ static void a_second_answer_is_another_drives(void **state)
 	assert_int_equal(take(&rs485, &inquiry, frame, length), DB_RECOGNISED_AGAIN);
 }
 
-/* Without blanks at its ends and quotation marks around it, as long as there is room, and nothing
- * else. */
+/* The identity has no blanks at its ends and no quotation marks around it. It is cut to the room
+ * that there is for it, and the answer tells nothing else. */
 static void an_identity_is_the_words_of_the_text(void **state)
 {
 	static const char *const ends[][2] = { { "", "" },

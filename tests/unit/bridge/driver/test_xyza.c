@@ -925,7 +925,7 @@ static const char *poll_up_to(struct fixture *f, const char *question)
 	return said;
 }
 
-/* For two seconds at first. Whether it has ever answered makes no difference. */
+/* The axis is passed over for two seconds at first, whether or not it has ever answered. */
 static void a_silent_axis_is_passed_over_and_offline(void **state)
 {
 	static const char ask_y[] = "0AF10103E1B3";
@@ -939,7 +939,7 @@ static void a_silent_axis_is_passed_over_and_offline(void **state)
 	f->now += 2000 * MS;
 	assert_string_equal(poll_up_to(f, "none"), "=ok");
 	assert_int_not_equal(feedback(f, 1).state, DB_AXIS_OFFLINE);
-	/* A single loss may be the line's. */
+	/* A single loss may be due to the line: the axis is asked again. */
 	assert_string_equal(poll_up_to(f, ask_y), ask_y);
 	assert_string_equal(poll_up_to(f, ask_y), ask_y);
 	assert_int_not_equal(feedback(f, 1).state, DB_AXIS_OFFLINE);
@@ -1027,7 +1027,7 @@ static void outputs_that_are_not_told_are_unproven(void **state)
 	drop(f);
 }
 
-/* An axis that keeps silent instead of refusing, less and less often asked for. */
+/* An axis that keeps silent instead of refusing is asked less and less often. */
 static void an_axis_that_never_answers_leaves_the_others(void **state)
 {
 	struct fixture *f = make(3);
@@ -1045,7 +1045,7 @@ static void an_axis_that_never_answers_leaves_the_others(void **state)
 	drop(f);
 }
 
-static void an_axis_that_falls_silent_leaves_the_others(void **state)
+static void the_other_axes_are_read_when_one_falls_silent(void **state)
 {
 	static const char ask_x[] = "0AF10103E1A3";
 	struct fixture *f = make(7);
@@ -1062,7 +1062,7 @@ static void an_axis_that_falls_silent_leaves_the_others(void **state)
 		for (unsigned axis = 1; axis < 3; axis++)
 			assert_true(feedback(f, axis).taken >= taken);
 	}
-	/* Once it answers, a single loss is no reason to pass it over. */
+	/* Once the axis has answered again, a single loss is no reason to pass it over. */
 	f->now += 2000 * MS;
 	assert_string_equal(poll_up_to(f, ""), "=ok");
 	assert_string_equal(poll_up_to(f, ask_x), ask_x);
@@ -1070,7 +1070,8 @@ static void an_axis_that_falls_silent_leaves_the_others(void **state)
 	drop(f);
 }
 
-/* However long it was passed over, with the controller it may be back. */
+/* The axis may be back together with the controller: it is asked at once, although the time for
+ * which it is passed over has not ended. */
 static void an_axis_passed_over_is_asked_when_the_controller_is_back(void **state)
 {
 	static const char ask_y[] = "0AF10103E1B3";
@@ -1086,9 +1087,9 @@ static void an_axis_passed_over_is_asked_when_the_controller_is_back(void **stat
 	drop(f);
 }
 
-/* The first one has a turn like all others while nobody is known to be there; then it is passed
- * over. */
-static void a_first_axis_that_never_answers_leaves_the_others(void **state)
+/* While no axis is known to answer, all axes are asked in turn. When another axis answers, the
+ * first one is passed over if it stays silent. */
+static void the_other_axes_are_read_when_the_first_never_answers(void **state)
 {
 	static const char ask_x[] = "0AF10103E1A3";
 	static const char ask_y[] = "0AF10103E1B3";
@@ -1099,7 +1100,7 @@ static void a_first_axis_that_never_answers_leaves_the_others(void **state)
 	assert_string_equal(begin(f, 0, DB_JOB_POLL), ask_y);
 	assert_string_equal(begin(f, 0, DB_JOB_POLL), "0AF10103E1C3");
 	assert_string_equal(begin(f, 0, DB_JOB_POLL), ask_x);
-	/* The others answer. */
+	/* The other axes answer. */
 	assert_string_equal(poll_up_to(f, ask_x), "=ok");
 	assert_int_equal(feedback(f, 0).state, DB_AXIS_OFFLINE);
 	for (unsigned axis = 1; axis < 3; axis++)
@@ -1107,14 +1108,14 @@ static void a_first_axis_that_never_answers_leaves_the_others(void **state)
 	assert_string_equal(poll_up_to(f, ask_x), ask_x);
 	assert_string_equal(poll_up_to(f, ask_x), ask_x);
 	assert_string_equal(poll_up_to(f, ask_x), "=ok");
-	/* It may come later. */
+	/* The first axis answers later. */
 	f->now += 2000 * MS;
 	assert_string_equal(poll_up_to(f, "none"), "=ok");
 	assert_int_equal(feedback(f, 0).state, DB_AXIS_DISABLED);
 	drop(f);
 }
 
-/* The loss by which it went is no loss of this axis. */
+/* The loss that took the controller offline does not count as a loss of its first axis. */
 static void a_controller_that_is_back_is_read_from_its_first_axis_on(void **state)
 {
 	static const char ask_x[] = "0AF10103E1A3";
@@ -1129,8 +1130,9 @@ static void a_controller_that_is_back_is_read_from_its_first_axis_on(void **stat
 	drop(f);
 }
 
-/* Without retries each loss is the controller's; it is the others' turn all the same. */
-static void a_first_axis_that_takes_the_controller_along_leaves_the_others(void **state)
+/* Without retries each loss takes the whole controller offline; the other axes have their turn all
+ * the same. */
+static void the_other_axes_are_read_when_the_first_takes_all_offline(void **state)
 {
 	static const char ask_x[] = "0AF10103E1A3";
 	struct fixture *f = make(3);
@@ -4588,11 +4590,11 @@ int main(void)
 		cmocka_unit_test(a_program_that_is_not_told_is_not_believed),
 		cmocka_unit_test(outputs_that_are_not_told_are_unproven),
 		cmocka_unit_test(an_axis_that_never_answers_leaves_the_others),
-		cmocka_unit_test(an_axis_that_falls_silent_leaves_the_others),
+		cmocka_unit_test(the_other_axes_are_read_when_one_falls_silent),
 		cmocka_unit_test(an_axis_passed_over_is_asked_when_the_controller_is_back),
-		cmocka_unit_test(a_first_axis_that_never_answers_leaves_the_others),
+		cmocka_unit_test(the_other_axes_are_read_when_the_first_never_answers),
 		cmocka_unit_test(a_controller_that_is_back_is_read_from_its_first_axis_on),
-		cmocka_unit_test(a_first_axis_that_takes_the_controller_along_leaves_the_others),
+		cmocka_unit_test(the_other_axes_are_read_when_the_first_takes_all_offline),
 		cmocka_unit_test(any_state_of_a_program_is_shown),
 		cmocka_unit_test(a_jog_right_behind_a_program),
 		cmocka_unit_test(what_was_seen_before_a_jog_does_not_end_it),

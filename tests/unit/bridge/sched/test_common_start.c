@@ -507,7 +507,7 @@ static void a_drive_that_is_busy_with_another_command_is_waited_for(void **state
 	assert_int_equal(count_said(world, "b"), 0);
 	world->lag[2] = 0;
 	fake_pass(world->bus, 200 * MS);
-	/* Two are for the commands before. */
+	/* Two of these belong to the two commands before the motion. */
 	assert_int_equal(count_said(world, "*b"), 1);
 	assert_int_equal(count_said(world, "3b"), 2);
 	assert_int_equal(count_said(world, "b"), 3);
@@ -515,8 +515,8 @@ static void a_drive_that_is_busy_with_another_command_is_waited_for(void **state
 	close_world(world);
 }
 
-/* What waits for it is something else. */
-static void a_drive_that_will_not_begin_with_the_others_is_not_waited_for(void **state)
+/* The third drive is busy, and the request that waits for it is none of the common motion. */
+static void a_busy_drive_that_has_no_common_motion_is_not_waited_for(void **state)
 {
 	struct world *world = open_world_with(DB_MEDIUM_CAN, 20);
 
@@ -534,7 +534,7 @@ static void a_drive_that_will_not_begin_with_the_others_is_not_waited_for(void *
 	close_world(world);
 }
 
-static void two_are_enough(void **state)
+static void two_drives_are_enough(void **state)
 {
 	struct world *world = open_world_of(2, DB_MEDIUM_SERIAL, 20);
 
@@ -554,8 +554,8 @@ static bool begin_none(const struct db_device *device, const struct db_exchange 
 	return false;
 }
 
-/* The family has no such frame, or none for this motion. */
-static void without_a_frame_for_all_each_begins_by_itself(void **state)
+/* The family has no frame that starts all drives, or none for this motion. */
+static void without_a_frame_for_all_each_drive_begins_by_itself(void **state)
 {
 	(void)state;
 	for (unsigned i = 0; i < 2; i++) {
@@ -577,8 +577,9 @@ static enum db_step begun_for_good(struct db_conversation *talk)
 	return DB_STEP_DONE;
 }
 
-/* From then on each of them may move, whatever it still shows. */
-static void what_was_begun_for_all_ends_with_it_where_it_cannot_be_seen(void **state)
+/* The driver cannot see whether the drives began, so the commands end when the common frame is
+ * sent. From then on each drive may move, even if its status does not show it yet. */
+static void a_common_start_that_cannot_be_seen_is_unproven(void **state)
 {
 	struct world *world = open_world();
 
@@ -663,10 +664,10 @@ int main(void)
 		cmocka_unit_test(a_drive_that_is_prepared_slowly_is_waited_for),
 		cmocka_unit_test(the_only_one_begins_when_no_other_can_come),
 		cmocka_unit_test(a_drive_that_is_busy_with_another_command_is_waited_for),
-		cmocka_unit_test(a_drive_that_will_not_begin_with_the_others_is_not_waited_for),
-		cmocka_unit_test(two_are_enough),
-		cmocka_unit_test(without_a_frame_for_all_each_begins_by_itself),
-		cmocka_unit_test(what_was_begun_for_all_ends_with_it_where_it_cannot_be_seen),
+		cmocka_unit_test(a_busy_drive_that_has_no_common_motion_is_not_waited_for),
+		cmocka_unit_test(two_drives_are_enough),
+		cmocka_unit_test(without_a_frame_for_all_each_drive_begins_by_itself),
+		cmocka_unit_test(a_common_start_that_cannot_be_seen_is_unproven),
 		cmocka_unit_test(where_exchanges_overlap_all_is_answered_first),
 		cmocka_unit_test(one_that_falls_silent_is_not_counted_on),
 		cmocka_unit_test(not_unless_the_bus_is_told_to),

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Drives that are looked for, come and go, and the requests that wait for them: what each call leaves in the engine. */
+/*
+ * What the functions of drives.c leave in the engine: they find drives, join parameter writes, take
+ * drives online and offline, write the trace and count the round of reads. Three made-up drives.
+ */
 #include "drivebridge/trace.h"
 #include "fakes/bus.h"
 #include "sched/sched_private.h"
@@ -28,7 +31,7 @@ static void count_gone(struct db_device *device)
 	gone++;
 }
 
-/* Their numbers are 10, 11 and 12; all answer. */
+/* Three drives with the numbers 10, 11 and 12; all of them answer. */
 static int open_world(void **state)
 {
 	struct world *world = calloc(1, sizeof *world);
@@ -43,7 +46,7 @@ static int open_world(void **state)
 	fake_bus_open(world->bus, DRIVES, NULL);
 	world->engine = world->bus->engine;
 	fake_port(world->bus, 0);
-	fake_pass(world->bus, 505 * MS); /* to between two cycles */
+	fake_pass(world->bus, 505 * MS); /* the time is now between two cycles */
 	fake_forget_sent(world->bus);
 	gone = 0;
 	*state = world;
@@ -75,7 +78,7 @@ static void drives_are_found_by_number_and_by_address(void **state)
 	assert_null(engine_find_node(world->engine, DRIVES + 1));
 }
 
-/* What a drive may want, each by itself, also of the last one. */
+/* Whether the engine finds an active drive if the last drive has only this reason (0: none). */
 static bool is_active_with(struct world *world, unsigned what)
 {
 	struct station *station = world->engine->stations[DRIVES - 1];
@@ -106,7 +109,7 @@ static void a_drive_that_wants_something_is_active(void **state)
 		assert_true(world->engine->drives_active);
 	}
 	assert_false(is_active_with(world, 0));
-	/* It is not looked for again before something has happened. */
+	/* The engine looks at the drives again only after something has happened, here a stop. */
 	assert_false(world->engine->drives_active);
 	assert_false(is_active_with(world, 1));
 	engine_add_stop(world->engine, world->engine->stations[0], DB_CMD_STOP, DB_STAND_CLIENT,
@@ -115,9 +118,9 @@ static void a_drive_that_wants_something_is_active(void **state)
 	assert_true(fake_feedback(world->bus, 0).status & DB_STATUS_MUST_STAND);
 }
 
-/* --- writes that join --------------------------------------------------------------------------- */
+/* --- writes that join ------------------------------------------------------------------------- */
 
-/* A write of so many parameters from this one on, or with none a command; taken, and waiting unless it is the first. */
+/* Posts and takes a write of `count` parameters from `first` on; with a count of 0 a command. */
 static struct db_request *post(struct world *world, uint16_t drive, uint16_t first, uint8_t count)
 {
 	struct db_setting settings[DB_SETTINGS_MAX];
@@ -150,7 +153,7 @@ static unsigned count_parts(const struct db_request *request)
 	return count;
 }
 
-/* Ends what the test has taken. */
+/* Ends the request and all requests that still wait. */
 static void end(struct world *world, struct db_request *request)
 {
 	world->engine->stations[0]->request = NULL;
@@ -176,7 +179,7 @@ static void writes_of_one_drive_join_past_those_of_others(void **state)
 	others[1] = post(world, 12, 0, 0);
 	wait_in_turn(world, others[1]);
 	wait_in_turn(world, post(world, 10, 4, 1));
-	/* One that is not there any more, behind the last. */
+	/* An old pointer after the last waiting request: it is not part of the list. */
 	stale = post(world, 10, 9, 1);
 	world->engine->waiting[world->engine->waiting_count] = stale;
 	engine_join_waiting_writes(world->engine, world->engine->stations[0]);
@@ -188,7 +191,7 @@ static void writes_of_one_drive_join_past_those_of_others(void **state)
 	end(world, first);
 }
 
-static void one_behind_many_joins_alone(void **state)
+static void a_write_joins_past_many_requests_of_another_drive(void **state)
 {
 	struct world *world = *state;
 	struct db_request *first = post(world, 10, 0, 1);
@@ -203,7 +206,8 @@ static void one_behind_many_joins_alone(void **state)
 	end(world, first);
 }
 
-/* Whether one after which another waits joins; neither overtakes the other. */
+/* The number of writes that are joined after a second request has waited for the first, and a third
+ * write after the second. If the second does not join, the third may not overtake it. */
 static unsigned count_joined(struct world *world, struct db_request *first, uint16_t param,
                              uint8_t count)
 {
@@ -219,25 +223,25 @@ static unsigned count_joined(struct world *world, struct db_request *first, uint
 	return parts;
 }
 
-static void what_must_wait_for_a_write_does_not_join_it(void **state)
+static void a_request_that_must_wait_for_a_write_does_not_join_it(void **state)
 {
 	struct world *world = *state;
 
 	assert_int_equal(count_joined(world, post(world, 10, 4, 2), 3, 1), 3);
-	/* One of its parameters is being written, whichever. */
+	/* One of the parameters, the first or the last, is in the first write as well. */
 	assert_int_equal(count_joined(world, post(world, 10, 4, 2), 3, 2), 1);
 	assert_int_equal(count_joined(world, post(world, 10, 4, 2), 4, 1), 1);
 	assert_int_equal(count_joined(world, post(world, 10, 4, 2), 5, 1), 1);
 	assert_int_equal(count_joined(world, post(world, 10, 4, 2), 6, 1), 3);
 	assert_int_equal(count_joined(world, post(world, 10, 4, 2), 0, 1), 3);
-	/* A command. */
+	/* A command joins no write. */
 	assert_int_equal(count_joined(world, post(world, 10, 4, 2), 0, 0), 1);
-	/* There is room for so many. */
+	/* All joined writes together have at most DB_SETTINGS_MAX parameters. */
 	assert_int_equal(count_joined(world, post(world, 10, 4, 2), 10, DB_SETTINGS_MAX - 2), 2);
 	assert_int_equal(count_joined(world, post(world, 10, 4, 2), 10, DB_SETTINGS_MAX - 1), 1);
 }
 
-static void what_has_joined_counts_with_the_rest(void **state)
+static void parameters_of_joined_writes_count_like_the_first_ones(void **state)
 {
 	struct world *world = *state;
 	struct db_request *first = post(world, 10, 0, 1);
@@ -245,7 +249,7 @@ static void what_has_joined_counts_with_the_rest(void **state)
 	world->engine->stations[0]->request = first;
 	wait_in_turn(world, post(world, 10, 1, 1));
 	engine_join_waiting_writes(world->engine, world->engine->stations[0]);
-	/* Also where it has joined before. */
+	/* Parameter 1 came with the write that joined before. */
 	wait_in_turn(world, post(world, 10, 2, 1));
 	wait_in_turn(world, post(world, 10, 1, 1));
 	engine_join_waiting_writes(world->engine, world->engine->stations[0]);
@@ -257,9 +261,9 @@ static void what_has_joined_counts_with_the_rest(void **state)
 	end(world, first);
 }
 
-/* --- coming and going --------------------------------------------------------------------------- */
+/* --- coming and going ------------------------------------------------------------------------- */
 
-static void a_drive_that_comes_begins_anew(void **state)
+static void a_drive_that_comes_online_begins_anew(void **state)
 {
 	struct world *world = *state;
 	struct node *node = world->engine->nodes[1];
@@ -285,7 +289,7 @@ static void a_drive_that_comes_begins_anew(void **state)
 	assert_int_equal(station->snapshot.stats.came_online, came + 1);
 	assert_int_equal(world->engine->stats.online, online + 1);
 	assert_int_equal(world->engine->nodes_due, due + 1);
-	/* One that was only out of step is there as before. */
+	/* A drive that was online and only out of step does not come online again. */
 	node->in_step = false;
 	node->losses = 7;
 	node->timing = DB_TROUBLE_LATE;
@@ -296,7 +300,7 @@ static void a_drive_that_comes_begins_anew(void **state)
 	assert_int_equal(world->engine->stats.online, online + 1);
 }
 
-static void a_drive_that_goes_leaves_nothing_under_way(void **state)
+static void a_drive_that_goes_offline_has_nothing_under_way(void **state)
 {
 	struct world *world = *state;
 	struct node *node = world->engine->nodes[1];
@@ -315,7 +319,7 @@ static void a_drive_that_goes_leaves_nothing_under_way(void **state)
 		for (size_t i = 0; i < LANE_COUNT; i++)
 			assert_false(station->lanes[i].active || station->lanes[i].ready);
 		assert_false(station->blind_stop_sent);
-		/* Once, however often it is said. */
+		/* The second call counts nothing, and does not move the next probe. */
 		assert_int_equal(world->engine->stats.online, online - 1);
 		assert_int_equal(gone, 1);
 		assert_int_equal(node->probe_at, world->bus->now + PROBE_BACKOFF_MIN);
@@ -326,8 +330,9 @@ static void a_drive_that_goes_leaves_nothing_under_way(void **state)
 	assert_false(fake_is_online(world->bus, 1));
 }
 
-/* The command on the wire: nothing of that is known, unless the reason is another one than silence. */
-static void what_a_drive_had_to_do_ends_as_it_goes(void **state)
+/* If the drive fell silent the command ends with a timeout, otherwise with the reason why the drive
+ * is offline. */
+static void a_command_ends_when_its_drive_goes_offline(void **state)
 {
 	static const enum db_result results[][2] = { { DB_RESULT_OFFLINE, DB_RESULT_TIMEOUT },
 		                                     { DB_RESULT_BUS_DOWN, DB_RESULT_BUS_DOWN } };
@@ -346,8 +351,9 @@ static void what_a_drive_had_to_do_ends_as_it_goes(void **state)
 	}
 }
 
-/* The time that it has had to show that it stops is not given back. */
-static void one_that_was_to_stop_has_used_its_time(void **state)
+/* The drive had 50 ms to show that it stops. When it is online again, it has only the rest of the
+ * time for that. */
+static void a_drive_that_was_to_stop_has_used_part_of_its_time(void **state)
 {
 	struct world *world = *state;
 	struct station *station = world->engine->stations[0];
@@ -360,7 +366,7 @@ static void one_that_was_to_stop_has_used_its_time(void **state)
 	assert_false(station->standing.obeys);
 }
 
-/* --- the trace ---------------------------------------------------------------------------------- */
+/* --- the trace -------------------------------------------------------------------------------- */
 
 static db_time take(void *context, const uint8_t *bytes, size_t length)
 {
@@ -370,8 +376,9 @@ static db_time take(void *context, const uint8_t *bytes, size_t length)
 	return 7 * MS;
 }
 
-/* On CAN each frame has a record, on a serial line all that is sent together; neither answers anything. */
-static void what_is_sent_and_what_nobody_knows_is_traced(void **state)
+/* On CAN each frame has its own record, on a serial line all bytes of a request share one. Neither
+ * these nor garbage belong to a question. */
+static void sent_bytes_and_garbage_are_traced(void **state)
 {
 	static const struct db_engine_ops ops = { .send = take };
 	static const uint8_t bytes[2 * sizeof(struct db_can_frame)] = "first frame ... second one";
@@ -409,9 +416,9 @@ static void what_is_sent_and_what_nobody_knows_is_traced(void **state)
 	}
 }
 
-/* --- rounds ------------------------------------------------------------------------------------- */
+/* --- rounds ----------------------------------------------------------------------------------- */
 
-static void a_round_ends_with_the_last_of_its_drives(void **state)
+static void a_round_of_reads_ends_with_its_last_drive(void **state)
 {
 	struct world *world = *state;
 	struct db_engine *engine = world->engine;
@@ -450,15 +457,15 @@ int main(void)
 		TEST(drives_are_found_by_number_and_by_address),
 		TEST(a_drive_that_wants_something_is_active),
 		TEST(writes_of_one_drive_join_past_those_of_others),
-		TEST(one_behind_many_joins_alone),
-		TEST(what_must_wait_for_a_write_does_not_join_it),
-		TEST(what_has_joined_counts_with_the_rest),
-		TEST(a_drive_that_comes_begins_anew),
-		TEST(a_drive_that_goes_leaves_nothing_under_way),
-		TEST(what_a_drive_had_to_do_ends_as_it_goes),
-		TEST(one_that_was_to_stop_has_used_its_time),
-		TEST(a_round_ends_with_the_last_of_its_drives),
-		cmocka_unit_test(what_is_sent_and_what_nobody_knows_is_traced),
+		TEST(a_write_joins_past_many_requests_of_another_drive),
+		TEST(a_request_that_must_wait_for_a_write_does_not_join_it),
+		TEST(parameters_of_joined_writes_count_like_the_first_ones),
+		TEST(a_drive_that_comes_online_begins_anew),
+		TEST(a_drive_that_goes_offline_has_nothing_under_way),
+		TEST(a_command_ends_when_its_drive_goes_offline),
+		TEST(a_drive_that_was_to_stop_has_used_part_of_its_time),
+		TEST(a_round_of_reads_ends_with_its_last_drive),
+		cmocka_unit_test(sent_bytes_and_garbage_are_traced),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * What one answer or one loss shows of when the drives of a line can receive, and how long the line is then left silent:
- * made-up drives, none of which is asked for anything by itself.
+ * What one answer or one lost request shows about the pauses that the drives of a line need, and
+ * how long the line is then kept silent. The drives are made up, and the bus does not run: each
+ * test calls the functions of gaps.c itself.
  */
 #include "fakes/bus.h"
 #include "sched/sched_private.h"
@@ -86,9 +87,10 @@ static int close_world(void **state)
 	return 0;
 }
 
-/* --- losses -------------------------------------------------------------------------------------- */
+/* --- losses ----------------------------------------------------------------------------------- */
 
-/* The second drive has lost so many that were sent so long after its own answer, and after the first one's. */
+/* The second drive loses `count` requests. Each was sent at `own` after its own last answer and at
+ * `pause` after the answer of the first drive, which was the last on the line. */
 static void lose(struct world *world, unsigned count, db_time own, db_time pause)
 {
 	struct node *node = world->nodes[1];
@@ -112,7 +114,7 @@ static void expect_learnt(const struct world *world, unsigned of_others, unsigne
 	assert_int_equal(world->nodes[1]->gap.lost, of_itself);
 }
 
-static void a_loss_after_anothers_answer_shows_that_it_holds_the_line(void **state)
+static void a_loss_after_anothers_answer_shows_that_the_other_holds_the_line(void **state)
 {
 	struct world *world = *state;
 
@@ -138,7 +140,8 @@ static void a_loss_that_may_have_either_cause_shows_nothing(void **state)
 	expect_learnt(world, 0, 0);
 	lose(world, 1, LEARN_GAP_MOST, LEARN_GAP_MOST);
 	expect_learnt(world, 0, 0);
-	/* One that may be gone, or may have answered an older question. */
+	/* A drive that is offline may be gone; one out of step may have answered an older
+	 * question. */
 	world->nodes[1]->online = false;
 	lose(world, 1, LEARN_GAP_MOST + 1, MS / 2);
 	expect_learnt(world, 0, 0);
@@ -147,7 +150,7 @@ static void a_loss_that_may_have_either_cause_shows_nothing(void **state)
 	lose(world, 1, LEARN_GAP_MOST + 1, MS / 2);
 	expect_learnt(world, 0, 0);
 	world->nodes[1]->in_step = true;
-	/* It was heard, but not understood. */
+	/* The drive sent an answer that cannot be used, so it has received the request. */
 	world->nodes[1]->flight.got_unusable = true;
 	lose(world, 1, LEARN_GAP_MOST + 1, MS / 2);
 	expect_learnt(world, 0, 0);
@@ -171,7 +174,8 @@ static void a_loss_long_after_anothers_answer_shows_its_own_gap(void **state)
 	assert_int_equal(world->last_told.learnt, world->nodes[1]->gap.now);
 }
 
-/* It may be deaf for another reason, which is told of one that is gone because of it. */
+/* If the largest gap does not help, the drive is deaf for another reason. If it is offline, that is
+ * also shown as its trouble. */
 static void the_largest_gap_that_does_not_help_is_told_once(void **state)
 {
 	struct world *world = *state;
@@ -189,7 +193,8 @@ static void the_largest_gap_that_does_not_help_is_told_once(void **state)
 		assert_int_equal(world->last_told.learnt, 0);
 		assert_int_equal(node->timing, online ? DB_TROUBLE_NONE : DB_TROUBLE_DEAF);
 	}
-	/* A gap that helps is no reason, nor is what others hold the line for. */
+	/* It is no trouble if a larger gap helps. Nothing is told if another drive already holds
+	 * the line for the longest time. */
 	world->nodes[1]->timing = DB_TROUBLE_NONE;
 	world->nodes[1]->online = false;
 	learn_gap_init(&world->nodes[1]->gap, true, MS, 0);
@@ -203,7 +208,7 @@ static void the_largest_gap_that_does_not_help_is_told_once(void **state)
 	assert_int_equal(world->told, 0);
 }
 
-/* --- answers ------------------------------------------------------------------------------------- */
+/* --- answers ---------------------------------------------------------------------------------- */
 
 static bool answer(struct world *world, enum lane_kind lane, db_time now)
 {
@@ -211,8 +216,9 @@ static bool answer(struct world *world, enum lane_kind lane, db_time now)
 	return gaps_answered(world->engine, world->nodes[1], now);
 }
 
-/* It is asked again at once, where nothing depends on it, and not all the time. */
-static void a_gap_is_tested_after_a_reading_now_and_then(void **state)
+/* True: the drive is asked again at once, to test the gap. That happens after a poll, not after a
+ * command, and at most every 50 ms. */
+static void a_gap_is_tested_after_a_poll_now_and_then(void **state)
 {
 	struct world *world = *state;
 
@@ -228,7 +234,7 @@ static void a_gap_is_tested_after_a_reading_now_and_then(void **state)
 	assert_false(answer(world, LANE_POLL, world->now + 200 * MS));
 }
 
-/* --- waiting ------------------------------------------------------------------------------------- */
+/* --- waiting ---------------------------------------------------------------------------------- */
 
 static db_time harmless(const struct world *world, unsigned address)
 {
@@ -236,7 +242,7 @@ static db_time harmless(const struct world *world, unsigned address)
 	       world->now;
 }
 
-static void who_might_mishear_a_request_is_waited_for(void **state)
+static void a_drive_that_might_mishear_a_request_is_waited_for(void **state)
 {
 	struct world *world = *state;
 
@@ -246,18 +252,18 @@ static void who_might_mishear_a_request_is_waited_for(void **state)
 	for (size_t i = 0; i < DRIVES; i++)
 		world->nodes[i]->received_at = world->now - 10 * MS;
 	assert_int_equal(harmless(world, 2), 0);
-	/* Not the one that is meant. */
+	/* The drive that the request is for is not waited for. */
 	world->nodes[1]->received_at = world->now;
 	assert_int_equal(harmless(world, 2), 0);
 	assert_int_equal(harmless(world, 1), SURE);
-	/* The latest one. */
+	/* Of several drives, the one that can receive last counts. */
 	world->nodes[0]->received_at = world->now - 2 * MS;
 	assert_int_equal(harmless(world, 2), SURE - 2 * MS);
 	world->nodes[2]->received_at = world->now - 1 * MS;
 	assert_int_equal(harmless(world, 2), SURE - 1 * MS);
 	world->nodes[0]->received_at = world->now;
 	assert_int_equal(harmless(world, 2), SURE);
-	/* Nobody else is there, or none of them can. */
+	/* An RS-232 line has no other drive; and drives of some families mishear nothing. */
 	world->bus->config.line = DB_LINE_RS232;
 	assert_int_equal(harmless(world, 2), 0);
 	world->bus->config.line = DB_LINE_RS485;
@@ -265,8 +271,8 @@ static void who_might_mishear_a_request_is_waited_for(void **state)
 	assert_int_equal(harmless(world, 2), 0);
 }
 
-/* A drive that a scan has found, and that is none of the bus's. */
-static void a_drive_of_nobody_is_waited_for_as_long_as_any_may_need(void **state)
+/* A drive that is heard on the line without being configured; nothing is learnt about its gap. */
+static void a_foreign_drive_is_waited_for_for_the_longest_gap(void **state)
 {
 	struct world *world = *state;
 
@@ -277,7 +283,7 @@ static void a_drive_of_nobody_is_waited_for_as_long_as_any_may_need(void **state
 	assert_int_equal(harmless(world, FOREIGN), 0);
 	world->engine->foreign_received_at = world->now - LEARN_GAP_MOST - 1;
 	assert_int_equal(harmless(world, 2), 0);
-	/* The later of both. */
+	/* The later of both drives, the foreign one and one of the bus, counts. */
 	world->nodes[0]->received_at = world->now;
 	world->nodes[0]->gap.sure = SURE;
 	assert_int_equal(harmless(world, 2), SURE);
@@ -293,7 +299,7 @@ static db_time over(const struct world *world, const struct node *node)
 	return gaps_over_at(world->engine, node, world->now) - world->now;
 }
 
-static void a_request_that_must_not_be_lost_waits_until_it_is_heard(void **state)
+static void a_request_that_must_not_be_lost_waits_until_drives_can_receive(void **state)
 {
 	struct world *world = *state;
 
@@ -307,7 +313,8 @@ static void a_request_that_must_not_be_lost_waits_until_it_is_heard(void **state
 		assert_int_equal(over(world, world->nodes[(i + 1) % DRIVES]), 0);
 		world->nodes[i]->answered_at = 0;
 	}
-	/* After another's answer the line may still be held; after its own that is in its gap. */
+	/* After another drive's answer that drive may still hold the line; after its own answer
+	 * that is part of the drive's gap. */
 	world->engine->last_to_answer = world->nodes[0];
 	world->engine->last_answer_at = world->now - 2 * MS;
 	assert_int_equal(over(world, world->nodes[1]), SURE - 2 * MS);
@@ -338,14 +345,14 @@ static void the_line_is_silent_for_as_long_as_the_answer_needs(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		TEST(a_loss_after_anothers_answer_shows_that_it_holds_the_line),
+		TEST(a_loss_after_anothers_answer_shows_that_the_other_holds_the_line),
 		TEST(a_loss_that_may_have_either_cause_shows_nothing),
 		TEST(a_loss_long_after_anothers_answer_shows_its_own_gap),
 		TEST(the_largest_gap_that_does_not_help_is_told_once),
-		TEST(a_gap_is_tested_after_a_reading_now_and_then),
-		TEST(who_might_mishear_a_request_is_waited_for),
-		TEST(a_drive_of_nobody_is_waited_for_as_long_as_any_may_need),
-		TEST(a_request_that_must_not_be_lost_waits_until_it_is_heard),
+		TEST(a_gap_is_tested_after_a_poll_now_and_then),
+		TEST(a_drive_that_might_mishear_a_request_is_waited_for),
+		TEST(a_foreign_drive_is_waited_for_for_the_longest_gap),
+		TEST(a_request_that_must_not_be_lost_waits_until_drives_can_receive),
 		TEST(the_line_is_silent_for_as_long_as_the_answer_needs),
 	};
 

@@ -236,7 +236,7 @@ static void patience_grows_with_late_answers_and_comes_down(void **state)
 	assert_int_equal(patience.now, 30 * MS);
 }
 
-/* --- to the nanosecond --------------------------------------------------------------------------- */
+/* --- limits, to the nanosecond ---------------------------------------------------------------- */
 
 #define NEAR (1 * MS)
 
@@ -248,7 +248,7 @@ static struct learn_gap new_gap(db_time begin, db_time least)
 	return gap;
 }
 
-/* As many as prove it are received at this time. */
+/* The drive receives as many requests in a row, at this time, as prove the gap. */
 static void prove(struct learn_gap *gap, db_time now)
 {
 	db_time pause = gap->now;
@@ -278,7 +278,7 @@ static void a_pause_that_is_a_little_longer_is_as_good(void **state)
 	assert_int_equal(gap.lost_later, 1);
 }
 
-static void of_more_than_32_half_are_forgotten(void **state)
+static void of_more_than_32_results_half_are_forgotten(void **state)
 {
 	struct learn_gap gap = new_gap(1 * MS, 1 * MS);
 
@@ -298,7 +298,7 @@ static void of_more_than_32_half_are_forgotten(void **state)
 	assert_int_equal(gap.received, UINT8_MAX / 2);
 }
 
-static void a_gap_comes_down_in_such_steps(void **state)
+static void a_gap_comes_down_in_steps(void **state)
 {
 	struct learn_gap gap = new_gap(1 * MS, 0);
 
@@ -335,12 +335,12 @@ static void a_gap_goes_back_to_what_was_learnt(void **state)
 	assert_int_equal(gap.now, 1 * MS);
 }
 
-static void a_gap_goes_up_to_more_than_what_was_lost(void **state)
+static void a_gap_goes_up_to_more_than_the_pause_of_the_losses(void **state)
 {
 	struct learn_gap gap = new_gap(1 * MS, 0);
 
 	(void)state;
-	/* Half of them are no matter of the gap. */
+	/* Half of the losses came after pauses longer than any gap. */
 	gap.lost = 3;
 	gap.lost_later = 2;
 	assert_int_equal(learn_gap_lost(&gap, gap.now, S), LEARNT_NOTHING);
@@ -381,7 +381,7 @@ static void patience_comes_down_by_a_tenth_a_minute(void **state)
 	assert_int_equal(patience.now, 30 * MS);
 }
 
-static void the_longest_is_remembered_for_five_minutes_and_the_five_before(void **state)
+static void the_longest_latency_is_remembered_for_five_to_ten_minutes(void **state)
 {
 	struct learn_patience patience;
 
@@ -412,9 +412,10 @@ static void two_late_answers_within_ten_seconds_are_a_pattern(void **state)
 	assert_true(learn_patience_late(&patience, 40 * MS, 30 * S + 1));
 	assert_int_equal(patience.now, 52 * MS);
 	assert_int_equal(patience.lower_at, 90 * S + 1);
-	/* The next pattern has two as well. */
+	/* The next pattern needs two late answers again. */
 	assert_false(learn_patience_late(&patience, 41 * MS, 31 * S));
-	/* What it has already is no more, and the longest is waited for in vain. */
+	/* A latency that the timeout covers already does not raise it, nor does one as long as the
+	 * longest timeout, which waiting longer cannot reach. */
 	assert_false(learn_patience_late(&patience, 40 * MS, 31 * S));
 	assert_false(learn_patience_late(&patience, patience.most, 31 * S));
 	assert_true(learn_patience_late(&patience, patience.most - 1, 31 * S));
@@ -435,12 +436,12 @@ int main(void)
 		cmocka_unit_test(what_is_configured_stays_where_nothing_is_to_be_learnt),
 		cmocka_unit_test(patience_grows_with_late_answers_and_comes_down),
 		cmocka_unit_test(a_pause_that_is_a_little_longer_is_as_good),
-		cmocka_unit_test(of_more_than_32_half_are_forgotten),
-		cmocka_unit_test(a_gap_comes_down_in_such_steps),
+		cmocka_unit_test(of_more_than_32_results_half_are_forgotten),
+		cmocka_unit_test(a_gap_comes_down_in_steps),
 		cmocka_unit_test(a_gap_goes_back_to_what_was_learnt),
-		cmocka_unit_test(a_gap_goes_up_to_more_than_what_was_lost),
+		cmocka_unit_test(a_gap_goes_up_to_more_than_the_pause_of_the_losses),
 		cmocka_unit_test(patience_comes_down_by_a_tenth_a_minute),
-		cmocka_unit_test(the_longest_is_remembered_for_five_minutes_and_the_five_before),
+		cmocka_unit_test(the_longest_latency_is_remembered_for_five_to_ten_minutes),
 		cmocka_unit_test(two_late_answers_within_ten_seconds_are_a_pattern),
 	};
 

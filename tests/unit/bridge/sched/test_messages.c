@@ -206,7 +206,7 @@ static void what_they_take_is_part_of_the_load(void **state)
 static const struct db_bus_message sync_first[] = { { "sync", often, write_sync },
 	                                            { "start", once, write_start } };
 
-static void the_next_one_is_a_period_after_when_this_one_was_due(void **state)
+static void the_next_message_is_due_a_period_after_this_one_was_due(void **state)
 {
 	struct fake_bus *bus = fake_bus_new(&family, 1);
 	struct db_engine *engine;
@@ -222,10 +222,11 @@ static void the_next_one_is_a_period_after_when_this_one_was_due(void **state)
 	assert_int_equal(engine->next_message_at, begun);
 	assert_true(messages_send(engine, begun));
 	assert_int_equal(engine->next_message_at, begun);
-	/* The other one has been sent once and for all. */
+	/* This was the start message, which is sent only once. */
 	assert_true(messages_send(engine, begun));
 	assert_int_equal(engine->next_message_at, begun + SYNC_MS * MS);
-	/* A little late, and late by a period. */
+	/* Sent a little late, the next one is due a period after this one was due; sent late by a
+	 * whole period, it is due a period from now. */
 	assert_true(messages_send(engine, begun + (SYNC_MS + 3) * MS));
 	assert_int_equal(engine->next_message_at, begun + 2 * SYNC_MS * MS);
 	assert_true(messages_send(engine, begun + 3 * SYNC_MS * MS - 1));
@@ -235,8 +236,9 @@ static void the_next_one_is_a_period_after_when_this_one_was_due(void **state)
 	fake_bus_free(bus);
 }
 
-/* On a serial line drives have time to act on it; on CAN the next frame waits for the wire by itself. */
-static void nothing_is_sent_into_a_message(void **state)
+/* On a serial line the bus is silent after a message for longer than it takes on the wire, so that
+ * drives can act on it; on CAN the next frame only waits until the wire is free. */
+static void nothing_is_sent_during_a_message(void **state)
 {
 	(void)state;
 	for (unsigned can = 0; can < 2; can++) {
@@ -263,8 +265,8 @@ int main(void)
 		cmocka_unit_test(each_is_sent_when_its_time_comes),
 		cmocka_unit_test(numbers_begin_anew_when_the_port_is_opened_again),
 		cmocka_unit_test(one_that_is_late_is_sent_once),
-		cmocka_unit_test(the_next_one_is_a_period_after_when_this_one_was_due),
-		cmocka_unit_test(nothing_is_sent_into_a_message),
+		cmocka_unit_test(the_next_message_is_due_a_period_after_this_one_was_due),
+		cmocka_unit_test(nothing_is_sent_during_a_message),
 		cmocka_unit_test(messages_and_stops_share_the_wire),
 		cmocka_unit_test(what_they_take_is_part_of_the_load),
 	};

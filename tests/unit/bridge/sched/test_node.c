@@ -117,7 +117,8 @@ static void an_answer_may_belong_to_any_probe_when_only_probes_were_lost(void **
 	assert_false(node_is_late_answer(node, NOW + 10 * MS));
 	/* So the others are awaited for as long again. */
 	assert_int_equal(node->late_probes_until, NOW + 10 * MS + LATE);
-	/* Just when what else was lost cannot be answered any more, it is so again. */
+	/* Exactly when the other lost question cannot be answered any more, the answer may belong
+	 * to any probe again. */
 	node_expect_late_answer(node, false, NOW);
 	node_expect_late_answer(node, true, NOW + LATE - MS);
 	assert_false(node_is_late_answer(node, NOW + LATE));
@@ -139,7 +140,7 @@ static void the_latency_of_a_late_answer_counts_from_the_lost_question(void **st
 	struct node *node = *state;
 
 	assert_int_equal(node_latency_of_late_answer(node, NOW), 0);
-	/* None was lost, also just after the machine was switched on. */
+	/* Without a lost question there is no latency, even soon after the clock began at 0. */
 	assert_int_equal(node_latency_of_late_answer(node, LATE / 2), 0);
 	node->lost_due = NOW;
 	assert_int_equal(node_latency_of_late_answer(node, NOW + 12 * MS), 12 * MS);
@@ -147,8 +148,9 @@ static void the_latency_of_a_late_answer_counts_from_the_lost_question(void **st
 	assert_int_equal(node_latency_of_late_answer(node, NOW + LATE + 1), 0);
 }
 
-/* How long it took to answer, from when it might have begun; nothing is owed any more. */
-static void an_answer_shows_how_long_the_drive_thinks(void **state)
+/* The latency counts from when the answer might have begun; that of a late answer or of one without
+ * a known length is not learnt. After any answer no question counts as lost any more. */
+static void an_answer_shows_the_latency_of_the_drive(void **state)
 {
 	static const struct {
 		db_time at;
@@ -239,7 +241,7 @@ int main(void)
 		TEST_OF_NODE(an_answer_may_belong_to_any_probe_when_only_probes_were_lost),
 		TEST_OF_NODE(a_new_node_inherits_the_answers_to_the_former_one),
 		TEST_OF_NODE(the_latency_of_a_late_answer_counts_from_the_lost_question),
-		TEST_OF_NODE(an_answer_shows_how_long_the_drive_thinks),
+		TEST_OF_NODE(an_answer_shows_the_latency_of_the_drive),
 		TEST_OF_NODE(the_cost_of_a_poll_is_averaged),
 		TEST_OF_NODE(a_node_is_lively_for_a_second_after_its_command),
 	};

@@ -42,7 +42,7 @@ static void test_none_is_asked_for(void **state)
 	assert_int_equal(policy(), SCHED_OTHER);
 	assert_false(priority.held);
 	assert_false(priority_is_due(&priority, 100 * SECOND));
-	/* Nor does it wait for a signal that only who has one needs. */
+	/* A thread without a priority needs no handler for the signal against hanging. */
 	assert_false(is_guarded());
 }
 
@@ -58,7 +58,7 @@ static void test_none_is_allowed(void **state)
 	assert_false(priority_is_due(&priority, 100 * SECOND));
 }
 
-static void test_the_lowest_is_one(void **state)
+static void test_the_lowest_priority_is_given(void **state)
 {
 	struct priority priority;
 
@@ -149,7 +149,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_none_is_asked_for),
 		cmocka_unit_test(test_none_is_allowed),
-		cmocka_unit_test_teardown(test_the_lowest_is_one, reset),
+		cmocka_unit_test_teardown(test_the_lowest_priority_is_given, reset),
 		cmocka_unit_test_teardown(test_too_much_is_lent, reset),
 		cmocka_unit_test_teardown(test_a_thread_that_hangs_loses_it, reset),
 	};

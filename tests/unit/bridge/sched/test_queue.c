@@ -249,8 +249,8 @@ static void it_grows_for_stops_and_never_shrinks(void **state)
 	db_queue_free(queue);
 }
 
-/* Whoever asks may have a copy of one that has ended. */
-static void what_is_posted_has_its_values_and_nothing_of_an_end(void **state)
+/* The caller may post a copy of a request that has ended. */
+static void a_posted_request_has_its_values_and_nothing_of_an_earlier_end(void **state)
 {
 	const struct db_args args = { .target_position = 77 };
 	static const struct db_args none;
@@ -278,7 +278,7 @@ static void what_is_posted_has_its_values_and_nothing_of_an_end(void **state)
 		else
 			assert_int_equal(posted->args->target_position, 77);
 		assert_ptr_equal(db_queue_take(queue), posted);
-		/* It is sent once, however often it is repeated, and ends once. */
+		/* Only the first sending is noted, and the end is told only once. */
 		db_queue_note_sent(posted, 3);
 		db_queue_note_sent(posted, 4);
 		assert_int_equal(posted->sent, 3);
@@ -295,8 +295,9 @@ static void what_is_posted_has_its_values_and_nothing_of_an_end(void **state)
 	db_queue_free(queue);
 }
 
-/* One or as many as there is room for; a stop has none. */
-static void settings_are_kept_as_many_as_there_is_room_for(void **state)
+/* A write of one setting has memory of its own for it; of too many settings the rest is dropped; a
+ * stop has no settings. */
+static void settings_are_copied_as_far_as_there_is_room(void **state)
 {
 	struct db_setting settings[DB_SETTINGS_MAX + 1] = { { .param = 7 }, { .param = 8 } };
 	struct db_request write = { .settings = settings, .setting_count = 1 };
@@ -321,12 +322,12 @@ static void settings_are_kept_as_many_as_there_is_room_for(void **state)
 	assert_non_null(posted);
 	assert_null(posted->settings);
 	db_queue_free(queue);
-	/* The room is gone. */
+	/* The queue has given back the memory of the settings. */
 	assert_int_equal(mincore(page, 1, &there), -1);
 	assert_int_equal(errno, ENOMEM);
 }
 
-static void what_has_joined_another_joins_no_later_one(void **state)
+static void a_write_that_was_joined_is_not_joined_to_a_later_one(void **state)
 {
 	const struct db_setting setting = { .param = 7 };
 	const struct db_request write = { .settings = &setting, .setting_count = 1 };
@@ -363,9 +364,9 @@ int main(void)
 		cmocka_unit_test(a_full_box_still_takes_stops),
 		cmocka_unit_test(nobody_takes_the_room_for_anothers_stops),
 		cmocka_unit_test(every_command_has_room_of_its_own),
-		cmocka_unit_test(what_is_posted_has_its_values_and_nothing_of_an_end),
-		cmocka_unit_test(settings_are_kept_as_many_as_there_is_room_for),
-		cmocka_unit_test(what_has_joined_another_joins_no_later_one),
+		cmocka_unit_test(a_posted_request_has_its_values_and_nothing_of_an_earlier_end),
+		cmocka_unit_test(settings_are_copied_as_far_as_there_is_room),
+		cmocka_unit_test(a_write_that_was_joined_is_not_joined_to_a_later_one),
 		cmocka_unit_test(it_grows_for_stops_and_never_shrinks),
 		cmocka_unit_test(two_threads_lose_and_reorder_nothing),
 	};

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * An exchange that was prepared while all drives of a line stood, and is too long now that one of them moves: a stop would
- * wait for it. The first of two made-up drives does not answer, and the second has set off before that is repeated.
+ * An exchange was prepared while all drives of a line stood; when a drive moves it is too long, as
+ * a stop would have to wait for it. Two made-up drives: the first one does not answer, and the
+ * second one begins to move before the lost exchange is repeated.
  */
 #include "fakes/bus.h"
 
@@ -17,21 +18,21 @@
 #define LONG_TIME (50 * MS)
 #define RETRIES 2
 
-/* Parameters of the made-up drive: how their writes can be said. */
+/* Parameters of the made-up drive: how long the exchanges are that can write them. */
 enum param {
-	SHORT_TOO, /* in a long line or in a short one */
-	ONLY_LONG, /* the driver refuses a short one */
-	PROVED,    /* as SHORT_TOO, and a long line proves it */
+	SHORT_TOO, /* in a long exchange or in a short one */
+	ONLY_LONG, /* the driver refuses to write it in a short one */
+	PROVED,    /* as SHORT_TOO, and a long question afterwards proves the write */
 };
 
 struct world {
 	struct fake_bus *bus;
 	struct db_driver driver;
-	enum fake_kind silent; /* to these the first drive gives no answer */
-	bool goes;             /* the second one moves */
-	uint16_t result;       /* of the request, NONE: it has not ended ... */
-	db_time ended;         /* ... when ... */
-	uint32_t refusals;     /* ... and what was shown then */
+	enum fake_kind silent; /* the first drive does not answer frames of this kind */
+	bool goes;             /* the second drive moves */
+	uint16_t result;       /* of the request; NONE: it has not ended */
+	db_time ended;         /* when the request ended */
+	uint32_t refusals;     /* of the first drive, when the request ended */
 };
 
 static enum db_step say(struct db_conversation *talk, enum fake_kind kind, bool is_long)
@@ -43,7 +44,8 @@ static enum db_step say(struct db_conversation *talk, enum fake_kind kind, bool 
 	return step;
 }
 
-/* A long line is PREPARE, a short one COMMAND, and a question after either LOOK. */
+/* A long exchange is sent as PREPARE, a short one as COMMAND, and a question after either as
+ * LOOK. */
 static enum db_step begin(struct db_conversation *talk)
 {
 	const struct db_request *request = talk->job->request;
@@ -76,7 +78,8 @@ static enum db_step answer(struct db_conversation *talk, const uint8_t *bytes, s
 	return DB_STEP_SEND;
 }
 
-/* What became of a lost READ_PARAMETERS can be asked in short; of anything else it is not known. */
+/* After a lost READ_PARAMETERS a short question tells its result; the result of any other request
+ * stays unknown. */
 static enum db_step lost(struct db_conversation *talk)
 {
 	const struct db_job *job = talk->job;
@@ -146,7 +149,8 @@ static bool is_going(const struct world *world)
 	return fake_feedback(world->bus, 1).status & DB_STATUS_MOVING;
 }
 
-/* A request to the first drive has lost one exchange of this kind, and then the second one is seen to move. */
+/* The first drive does not answer the exchange of this kind that its request needs, and then the
+ * second drive is seen to move. */
 static void lose_one(struct world *world, struct db_request request, enum fake_kind kind)
 {
 	world->silent = kind;
@@ -169,7 +173,7 @@ static void lose_write(struct world *world, enum param param, enum fake_kind kin
 	lose_one(world, (struct db_request){ .settings = &setting, .setting_count = 1 }, kind);
 }
 
-static void a_write_is_said_again_in_short(void **state)
+static void a_lost_write_is_repeated_in_a_short_exchange(void **state)
 {
 	struct world *world = *state;
 
@@ -180,8 +184,8 @@ static void a_write_is_said_again_in_short(void **state)
 	assert_int_equal(world->result, DB_RESULT_OK);
 }
 
-/* It does not wait, and its result is shown at once. */
-static void a_write_that_cannot_be_said_in_short_is_refused(void **state)
+/* The write does not wait until all drives stand, and the refusal is shown as soon as it ends. */
+static void a_write_that_has_no_short_exchange_is_refused(void **state)
 {
 	struct world *world = *state;
 
@@ -190,7 +194,7 @@ static void a_write_that_cannot_be_said_in_short_is_refused(void **state)
 	assert_int_equal(world->result, DB_RESULT_REFUSED);
 	assert_int_equal(world->refusals, 1);
 	assert_int_equal(fake_count(world->bus, 1, FAKE_PREPARE), 1);
-	/* And the next one begins. */
+	/* The next request begins. */
 	world->result = DB_RESULT_NONE;
 	world->goes = false;
 	fake_pass(world->bus, 100 * MS);
@@ -200,7 +204,7 @@ static void a_write_that_cannot_be_said_in_short_is_refused(void **state)
 	assert_int_equal(world->result, DB_RESULT_OK);
 }
 
-static void a_proof_is_not_asked_for_any_more(void **state)
+static void a_lost_proof_of_a_write_is_not_asked_for_again(void **state)
 {
 	struct world *world = *state;
 
@@ -211,8 +215,9 @@ static void a_proof_is_not_asked_for_any_more(void **state)
 	assert_int_equal(fake_count(world->bus, 1, FAKE_PREPARE), 1);
 }
 
-/* It was sent: that the line moves is not what became of it. */
-static void of_a_lost_command_the_driver_knows_what_became(void **state)
+/* The command was sent once: that a drive moves now says nothing about its result, so it is not
+ * refused. */
+static void the_driver_tells_the_result_of_a_lost_command(void **state)
 {
 	struct world *world = *state;
 
@@ -222,7 +227,7 @@ static void of_a_lost_command_the_driver_knows_what_became(void **state)
 	assert_int_equal(fake_count(world->bus, 1, FAKE_PREPARE), 1);
 }
 
-static void what_became_of_a_lost_command_is_asked_in_short(void **state)
+static void the_result_of_a_lost_command_is_asked_for_in_a_short_exchange(void **state)
 {
 	struct world *world = *state;
 
@@ -233,8 +238,8 @@ static void what_became_of_a_lost_command_is_asked_in_short(void **state)
 	assert_int_equal(fake_count(world->bus, 1, FAKE_LOOK), 1);
 }
 
-/* As often as any other question. */
-static void that_question_has_repeats_of_its_own(void **state)
+/* It is repeated as often as any other exchange. */
+static void the_question_for_the_result_has_retries_of_its_own(void **state)
 {
 	struct world *world = *state;
 
@@ -250,12 +255,12 @@ static void that_question_has_repeats_of_its_own(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		TEST(a_write_is_said_again_in_short),
-		TEST(a_write_that_cannot_be_said_in_short_is_refused),
-		TEST(a_proof_is_not_asked_for_any_more),
-		TEST(of_a_lost_command_the_driver_knows_what_became),
-		TEST(what_became_of_a_lost_command_is_asked_in_short),
-		TEST(that_question_has_repeats_of_its_own),
+		TEST(a_lost_write_is_repeated_in_a_short_exchange),
+		TEST(a_write_that_has_no_short_exchange_is_refused),
+		TEST(a_lost_proof_of_a_write_is_not_asked_for_again),
+		TEST(the_driver_tells_the_result_of_a_lost_command),
+		TEST(the_result_of_a_lost_command_is_asked_for_in_a_short_exchange),
+		TEST(the_question_for_the_result_has_retries_of_its_own),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -102,8 +102,8 @@ static void nothing_is_owed_for_time_without_anything_to_send(void **state)
 	assert_int_equal(parameters, 3);
 }
 
-/* Nor what it was owed while it waited, if it wants nothing any more. */
-static void what_a_class_was_owed_is_gone_when_it_wants_nothing(void **state)
+/* Time that a class was owed while it waited is not kept when it has nothing to send any more. */
+static void a_class_with_nothing_to_send_is_owed_nothing(void **state)
 {
 	(void)state;
 	for (unsigned i = 0; i < DB_SHARE_COUNT; i++) {
@@ -121,7 +121,7 @@ static void what_a_class_was_owed_is_gone_when_it_wants_nothing(void **state)
 	}
 }
 
-/* Also where another class is still owed more. */
+/* The parameters are owed time; the commands, which are new, are owed nothing yet. */
 static void a_class_with_something_new_goes_before_one_that_is_owed_time(void **state)
 {
 	const unsigned both = DB_SHARE_BIT(DB_SHARE_STANDING) | DB_SHARE_BIT(DB_SHARE_PARAMETERS);
@@ -135,7 +135,7 @@ static void a_class_with_something_new_goes_before_one_that_is_owed_time(void **
 	                 DB_SHARE_COMMANDS);
 }
 
-/* An answer that came late may be charged to a class that has had too much already. */
+/* A late answer may be charged to a class that has already had more than its part. */
 static void every_charge_counts_in_full(void **state)
 {
 	const unsigned both = DB_SHARE_BIT(DB_SHARE_MOVING) | DB_SHARE_BIT(DB_SHARE_STANDING);
@@ -189,7 +189,7 @@ int main(void)
 		cmocka_unit_test(moving_drives_have_seventy_percent_beside_standing_ones),
 		cmocka_unit_test(a_class_with_something_new_goes_first),
 		cmocka_unit_test(nothing_is_owed_for_time_without_anything_to_send),
-		cmocka_unit_test(what_a_class_was_owed_is_gone_when_it_wants_nothing),
+		cmocka_unit_test(a_class_with_nothing_to_send_is_owed_nothing),
 		cmocka_unit_test(a_class_with_something_new_goes_before_one_that_is_owed_time),
 		cmocka_unit_test(every_charge_counts_in_full),
 		cmocka_unit_test(a_class_that_comes_and_goes_keeps_to_its_part),

@@ -326,9 +326,9 @@ static void what_is_asked_of_a_drive_waits_while_a_stop_is_not_answered(void **s
 	assert_true(station_awaits_stop(&station));
 }
 
-/* --- by itself -------------------------------------------------------------------------------- */
+/* --- stations without an engine --------------------------------------------------------------- */
 
-/* Two axes of one controller, the first of which brings the node; the caller's. */
+/* Makes two axes of one controller, which share the node of the first; the caller frees them. */
 static void make_axes(struct fake_bus *bus, struct station *stations[2])
 {
 	struct node *node;
@@ -345,7 +345,7 @@ static void make_axes(struct fake_bus *bus, struct station *stations[2])
 		station_join(stations[i], node, &bus->config);
 }
 
-static void what_is_of_the_controller_is_said_with_its_first_axis(void **state)
+static void polls_and_probes_of_a_controller_use_its_first_axis(void **state)
 {
 	struct fake_bus *bus = fake_bus_new(&fake_family, 2);
 	struct station *stations[2];
@@ -357,14 +357,14 @@ static void what_is_of_the_controller_is_said_with_its_first_axis(void **state)
 		                 kind == LANE_POLL || kind == LANE_PROBE ? stations[0]->device :
 		                                                           stations[1]->device);
 	assert_true(stations[1]->stops_others);
-	/* Who has left has nothing of it. */
+	/* An axis that has left the controller has no node, and the controller does not list it. */
 	assert_false(station_part(stations[1], &fake_family));
 	assert_null(stations[1]->node);
 	assert_null(stations[0]->device->axes[1]);
 	assert_true(station_part(stations[0], &fake_family));
 	station_free(stations[0]);
 	station_free(stations[1]);
-	/* The first one may leave first. */
+	/* The first axis may also leave first. */
 	make_axes(bus, stations);
 	assert_false(station_part(stations[0], &fake_family));
 	assert_null(stations[0]->next_axis);
@@ -407,8 +407,9 @@ static void the_shortest_round_trip_is_the_first_one_until_one_is_shorter(void *
 	assert_int_equal(stats->round_trip_min_us, 4000);
 }
 
-/* As many as there is room for; one more ends, wherever it comes from. */
-static void all_stops_that_wait_are_sent_with_one(void **state)
+/* A drive has room for DB_QUEUE_STOPS_EACH waiting stops; one more fails. It is posted for another
+ * drive here, because the queue would not take it for this one. */
+static void all_stops_that_wait_are_sent_with_one_frame(void **state)
 {
 	struct world *world = open_world(1);
 	struct node node;
@@ -437,8 +438,8 @@ static void all_stops_that_wait_are_sent_with_one(void **state)
 	close_world(world);
 }
 
-/* Nothing of it is known to the driver. */
-static void a_command_that_was_not_sent_ends_as_its_drive_is_lost(void **state)
+/* The driver is not asked for the result, as it does not know the command. */
+static void a_command_that_was_not_sent_ends_when_its_drive_is_lost(void **state)
 {
 	const struct db_request enable = { .ticket = 1, .command = DB_CMD_ENABLE };
 	struct world *world = open_world(1);
@@ -466,7 +467,7 @@ static enum db_step count_lost(struct db_conversation *talk)
 	return DB_STEP_DONE;
 }
 
-/* A write that was begun and sent; nothing else, and only where the family joins them. */
+/* Only a parameter write that was begun and sent, and only if the family joins writes. */
 static void only_a_write_that_was_sent_is_settled(void **state)
 {
 	struct db_driver driver = fake_family;
@@ -485,7 +486,8 @@ static void only_a_write_that_was_sent_is_settled(void **state)
 		settled = 0;
 		station_settle_write(&station, &driver, NOW);
 		assert_int_equal(settled, bits == 15);
-		/* Nothing of a command that has not begun can end. */
+		/* A command that has not begun cannot be finished: the time of the last end
+		 * stays. */
 		if (!lane->active)
 			station_finish_command(&station, DB_RESULT_OK, NOW + 1);
 		assert_int_equal(station.command_ended, NOW);
@@ -503,11 +505,11 @@ int main(void)
 		cmocka_unit_test(a_drive_is_known_to_stand_by_what_was_read_since),
 		cmocka_unit_test(a_drive_that_is_to_stop_may_move_where_it_was_not_read_since),
 		cmocka_unit_test(what_is_asked_of_a_drive_waits_while_a_stop_is_not_answered),
-		cmocka_unit_test(what_is_of_the_controller_is_said_with_its_first_axis),
+		cmocka_unit_test(polls_and_probes_of_a_controller_use_its_first_axis),
 		cmocka_unit_test(a_drive_with_one_axis_stops_no_others),
 		cmocka_unit_test(the_shortest_round_trip_is_the_first_one_until_one_is_shorter),
-		cmocka_unit_test(all_stops_that_wait_are_sent_with_one),
-		cmocka_unit_test(a_command_that_was_not_sent_ends_as_its_drive_is_lost),
+		cmocka_unit_test(all_stops_that_wait_are_sent_with_one_frame),
+		cmocka_unit_test(a_command_that_was_not_sent_ends_when_its_drive_is_lost),
 		cmocka_unit_test(only_a_write_that_was_sent_is_settled),
 	};
 

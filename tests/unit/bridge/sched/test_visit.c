@@ -182,7 +182,7 @@ static void damage_that_occurs_once_is_the_lines(void **state)
 	struct visit visit = look();
 
 	(void)state;
-	/* Whatever was answered once is a drive's. */
+	/* A single answer is enough: there is a drive. */
 	ask(&visit, DB_INQUIRY_THERE, 0, &answer);
 	assert_int_equal(verdict(&visit), DB_SCAN_ONE);
 	visit = look();
@@ -213,7 +213,7 @@ static void damage_that_occurs_often_is_a_second_drive(void **state)
 	ask(&visit, DB_INQUIRY_THERE, 0, &noise);
 	ask(&visit, DB_INQUIRY_THERE, 0, &noise);
 	assert_int_equal(verdict(&visit), DB_SCAN_TWO);
-	/* Answers that are too many for one, though none of them could be read as the one asked for. */
+	/* Each time parts of two answers arrive, although none of them could be read. */
 	visit = look();
 	ask(&visit, DB_INQUIRY_THERE, 0, &torn);
 	assert_int_equal(verdict(&visit), DB_SCAN_GARBLED);
@@ -242,7 +242,6 @@ static void two_identities_are_two_drives(void **state)
 	assert_int_equal(verdict(&visit), DB_SCAN_TWO);
 }
 
-/* However short they are. */
 static void identities_of_one_letter_are_told_apart(void **state)
 {
 	const struct visit_outcome first = of("A");
@@ -358,7 +357,7 @@ static void every_axis_of_a_controller_has_to_stand(void **state)
 	ask(&visit, DB_INQUIRY_STANDING, 3, &refused);
 	ask(&visit, DB_INQUIRY_SET_ADDRESS, NEW_ADDRESS, &answer);
 	assert_int_equal(visit.end, DB_SCAN_DONE);
-	/* It has only one. */
+	/* A controller with one axis refuses the question for the others. */
 	visit = set_address(&db_driver_xyza);
 	(void)ask_presence(&visit, &answer);
 	ask(&visit, DB_INQUIRY_STANDING, 0, &stands);
