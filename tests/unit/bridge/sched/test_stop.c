@@ -656,7 +656,8 @@ static void drives_that_do_not_answer_take_turns(void **state)
 
 /* --- what drivers may say --------------------------------------------------------------------------- */
 
-/* The ramp of an earlier command looks like that of the stop. When it ends, and the drive goes on, this is told. */
+/* The ramp of an earlier command looks like that of the stop. When it ends and the drive runs on,
+ * that is reported. */
 static void the_ramp_of_an_earlier_command_hides_nothing_for_long(void **state)
 {
 	struct world *world = moving(true);
